@@ -25,23 +25,15 @@ FREQUENCY_HZ = 77e9
 
 @dataclass(frozen=True)
 class Row:
-    """Describe the material of one category.
-
-    Attributes:
-        material: half-space or stack.
-        proxy: whether the material is a substitute at every frequency, because no material describes the category itself.
-        source: source of the build-up or of the permittivity.
-        note: remaining uncertainty.
-        texture: class of `radartwin.materials.roughness.CLASSES` that defines the roughness.
-        uncertain: whether common build-ups of the category differ by more than 2.5 dB of `distance_db`; for example, the category does not
-            determine the wall under a paint or the thickness of a plastic.
-    """
+    """Describe the material of one category."""
 
     material: str | Layered
-    proxy: bool
-    source: str
-    note: str
-    texture: str
+    proxy: bool  # whether the material is a substitute at every frequency, because no material describes the category itself
+    source: str  # of the build-up or of the permittivity
+    note: str  # remaining uncertainty
+    texture: str  # class of `radartwin.materials.roughness.CLASSES` that defines the roughness
+    # whether common build-ups of the category differ by more than 2.5 dB of `distance_db`; for example, the category does not determine
+    # the wall under a paint or the thickness of a plastic
     uncertain: bool = False
 
     @property

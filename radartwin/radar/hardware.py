@@ -55,42 +55,26 @@ def _iwr1843_filter() -> IfFilter:
 
 @dataclass(frozen=True)
 class Hardware:
-    """Describe the deviations of a radar from the ideal radar.
+    """Describe the deviations of a radar from the ideal radar."""
 
-    Attributes:
-        line_loss_db: loss of every echo in the lines to and from the antennas.
-        coupling_db: leakage power into the nearest receiver over transmitted power, before the IF filter.
-        feed_m: electrical length of the feed lines.
-        spacing_m: distance from the nearest transmitter to the nearest receiver; transmitters and receivers form two groups side by side.
-        gain_imbalance_db, phase_imbalance_deg: imbalance of Q against I.
-        image_filtered: whether the image band is filtered ("complex 1x").
-        offset_dbfs: offset of each ADC relative to full scale.
-        channel_gain_db, channel_phase_deg: standard deviation of gain and phase over the channels of a board.
-        board: number of the board; seeds the random gains and phases of its channels.
-        chirp_late_s: delay of late chirps; each chirp is late with probability 1/2.
-        start_s: largest delay of the start of a recording against its motion log.
-        jitter_s: standard deviation of the start time of a frame.
-        full_scale_db: received over transmitted power at full scale of the ADC; None leaves out the ADC.
-        if_filter, phase_noise: IF filter of the receiver and phase noise of the oscillator; None leaves the effect out.
-    """
-
-    line_loss_db: float = 5.2
-    coupling_db: float = -45.0
-    feed_m: float = 0.06
+    line_loss_db: float = 5.2  # loss of every echo in the lines to and from the antennas
+    coupling_db: float = -45.0  # leakage power into the nearest receiver over transmitted power, before the IF filter
+    feed_m: float = 0.06  # electrical length of the feed lines
+    # distance from the nearest transmitter to the nearest receiver; transmitters and receivers form two groups side by side
     spacing_m: float = 0.00877
-    gain_imbalance_db: float = 1.0
+    gain_imbalance_db: float = 1.0  # of Q against I
     phase_imbalance_deg: float = 2.0
-    image_filtered: bool = True
-    offset_dbfs: float = -70.0
-    channel_gain_db: float = 0.6
+    image_filtered: bool = True  # whether the image band is filtered ("complex 1x")
+    offset_dbfs: float = -70.0  # offset of each ADC relative to full scale
+    channel_gain_db: float = 0.6  # standard deviation over the channels of a board
     channel_phase_deg: float = 5.0
-    board: int = 0
-    chirp_late_s: float = 1.1e-9
-    start_s: float = 50e-6
-    jitter_s: float = 1e-6
-    full_scale_db: float | None = -35.0
-    if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)
-    phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)
+    board: int = 0  # number of the board; seeds the random gains and phases of its channels
+    chirp_late_s: float = 1.1e-9  # delay of late chirps; each chirp is late with probability 1/2
+    start_s: float = 50e-6  # largest delay of the start of a recording against its motion log
+    jitter_s: float = 1e-6  # standard deviation of the start time of a frame
+    full_scale_db: float | None = -35.0  # received over transmitted power at full scale of the ADC; None leaves out the ADC
+    if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)  # None leaves the effect out
+    phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)  # of the oscillator; None leaves the effect out
 
     @property
     def scale(self) -> float | None:

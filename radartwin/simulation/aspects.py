@@ -37,16 +37,10 @@ _BATCH = 64  # number of aspects traced together
 
 @dataclass(frozen=True, eq=False)
 class Aspects:
-    """Store one chirp per aspect of a target.
+    """Store one chirp per aspect of a target. Aspect a is the angle 2 pi a/(A symmetry)."""
 
-    Attributes:
-        signals: (A, T, R, N) complex64 in amplitude units: A aspects, T transmitters, R receivers, N samples. Aspect a is the angle
-            2 pi a/(A symmetry).
-        symmetry: order of the rotational symmetry about the axis, 1 for none.
-    """
-
-    signals: np.ndarray
-    symmetry: int = 1
+    signals: np.ndarray  # (A, T, R, N) complex64 in amplitude units: A aspects, T transmitters, R receivers, N samples
+    symmetry: int = 1  # order of the rotational symmetry about the axis, 1 for none
 
     @staticmethod
     def traced(chirp: Callable[[np.ndarray], np.ndarray], count: int = ASPECTS, symmetry: int = 1) -> "Aspects":

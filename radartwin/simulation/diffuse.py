@@ -56,20 +56,13 @@ _SAMPLING_HZ = 77e9  # frequency of the scattered power fractions that determine
 
 @dataclass(frozen=True)
 class Cloud:
-    """Hold P scatterers on the rough surfaces of a scene.
+    """Hold P scatterers on the rough surfaces of a scene."""
 
-    Attributes:
-        points: (P, 3) metres, world. normals: (P, 3) unit vectors, on either side of the surface.
-        area: (P,) square metres that each point represents.
-        field: (P,) complex factor of the field, from a circular Gaussian distribution of unit mean power.
-        surface: (P,) index of the surface.
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    area: np.ndarray
-    field: np.ndarray
-    surface: np.ndarray
+    points: np.ndarray  # (P, 3) metres, world
+    normals: np.ndarray  # (P, 3) unit vectors, on either side of the surface
+    area: np.ndarray  # (P,) square metres that each point represents
+    field: np.ndarray  # (P,) complex factor of the field, from a circular Gaussian distribution of unit mean power
+    surface: np.ndarray  # (P,) index of the surface
 
     def __len__(self) -> int:
         return len(self.points)
@@ -77,16 +70,11 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Strengths:
-    """Hold the fraction D of the incident power that each of S surfaces scatters, by cosine of incidence.
+    """Hold the fraction D of the incident power that each of S surfaces scatters, averaged over the sweep."""
 
-    Attributes:
-        te, tm: (S, COSINES) for each polarisation, averaged over the sweep. Column c holds the cosine c/(COSINES - 1).
-        frequency_hz: middle of the sweep.
-    """
-
-    te: np.ndarray
+    te: np.ndarray  # (S, COSINES); column c holds the cosine of incidence c/(COSINES - 1)
     tm: np.ndarray
-    frequency_hz: float
+    frequency_hz: float  # middle of the sweep
 
 
 def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) -> Cloud:

@@ -20,21 +20,15 @@ SMOOTH_EDGE_RAD = np.radians(30.0)
 
 @dataclass
 class Geometry:
-    """Hold the merged triangles of several surfaces.
+    """Hold the merged triangles of several surfaces."""
 
-    Attributes:
-        corners: (F, 3, 3) float64, corners of each face, metres.
-        normals: (F, 3, 3) float64, unit vertex normals at the corners.
-        surface: (F,) int, index of the surface of each face.
-        patch: (F,) int, index of the smooth patch of each face; by default every face is its own patch.
-        hollow_m: (F,) mean width 2 V/A in metres of the face's mesh (volume V, area A) if the mesh is closed and faces outwards. Zero for
-            other meshes, for rooms and by default.
-    """
-
-    corners: np.ndarray
-    normals: np.ndarray
-    surface: np.ndarray
+    corners: np.ndarray  # (F, 3, 3) float64, corners of each face, metres
+    normals: np.ndarray  # (F, 3, 3) float64, unit vertex normals at the corners
+    surface: np.ndarray  # (F,) int, index of the surface of each face
+    # (F,) int, index of the smooth patch of each face; by default every face is its own patch
     patch: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    # (F,) mean width 2 V/A in metres of the face's mesh (volume V, area A) if the mesh is closed and faces outwards; zero for other meshes,
+    # for rooms and by default
     hollow_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:

@@ -19,18 +19,12 @@ _NODE_COUNTS = (1, 3, 5, 8, 12)
 
 @dataclass(frozen=True)
 class ReflectionTable:
-    """Hold reflection coefficients of S surfaces at Q frequencies.
+    """Hold reflection coefficients of S surfaces at Q frequencies."""
 
-    Attributes:
-        te, tm: (S, COSINES, Q) complex coefficients on a grid of cosines of incidence from 0 to 1.
-        frequencies_hz: (Q,) frequency nodes.
-        surfaces: (material, roughness_m) of each surface, which the tracer needs to recognise shells.
-    """
-
-    te: np.ndarray
+    te: np.ndarray  # (S, COSINES, Q) complex coefficients on a grid of cosines of incidence from 0 to 1
     tm: np.ndarray
-    frequencies_hz: np.ndarray
-    surfaces: tuple[tuple[str | Layered, float], ...] = ()
+    frequencies_hz: np.ndarray  # (Q,) nodes
+    surfaces: tuple[tuple[str | Layered, float], ...] = ()  # (material, roughness_m) of each surface, to recognise shells
 
     def envelope(self) -> "ReflectionTable":
         """Return a table with the largest magnitudes over the sweep at a single node, to find the tubes that can matter."""

@@ -40,13 +40,11 @@ simulation/curved/scatter: physics/test_rcs physics/test_tubes
 _footprint | 8 * np.pi * contact.cosine | 4 * np.pi * contact.cosine | a footprint radiates 6 dB too much
 scatter | electric + magnetic | electric - magnetic | magnetic currents have the wrong sign
 _footprint | 0.5 * wavenumber | 0.25 * wavenumber | the second-order phase of a footprint is halved
+footprint_moments | moment[1] -= part * sine | moment[1] += part * sine | the second-order phase has the wrong sign
 
 simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power
 pass_caustics | dr.select(one, -im, re * sign) | dr.select(one, im, re * sign) | a caustic has the wrong phase
-
-simulation/curved/scatter: physics/test_rcs physics/test_tubes
-footprint_moments | moment[1] -= part * sine | moment[1] += part * sine | the second-order phase has the wrong sign
 
 simulation/curved/tube_grid: physics/test_coverage
 covered | (u / depth, v / depth) | (u, v) | corners are not projected onto the grid

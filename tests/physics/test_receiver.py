@@ -10,6 +10,7 @@ from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
+from radartwin.scene import objects
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import received, synthesize
 
@@ -145,16 +146,10 @@ def test_receivers_share_the_phase_noise_and_chirps_do_not():
 
 
 def test_phase_noise_needs_noise_and_repeats_with_the_seed():
-    plate = rt.Scene([rt.Surface(rt_plate(), "metal", "plate")])
+    plate = rt.Scene([rt.Surface(objects.plate(0.1, 0.1).apply_translation([1.5, 0, 0]), "metal", "plate")])
     quiet, loud = Radar.iwr1843(), dataclasses.replace(Radar.iwr1843(), phase_noise=PhaseNoise(-60.0))
     pose = np.eye(4)[None]
     assert np.array_equal(rt.simulate(plate, quiet, pose).iq, rt.simulate(plate, loud, pose).iq)
     first, again = (rt.simulate(plate, loud, pose, noise=True, seed=3).iq for _ in range(2))
     assert np.array_equal(first, again)
     assert not np.allclose(first, rt.simulate(plate, quiet, pose, noise=True, seed=3).iq)
-
-
-def rt_plate():
-    import trimesh
-
-    return trimesh.creation.box((0.001, 0.1, 0.1), np.array([[1, 0, 0, 1.5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))

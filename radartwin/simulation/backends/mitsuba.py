@@ -34,14 +34,10 @@ PAIRS = 1e-2
 
 
 class Surroundings(NamedTuple):
-    """Hold the static surfaces around an object.
+    """Hold the static surfaces around an object; both are None in free space."""
 
-    Attributes:
-        room: panels that paths may include. occluder: geometry that blocks paths. Both are None in free space.
-    """
-
-    room: panel_room.PanelRoom | None
-    occluder: Geometry | None
+    room: panel_room.PanelRoom | None  # panels that paths may include
+    occluder: Geometry | None  # blocks paths
 
 
 @dataclass(frozen=True)

@@ -78,21 +78,13 @@ class RFGenesisSettings:
 
 @dataclass(frozen=True)
 class Hits:
-    """Hold the first hits of P rays in F poses.
+    """Hold the first hits of P rays in F poses."""
 
-    Attributes:
-        directions: (P, 3) unit, in the sensor frame.
-        distance: (F, P) metres along the ray, 0 for a miss.
-        cosine: (F, P) cosine of the angle between ray and surface normal.
-        surface: (F, P) index of the surface in the scene, -1 for a miss.
-        speed: (F, P) rate of change of the distance due to rigid motion, m/s.
-    """
-
-    directions: np.ndarray
-    distance: np.ndarray
-    cosine: np.ndarray
-    surface: np.ndarray
-    speed: np.ndarray
+    directions: np.ndarray  # (P, 3) unit, in the sensor frame
+    distance: np.ndarray  # (F, P) metres along the ray, 0 for a miss
+    cosine: np.ndarray  # (F, P) of the angle between ray and surface normal
+    surface: np.ndarray  # (F, P) index of the surface in the scene, -1 for a miss
+    speed: np.ndarray  # (F, P) rate of change of the distance due to rigid motion, m/s
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,12 @@ MIN_AREA_M2 = 1e-14  # smaller faces are dropped
 
 @dataclass(frozen=True)
 class Mesh:
-    """Hold all surfaces as one mesh.
+    """Hold all surfaces as one mesh."""
 
-    Attributes:
-        vertices: (F, V, 3) in the world, or (1, V, 3) if no surface moves. faces: (T, 3). surface: (T,) index of each face's surface.
-        poses: {surface index: (F, 4, 4)} of the moving surfaces.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    surface: np.ndarray
-    poses: Mapping[int, np.ndarray]
+    vertices: np.ndarray  # (F, V, 3) in the world, or (1, V, 3) if no surface moves
+    faces: np.ndarray  # (T, 3)
+    surface: np.ndarray  # (T,) index of each face's surface
+    poses: Mapping[int, np.ndarray]  # {surface index: (F, 4, 4)} of the moving surfaces
 
 
 def merged(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> Mesh:

@@ -20,25 +20,17 @@ SHADOW_SHORT = 1e-4  # visibility tests end this fraction of the distance before
 
 @dataclass
 class Contact:
-    """Hold the points where tubes meet a surface, seen from the lit side.
+    """Hold the points where tubes meet a surface, seen from the lit side."""
 
-    Attributes:
-        face: index of the face. outside: whether the lit side is the outer side, on which the corners run counter-clockwise.
-        flat_normal, normal: normals of the facet and of the curved surface that its vertex normals define.
-        facet_point, point: on the facet, and lifted onto the curved surface.
-        cosine: cosine of incidence.
-        edges, normal_turns: two edge vectors of the facet and the change of the vertex normal along each.
-    """
-
-    face: Any
-    outside: Any
-    flat_normal: Any
-    normal: Any
-    facet_point: Any
-    point: Any
-    cosine: Any
-    edges: list[Any]
-    normal_turns: list[Any]
+    face: Any  # index
+    outside: Any  # whether the lit side is the outer side, on which the corners run counter-clockwise
+    flat_normal: Any  # of the facet
+    normal: Any  # of the curved surface that the facet's vertex normals define
+    facet_point: Any  # on the facet
+    point: Any  # lifted onto the curved surface
+    cosine: Any  # of incidence
+    edges: list[Any]  # two edge vectors of the facet
+    normal_turns: list[Any]  # change of the vertex normal along each edge
 
     def mirrored(self, direction: Any) -> Any:
         """Return the direction after mirror reflection."""

@@ -17,56 +17,38 @@ from radartwin.simulation.curved.tube_grid import TubeGrid
 
 @dataclass(frozen=True)
 class TubeSelection:
-    """Select the tubes of a grid to trace: whole cells and pieces of divided cells.
+    """Select the tubes of a grid to trace: whole cells and pieces of divided cells."""
 
-    Attributes:
-        index: (N,) uint32. An index below the number of cells of all poses is a whole cell. A larger index is a piece: an index in the grid
-            that is `pieces` times finer along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
-        hat_share: (N,) factor of the tube's hat weight. in_box: (N,) whether the tube contributes with box weights. Both are None if all
-            tubes are whole cells.
-        pieces: odd number of pieces of a divided cell along each axis.
-    """
-
+    # (N,) uint32. An index below the number of cells of all poses is a whole cell. A larger index is a piece: an index in the grid that is
+    # `pieces` times finer along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
     index: np.ndarray
-    hat_share: np.ndarray | None = None
-    in_box: np.ndarray | None = None
-    pieces: int = 1
+    hat_share: np.ndarray | None = None  # (N,) factor of the tube's hat weight; None if all tubes are whole cells
+    in_box: np.ndarray | None = None  # (N,) whether the tube contributes with box weights; None as for hat_share
+    pieces: int = 1  # odd number of pieces of a divided cell along each axis
 
 
 @dataclass
 class Tubes:
-    """Hold the state of tubes between two hits.
+    """Hold the state of tubes between two hits."""
 
-    Attributes:
-        index, pose: of the tube in its grid, and of its pose.
-        origin, direction: of the ray. position_du, position_dv, direction_du, direction_dv: derivatives of position and direction along
-            the grid axes.
-        weight: solid angle at the source, or area for a plane wave. hat_share, in_box: as in TubeSelection.
-        departure: direction at the source.
-        field_re, field_im: real and imaginary part of the field vector per frequency node.
-        length, first: float64, unfolded lengths from the source to here and to the first hit.
-        sequence: labels of the faces met, see `hits.unpack_labels`.
-        face, inner_u, inner_v: triangle and two barycentric coordinates of the next hit, set by `contact.cast`.
-    """
-
-    index: Any
+    index: Any  # of the tube in its grid
     pose: Any
-    origin: Any
+    origin: Any  # of the ray
     direction: Any
-    position_du: Any
+    position_du: Any  # derivatives of position and direction along the grid axes
     position_dv: Any
     direction_du: Any
     direction_dv: Any
-    weight: Any
-    hat_share: Any
+    weight: Any  # solid angle at the source, or area for a plane wave
+    hat_share: Any  # as in TubeSelection
     in_box: Any
-    departure: Any
-    field_re: list[Any]
+    departure: Any  # direction at the source
+    field_re: list[Any]  # real and imaginary part of the field vector per frequency node
     field_im: list[Any]
-    length: Any
-    first: Any
-    sequence: Any
-    face: Any = None
+    length: Any  # float64, unfolded length from the source to here
+    first: Any  # float64, unfolded length from the source to the first hit
+    sequence: Any  # labels of the faces met, see `hits.unpack_labels`
+    face: Any = None  # triangle and two barycentric coordinates of the next hit, set by `contact.cast`
     inner_u: Any = None
     inner_v: Any = None
 

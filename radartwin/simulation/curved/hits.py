@@ -22,81 +22,52 @@ def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Antennas:
-    """Describe transmit or receive antennas, one per pose, in the geometry's frame.
+    """Describe transmit or receive antennas, one per pose, in the geometry's frame."""
 
-    Attributes:
-        position: (F, 3) metres. For a plane wave this is a point far away, and only its direction matters.
-        axis: (F, 3) unit vectors. The polarisation is the normalised component of the axis perpendicular to the ray.
-        cross: whether the polarisation is turned by 90 degrees about the ray (H instead of V).
-    """
-
-    position: np.ndarray
-    axis: np.ndarray
-    cross: bool = False
+    position: np.ndarray  # (F, 3) metres; for a plane wave a point far away, of which only the direction matters
+    axis: np.ndarray  # (F, 3) unit vectors; the polarisation is the normalised component perpendicular to the ray
+    cross: bool = False  # whether the polarisation is turned by 90 degrees about the ray (H instead of V)
 
 
 @dataclass(frozen=True)
 class Occluder:
-    """Describe static geometry that can block the line between sensor and object.
-
-    Attributes:
-        geometry: the blocking surfaces.
-        rotation, translation: (F, 3, 3) and (F, 3), which map the object's frame to the occluder's frame at each pose.
-    """
+    """Describe static geometry that can block the line between sensor and object."""
 
     geometry: Geometry
-    rotation: np.ndarray
-    translation: np.ndarray
+    rotation: np.ndarray  # (F, 3, 3), from the object's frame to the occluder's frame at each pose
+    translation: np.ndarray  # (F, 3)
 
 
 @dataclass(frozen=True)
 class TraceOptions:
-    """Set how a grid of tubes is traced.
+    """Set how a grid of tubes is traced."""
 
-    Attributes:
-        max_bounces: largest number of reflections.
-        cluster: (faces,) cluster of each face, or None. Only tubes whose first hit is on a face of cluster `first_cluster` contribute, so
-            that grids of different density do not count a path twice.
-        labels: (faces,) numbers below 4095, packed into `Hits.sequence`. None: not recorded.
-        occluder: geometry that may block the lines from the sensor to the first hit and from the last hit to the sensor.
-        prune: drop hits whose amplitude is below this times the strongest hit of their pose in the same block (`division.blocks`).
-        hats: whether all tubes have hat weights, as rooms need. If False, only tubes on curved facets have hat weights.
-        pieces: odd number. A tube that straddles two smooth patches, or that a curved surface spreads onto another surface, is divided into
-            this many pieces along each grid axis.
-    """
-
-    max_bounces: int
+    max_bounces: int  # largest number of reflections
+    # (faces,) cluster of each face, or None. Only tubes whose first hit is on a face of cluster `first_cluster` contribute, so that grids
+    # of different density do not count a path twice.
     cluster: np.ndarray | None = None
     first_cluster: int = 0
-    labels: np.ndarray | None = None
-    occluder: Occluder | None = None
-    prune: float = 0.0
-    hats: bool = False
+    labels: np.ndarray | None = None  # (faces,) numbers below 4095, packed into `Hits.sequence`. None: not recorded
+    occluder: Occluder | None = None  # may block the lines from the sensor to the first hit and from the last hit to the sensor
+    prune: float = 0.0  # drop hits weaker than this times the strongest amplitude of their pose in the same block (`division.blocks`)
+    hats: bool = False  # whether all tubes have hat weights, as rooms need; if False, only tubes on curved facets have hat weights
+    # odd number of pieces, along each grid axis, of a tube that straddles two smooth patches or that a curved surface spreads onto another
     pieces: int = 1
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Hold the N contributing hits of a grid of tubes.
+    """Hold the N contributing hits of a grid of tubes."""
 
-    Attributes:
-        pose: (N,) index of the pose. bounce: (N,) number of reflections, from 1.
-        amplitude: (N, Q) complex, for signals exp(+j k L), without the propagation phase.
-        length_in_m, length_out_m: (N,) float64, unfolded length from source to hit, and distance from hit to receiver.
-        departure, arrival: (N, 3) unit vectors from source and receiver towards the path.
-        first_m: (N,) float64, distance from source to first hit.
-        sequence: (N,) uint64, labels of the faces met, see `unpack_labels`.
-    """
-
-    pose: np.ndarray
-    bounce: np.ndarray
-    amplitude: np.ndarray
-    length_in_m: np.ndarray
-    length_out_m: np.ndarray
-    departure: np.ndarray
-    arrival: np.ndarray
-    first_m: np.ndarray
-    sequence: np.ndarray
+    pose: np.ndarray  # (N,) index
+    bounce: np.ndarray  # (N,) number of reflections, from 1
+    amplitude: np.ndarray  # (N, Q) complex, for signals exp(+j k L), without the propagation phase
+    length_in_m: np.ndarray  # (N,) float64, unfolded length from source to hit
+    length_out_m: np.ndarray  # (N,) float64, distance from hit to receiver
+    departure: np.ndarray  # (N, 3) unit vectors from the source towards the path
+    arrival: np.ndarray  # (N, 3) unit vectors from the receiver towards the path
+    first_m: np.ndarray  # (N,) float64, distance from source to first hit
+    sequence: np.ndarray  # (N,) uint64, labels of the faces met, see `unpack_labels`
 
     def where(self, keep: np.ndarray) -> "Hits":
         """Return the hits selected by a mask or by indices."""

@@ -22,18 +22,12 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 class Reception(NamedTuple):
-    """Describe the receiver as seen from the contacts.
+    """Describe the receiver as seen from the contacts."""
 
-    Attributes:
-        direction: unit vector from the contact to the receiver. length: distance, metres.
-        axis: receive polarisation P, or per node its (real, imaginary) parts.
-        plane: whether the receiver is infinitely far away.
-    """
-
-    direction: Any
-    length: Any
-    axis: Any
-    plane: bool
+    direction: Any  # unit vector from the contact to the receiver
+    length: Any  # distance, metres
+    axis: Any  # receive polarisation P, or per node its (real, imaginary) parts
+    plane: bool  # whether the receiver is infinitely far away
 
 
 def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> list[tuple[Any, Any]]:

@@ -38,18 +38,12 @@ INSIDE = 3  # number of reflections inside; in the table above, more reflections
 
 @dataclass(frozen=True)
 class Shells:
-    """Hold the transmission and inner reflection of a geometry's shells.
+    """Hold the transmission and inner reflection of a geometry's shells."""
 
-    Attributes:
-        faces: (F,) bool, whether a face transmits.
-        te, tm: (S, COSINES, Q) complex, transmission per surface, cosine and node; zero for opaque surfaces.
-        inside: reflection table for waves inside.
-    """
-
-    faces: np.ndarray
-    te: np.ndarray
+    faces: np.ndarray  # (F,) bool, whether a face transmits
+    te: np.ndarray  # (S, COSINES, Q) complex transmission per surface, cosine and node; zero for opaque surfaces
     tm: np.ndarray
-    inside: ReflectionTable
+    inside: ReflectionTable  # for waves inside
 
     def envelope(self) -> "Shells":
         """Return the shells with the largest magnitudes over the sweep, as in `ReflectionTable.envelope`."""

@@ -16,28 +16,19 @@ MIN_DEPTH = 1e-3  # smallest depth of a corner in front of the source, relative 
 
 @dataclass(frozen=True)
 class TubeGrid:
-    """Describe a regular grid of tubes per pose, in the geometry's frame.
+    """Describe a regular grid of tubes per pose, in the geometry's frame."""
 
-    Attributes:
-        source: (F, 3) phase centres; for a plane wave, points on the start plane.
-        forward, u_axis, v_axis: (F, 3) orthonormal unit vectors.
-        low_u, low_v: (F,) centre of the first tube, in the plane at unit distance (for a plane wave, in metres).
-        step_u, step_v: (F,) grid spacing, in the unit of low_u and low_v.
-        count_u, count_v: tubes along each axis, the same for all poses.
-        plane: whether the wave is a plane wave along `forward` instead of a spherical wave.
-    """
-
-    source: np.ndarray
-    forward: np.ndarray
+    source: np.ndarray  # (F, 3) phase centres; for a plane wave, points on the start plane
+    forward: np.ndarray  # (F, 3); forward, u_axis and v_axis are orthonormal
     u_axis: np.ndarray
     v_axis: np.ndarray
-    low_u: np.ndarray
+    low_u: np.ndarray  # (F,) centre of the first tube, in the plane at unit distance (for a plane wave, in metres)
     low_v: np.ndarray
-    step_u: np.ndarray
+    step_u: np.ndarray  # (F,) grid spacing, in the unit of low_u and low_v
     step_v: np.ndarray
-    count_u: int
+    count_u: int  # tubes along each axis, the same for all poses
     count_v: int
-    plane: bool = False
+    plane: bool = False  # whether the wave is a plane wave along `forward` instead of a spherical wave
 
     @property
     def poses(self) -> int:

@@ -20,48 +20,34 @@ _SMALL = 1e-4  # for smaller arguments, three terms of the Bessel functions' ser
 
 
 class PathArrays(NamedTuple):
-    """Hold the paths of all tasks.
-
-    Attributes:
-        length_in, length_out, departure, arrival: as in `Paths`. mirror: (N, 3, 3), or (0, 3, 3) if the hits are fixed points.
-        drift: (N,) change of length in the middle of the frame, metres. motion: (N,) argument of the Bessel functions.
-        amplitude: (N, Q) coefficients of Q polynomials over the band.
-    """
+    """Hold the paths of all tasks; the first five as in `Paths`, but without a mirror (0, 3, 3) if the hits are fixed points."""
 
     length_in: Any
     length_out: Any
     departure: Any
     arrival: Any
     mirror: Any
-    drift: Any
-    motion: Any
-    amplitude: Any
+    drift: Any  # (N,) change of length in the middle of the frame, metres
+    motion: Any  # (N,) argument of the Bessel functions
+    amplitude: Any  # (N, Q) coefficients of Q polynomials over the band
 
 
 class Elements(NamedTuple):
-    """Hold element positions tx (T, 3) and rx (R, 3) in metres. planar: whether all elements see a path in the same direction."""
+    """Hold the positions of the antenna elements in metres."""
 
-    tx: Any
-    rx: Any
-    planar: Any
+    tx: Any  # (T, 3)
+    rx: Any  # (R, 3)
+    planar: Any  # whether all elements see a path in the same direction
 
 
 class GridScale(NamedTuple):
-    """Define how path lengths map to phases and grid cells.
+    """Define how path lengths map to phases and grid cells."""
 
-    Attributes:
-        cycles_per_m: phase per metre of path at the middle of the sweep. cells_per_m: grid cells per metre of path.
-        terms: number of Chebyshev terms that represent the motion.
-        kernel: (degree + 1, TAPS) polynomial coefficients of each tap's weight as a function of the point's position between two cells,
-            highest power first.
-        least: weights with a smaller magnitude are skipped.
-    """
-
-    cycles_per_m: Any
-    cells_per_m: Any
-    terms: Any
-    kernel: Any
-    least: Any
+    cycles_per_m: Any  # phase per metre of path at the middle of the sweep
+    cells_per_m: Any  # grid cells per metre of path
+    terms: Any  # number of Chebyshev terms that represent the motion
+    kernel: Any  # (degree + 1, TAPS) polynomials of each tap's weight in the point's place between two cells, highest power first
+    least: Any  # weights with a smaller magnitude are skipped
 
 
 class Grid(NamedTuple):
