@@ -11,7 +11,7 @@ from radartwin.features.processed import process
 from radartwin.label.sources import Vlm
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.distance import covered, to_mesh
-from radartwin.reconstruct.frames.frames import Frame, points
+from radartwin.reconstruct.frames.frames import Frame, points, rescaled
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.mesh_file import load_scan
@@ -35,7 +35,7 @@ def test_mesh_and_vendor_mesh_are_close(chair, vendor, refine, median_m, p95_m):
     """The goal is a median of 30 mm. The vendor's mesh uses 70 frames at the recorded poses, ours 24."""
     mesh, _ = chair[1][refine]
     for one, other in ((mesh, vendor), (vendor, mesh)):
-        distance = to_mesh(covered(np.asarray(one.triangles), 0.02)[0], other)
+        distance = to_mesh(covered(np.asarray(one.triangles), 0.04)[0], other)
         assert np.median(distance) < median_m
         assert np.quantile(distance, 0.95) < p95_m
 
@@ -48,44 +48,43 @@ def test_floor_has_the_height_of_the_vendor_mesh(chair, vendor):
     assert heights[0] == pytest.approx(heights[1], abs=0.02)
 
 
-def brightness(frame: Frame) -> np.ndarray:
-    """High-pass brightness of the picture at a sixth of its size."""
+def high_pass(frame: Frame) -> Frame:
+    """The frame with the high-pass grey picture at a sixth of its size as colour."""
     assert frame.colour is not None
-    grey = frame.colour[: frame.colour.shape[0] // 6 * 6, : frame.colour.shape[1] // 6 * 6].mean(axis=2)
-    small = grey.reshape(grey.shape[0] // 6, 6, -1, 6).mean(axis=(1, 3))
-    return small - ndimage.gaussian_filter(small, 10)
+    assert frame.colour_intrinsics is not None
+    height, width, _ = frame.colour.shape
+    small = frame.colour.mean(axis=2).reshape(height // 6, 6, width // 6, 6).mean(axis=(1, 3))
+    lens = rescaled(frame.colour_intrinsics, (width, height), (width // 6, height // 6))
+    return dataclasses.replace(frame, colour=small - ndimage.gaussian_filter(small, 10), colour_intrinsics=lens)
+
+
+def values_at(place: np.ndarray, frame: Frame) -> np.ndarray:
+    """Pixel values (N,) at world points (N, 3); NaN at points that the frame does not see."""
+    local = (place - frame.pose[:3, 3]) @ frame.pose[:3, :3]
+
+    def sampled(picture, k, order):
+        at = [k[1, 1] * local[:, 1] / local[:, 2] + k[1, 2], k[0, 0] * local[:, 0] / local[:, 2] + k[0, 2]]
+        return ndimage.map_coordinates(picture, at, order=order, cval=np.nan)
+
+    depth = sampled(frame.depth_m, frame.intrinsics, 0)
+    seen = (np.abs(depth - local[:, 2]) < 0.1) & (local[:, 2] > 0.1)
+    return np.where(seen, sampled(frame.colour, frame.colour_intrinsics, 1), np.nan)
 
 
 def agreement(first: Frame, second: Frame) -> float:
     """Correlation of two pictures at the same surface points, from the first frame's depth."""
-    sure = (first.confidence == 2) & (first.depth_m > 0)
-    place = points(first)[sure]
-    values = []
-    for frame in (first, second):
-        local = (place - frame.pose[:3, 3]) @ frame.pose[:3, :3]
-        picture, k = brightness(frame), np.asarray(frame.colour_intrinsics)
-        row = ((k[1, 1] * local[:, 1] / local[:, 2] + k[1, 2]) + 0.5) / 6 - 0.5
-        column = ((k[0, 0] * local[:, 0] / local[:, 2] + k[0, 2]) + 0.5) / 6 - 0.5
-        d = frame.intrinsics
-        depth = ndimage.map_coordinates(
-            frame.depth_m,
-            [d[1, 1] * local[:, 1] / local[:, 2] + d[1, 2], d[0, 0] * local[:, 0] / local[:, 2] + d[0, 2]],
-            order=0,
-            mode="constant",
-        )
-        seen = (np.abs(depth - local[:, 2]) < 0.1) & (local[:, 2] > 0.1)
-        values.append(np.where(seen, ndimage.map_coordinates(picture, [row, column], order=1, mode="constant", cval=np.nan), np.nan))
-    both = np.isfinite(values).all(axis=0)
-    return float(np.corrcoef(np.asarray(values)[:, both])[0, 1])
+    place = points(first)[(first.confidence == 2) & (first.depth_m > 0)]
+    values = np.array([values_at(place, frame) for frame in (first, second)])
+    return float(np.corrcoef(values[:, np.isfinite(values).all(axis=0)])[0, 1])
 
 
 def test_colours_agree_better_after_alignment(chair):
     """The alignment uses only depth, so the colours are an independent check."""
     frames, fused = chair
-    coloured = [i for i in range(len(frames)) if frames[i].colour is not None]
+    coloured = {i: high_pass(frame) for i, frame in enumerate(frames) if frame.colour is not None}
     pairs = [(i, j) for i in coloured for j in coloured if j - i in (9, 12, 15, 18, 21)]
     before, after = (
-        np.array([agreement(*(dataclasses.replace(frames[k], pose=poses[k]) for k in pair)) for pair in pairs])
+        np.array([agreement(*(dataclasses.replace(coloured[k], pose=poses[k]) for k in pair)) for pair in pairs])
         for poses in (frames.poses, fused[True][1].poses)
     )
     assert len(pairs) >= 10

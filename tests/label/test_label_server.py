@@ -76,14 +76,6 @@ def test_request_has_pictures_schema_and_key(model, asked, monkeypatch) -> None:
     assert "secret-word" not in json.dumps(record.to_dict()) + repr(server(chat.url, key="secret-word"))
 
 
-def test_schema_of_an_object_has_wall_and_contents(model, asked) -> None:
-    can = {**GOOD, "material": "plastic", "wall_thickness_mm": 1.0, "contents": "water-like liquid"}
-    chat = model(lambda number, body: completion(can))
-    [(_, record)] = server(chat.url).answers(asked[3:])
-    assert (record.answer.wall_thickness_mm, record.answer.contents) == (1.0, "water-like liquid")
-    assert "wall_thickness_mm" in chat.requests[0]["response_format"]["json_schema"]["schema"]["required"]
-
-
 @pytest.mark.parametrize(
     ("bad", "complaint"),
     [

@@ -36,7 +36,7 @@ def model_folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def lab():
-    return scan(rooms.lab(), seed=1, frames=24, strength=0.0, sensor=Sensor(colour_size=(320, 240)))
+    return scan(rooms.lab(detail="shell"), seed=1, frames=16, strength=0.0, sensor=Sensor(colour_size=(320, 240)))
 
 
 def test_saved_network_estimates_metric_depth(model_folder):

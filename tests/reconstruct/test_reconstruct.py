@@ -52,7 +52,7 @@ def test_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Scene, "save", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        reconstruct(saved(scan(shell(), 0.003), tmp_path), tmp_path / "out")
+        reconstruct(saved(trimesh.creation.box((5, 4, 2.4)), tmp_path), tmp_path / "out")
     with pytest.raises(MissingError, match=r"manifest\.json"):
         Scene.load(tmp_path / "out")
     assert not list((tmp_path / "out").glob(".*"))
