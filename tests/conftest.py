@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -27,21 +26,10 @@ def shared_data() -> Path:
 
 
 @pytest.fixture
-def radartwin(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """The command line in a process of its own, in an empty folder: radartwin("run", "experiment=...")."""
-
-    def call(*arguments: str | Path, cwd: Path = tmp_path, timeout: float = 120) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "radartwin", *map(str, arguments)]
-        return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=timeout, check=False)
-
-    return call
-
-
-@pytest.fixture
 def inside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
-    """The command line in this process, which has already imported everything: the same call and result as `radartwin`."""
+    """The command line in this process, which has already imported everything, in an empty folder: inside("run", "experiment=...")."""
     from radartwin.cli import main
 
     monkeypatch.chdir(tmp_path)

@@ -13,12 +13,12 @@ HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_help_takes_less_than_half_a_second(radartwin) -> None:
+def test_help_takes_less_than_half_a_second() -> None:
     """In processor time, which other processes on the machine do not change."""
 
     def seconds() -> float:
         before = os.times()
-        assert radartwin("--help").returncode == 0
+        subprocess.run([sys.executable, "-m", "radartwin", "--help"], capture_output=True, check=True)
         after = os.times()
         return after.children_user + after.children_system - before.children_user - before.children_system
 

@@ -148,12 +148,14 @@ def star_drawn(picture: np.ndarray) -> bool:
 @pytest.mark.parametrize(("part", "drawn"), [(".room", room_drawn), ("#speed_accuracy .chart", star_drawn)])
 def test_room_and_chart_open_in_place(opened: browser.Page, part: str, drawn: Callable[[np.ndarray], bool]) -> None:
     frames = f"document.querySelectorAll('{part.split()[0]} iframe').length"
-    opened.run(f"document.querySelector('{part} .here').scrollIntoView({{block: 'center'}})")
+    to_button = f"document.querySelector('{part} .here').scrollIntoView({{block: 'center'}})"
+    opened.run(to_button)
     opened.click(f"{part} .here")
     opened.until(f"{frames} === 1")
     opened.run(f"document.querySelector('{part.split()[0]} iframe').scrollIntoView({{block: 'start'}})")
     until_seen(opened, drawn)
     opened.screenshot(f"report_{part.rpartition('.')[2]}")
+    opened.run(to_button)
     opened.click(f"{part} .here")
     assert opened.run(frames) == 0
 
