@@ -32,7 +32,9 @@ MODULES = (
     "!radartwin.simulation.backends.sionna_material",  # sets a Mitsuba variant of its own when it is imported
 )
 # pdoc looks for a NamedTuple's annotations in a namespace that lacks its module's imports, and prints them as they are written.
-NAMED_TUPLES = r"Error parsing type annotation .* for radartwin\.scene\.(objects\.catalogue\.Part|rooms\.Finish|textures\.Look)\.__init__\."
+NAMED_TUPLES = (
+    r"Error parsing type annotation .* for radartwin\.scene\.(objects\.catalogue\.Part|rooms\.parts\.Finish|textures\.Look)\.__init__\."
+)
 
 
 def build(out: Path, modules: tuple[str, ...] = MODULES) -> Path:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -23,32 +21,23 @@ ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
 FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # random samples of the mesh
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Accuracy:
     """Distances in metres.
 
     Attributes:
         median_m, p95_m: distance from the mesh to the true surfaces, after the rigid motion that fits the mesh best, because the
             coordinate frame of a scan is arbitrary.
-        placed_median_m, placed_p95_m: the same distance without the rigid motion.
-        shift_m, turn_deg: translation and rotation angle of the rigid motion.
+        placed_median_m: the median distance without the rigid motion.
         coverage: share of the seen true area that has the mesh within COVERED_M, after the rigid motion.
         seen: share of the true area that the sensor saw.
-        by_surface: name -> (covered share of its seen area, seen area in m2).
     """
 
     median_m: float
     p95_m: float
     placed_median_m: float
-    placed_p95_m: float
-    shift_m: float
-    turn_deg: float
     coverage: float
     seen: float
-    by_surface: dict[str, tuple[float, float]]
-
-    def to_dict(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
@@ -75,18 +64,15 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
     back = np.linalg.inv(move)
     shown = Nearest([mesh], SAMPLE_M)(own[seen] @ back[:3, :3].T + back[:3, 3])[0] < COVERED_M
     index = nearest.mesh_of[face[seen]]
+    # Areas are summed by surface first, because another order of summation would change the last digits.
     have = np.bincount(index, weights=area[seen], minlength=len(scene))
     show = np.bincount(index, weights=area[seen] * shown, minlength=len(scene))
     return Accuracy(
         median_m=float(np.median(distance)),
         p95_m=float(np.quantile(distance, 0.95)),
         placed_median_m=float(np.median(placed)),
-        placed_p95_m=float(np.quantile(placed, 0.95)),
-        shift_m=float(np.linalg.norm(points.mean(axis=0) - moved.mean(axis=0))),
-        turn_deg=float(np.degrees(np.arccos(np.clip((np.trace(move[:3, :3]) - 1) / 2, -1, 1)))),
         coverage=float(show.sum() / max(have.sum(), 1e-12)),
         seen=float(have.sum() / area.sum()),
-        by_surface={s.name: (float(show[i] / have[i]) if have[i] else 0.0, float(have[i])) for i, s in enumerate(scene) if have[i] > 0},
     )
 
 
@@ -121,40 +107,34 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
     return points[np.random.default_rng(0).permutation(len(points))[:count]]
 
 
-def seen_points(points: np.ndarray, normals: np.ndarray, surface: np.ndarray, truth: ScanTruth, lenses: Sequence[np.ndarray]) -> np.ndarray:
-    """Return whether (N,) a pixel of the scan saw each point.
+def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
+    """Return a function that tells which points of the scene a virtual scan saw, for `experiments.scans.segment_score`.
 
     A pixel saw a point that faces the camera if the pixel hit the point's surface, and if the pixel's true depth equals the depth at which
     its ray meets the point's plane. Therefore the far side of a thin plate does not count as seen.
-
-    Args:
-        points, normals: (N, 3) positions and normals.
-        surface: (N,) index of each point's surface.
-        lenses: intrinsics (3, 3) of each frame.
     """
-    seen = np.zeros(len(points), dtype=bool)
-    height, width = truth.depth_m.shape[1:]
-    for i, (pose, k) in enumerate(zip(truth.poses, lenses, strict=True)):
-        left = np.flatnonzero(~seen)
-        offset = points[left] - pose[:3, 3]
-        ahead = (offset @ pose[:3, 2] > 0.1) & (np.einsum("nk,nk->n", offset, normals[left]) < 0)
-        left, offset = left[ahead], offset[ahead]
-        local = offset @ pose[:3, :3]
-        z = local[:, 2]
-        u, v = np.rint(k[0, 0] * local[:, 0] / z + k[0, 2]).astype(int), np.rint(k[1, 1] * local[:, 1] / z + k[1, 2]).astype(int)
-        inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
-        left, u, v, local = left[inside], u[inside], v[inside], local[inside]
-        facing = normals[left] @ pose[:3, :3]
-        ray = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(len(u))], axis=1)
-        slope = np.einsum("nk,nk->n", ray, facing)
-        square = slope < -GRAZING * np.linalg.norm(ray, axis=1)
-        depth = np.einsum("nk,nk->n", local, facing) / np.where(square, slope, -1.0)
-        same = square & (np.abs(truth.depth_m[i, v, u] - depth) < SAME_M + SAME * depth) & (truth.surface[i, v, u] == surface[left])
-        seen[left[same]] = True
-    return seen
-
-
-def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
-    """Return a function that tells which points of the scene a virtual scan saw, for `experiments.scans.segment_score`."""
     lenses = [frame.intrinsics for frame in frames]
-    return lambda points, normals, surface: seen_points(points, normals, surface, truth, lenses)
+    height, width = truth.depth_m.shape[1:]
+
+    def saw(points: np.ndarray, normals: np.ndarray, surface: np.ndarray) -> np.ndarray:
+        seen = np.zeros(len(points), dtype=bool)
+        for i, (pose, k) in enumerate(zip(truth.poses, lenses, strict=True)):
+            left = np.flatnonzero(~seen)
+            offset = points[left] - pose[:3, 3]
+            ahead = (offset @ pose[:3, 2] > 0.1) & (np.einsum("nk,nk->n", offset, normals[left]) < 0)
+            left, offset = left[ahead], offset[ahead]
+            local = offset @ pose[:3, :3]
+            z = local[:, 2]
+            u, v = np.rint(k[0, 0] * local[:, 0] / z + k[0, 2]).astype(int), np.rint(k[1, 1] * local[:, 1] / z + k[1, 2]).astype(int)
+            inside = (u >= 0) & (v >= 0) & (u < width) & (v < height)
+            left, u, v, local = left[inside], u[inside], v[inside], local[inside]
+            facing = normals[left] @ pose[:3, :3]
+            ray = np.stack([(u - k[0, 2]) / k[0, 0], (v - k[1, 2]) / k[1, 1], np.ones(len(u))], axis=1)
+            slope = np.einsum("nk,nk->n", ray, facing)
+            square = slope < -GRAZING * np.linalg.norm(ray, axis=1)
+            depth = np.einsum("nk,nk->n", local, facing) / np.where(square, slope, -1.0)
+            same = square & (np.abs(truth.depth_m[i, v, u] - depth) < SAME_M + SAME * depth) & (truth.surface[i, v, u] == surface[left])
+            seen[left[same]] = True
+        return seen
+
+    return saw

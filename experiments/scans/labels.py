@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.scans import virtual_scan
+from experiments.scans.scan import by_area
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
@@ -46,6 +47,8 @@ SOURCES: dict[str, dict[str, Any]] = {
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Label the scans at strength 1 by every source, and score the labels."""
+    from radartwin.label.material_map import material_map
+
     rows: list[dict[str, Any]] = []
     keys, labelled = [], {}
     for room in progress.over(config.profile.scan_rooms, "labels"):
@@ -59,7 +62,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         rows += [_answered(room, labelled[room, "vlm"], product.key), *_rows(room, judged, product.key)]
         rows += [_beats(room, judged, source, config, product.key) for source in ("vlm", "random")]
     figures: dict[str, Callable[[], Figure]] = {
-        f"labels_{room}": lambda room=room: _figure(labelled[room, "vlm"]) for room in config.profile.scan_rooms
+        f"labels_{room}": lambda room=room: material_map(labelled[room, "vlm"]) for room in config.profile.scan_rooms
     }
     metrics = {
         f"{row['metric'].replace(' ', '_')}_{row['source']}_{row['room']}": row["value"]
@@ -112,19 +115,9 @@ def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: 
     """Return a row with a source's mean improvement over uniform plasterboard in dB, weighted by area, with a bootstrap over surfaces."""
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
-    drawn = np.random.default_rng(config.seed).integers(len(gain), size=(config.profile.resamples, len(gain)))
-    means = (gain * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)
-    value = float(np.average(gain, weights=areas))
-    low, high = np.quantile(means, [0.025, 0.975])
+    mean = by_area(gain, areas, config.profile.resamples, config.seed)
     return {
         "room": room, "source": source, "category": "all", "area_m2": round(float(areas.sum()), 2), "metric": "gain over uniform dB",
-        "run_keys": key[:8], "paper": "", "n": len(gain), "domain": "virtual scan", "verdict": "holds" if value > 0 else "fails",
-        "note": f"{source} beats uniform plasterboard in mean dB", "value": value, "low": min(float(low), value),
-        "high": max(float(high), value),
+        "run_keys": key[:8], "paper": "", "n": mean.n, "domain": "virtual scan", "verdict": "holds" if mean.value > 0 else "fails",
+        "note": f"{source} beats uniform plasterboard in mean dB", "value": mean.value, "low": mean.low, "high": mean.high,
     }  # fmt: skip
-
-
-def _figure(scene: Scene) -> Figure:
-    from radartwin.label.material_map import material_map
-
-    return material_map(scene)

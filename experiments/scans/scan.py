@@ -134,7 +134,7 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
             found = statistics.mean(samples[metric], resamples, seed)
         elif metric in weighted:
             group, name = weighted[metric]
-            found = _by_area(np.array([s[name] for s in group]), np.array([s["area_m2"] for s in group]), resamples, seed)
+            found = by_area(np.array([s[name] for s in group]), np.array([s["area_m2"] for s in group]), resamples, seed)
         elif metric == "worst_recall":
             worst = min(large, key=lambda s: s["recall"])
             found = statistics.Estimate(worst["recall"], worst["recall"], worst["recall"], len(large))
@@ -145,7 +145,7 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
     return rows
 
 
-def _by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:
+def by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:
     """Return the mean weighted by area, with an interval from a bootstrap over surfaces."""
     drawn = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
     means = (values * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)

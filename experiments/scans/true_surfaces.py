@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,10 +53,7 @@ class Truth:
         """Cut a true scene into pieces and sample them. Without `sighted` all samples count as seen."""
         parts = [(piece, number) for number, surface in enumerate(truth) for piece in pieces(surface)]
         scene = Scene(piece for piece, _ in parts)
-        samples = [spread(s.mesh, SPACING_M) for s in scene]
-        points = np.concatenate([at for at, _ in samples])
-        normals = np.concatenate([np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(scene, samples, strict=True)])
-        piece = np.repeat(np.arange(len(scene)), [len(at) for at, _ in samples])
+        points, normals, piece = samples(scene)
         whole = np.array([number for _, number in parts])
         seen = np.ones(len(points), bool) if sighted is None else sighted(points, normals, whole[piece])
         clear = np.array([s.provenance.get("minc") in CLEAR for s in scene])
@@ -67,11 +64,10 @@ class Truth:
 
         The piece of a point is the nearest piece with an agreeing normal, otherwise the nearest piece, and -1 if none is within REACH_M.
         """
-        samples = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
-        unit = np.repeat(np.arange(len(self.scene)), [len(at) for at, _ in samples])
-        normals = np.concatenate([np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(self.scene, samples, strict=True)])
-        tree = KDTree(np.concatenate([at for at, _ in samples]), balanced_tree=False)
-        return lambda points, directions: nearest(tree, unit, normals, points, directions)
+        close = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
+        points, normals, unit = _joined(self.scene, close)
+        tree = KDTree(points, balanced_tree=False)
+        return lambda places, directions: nearest(tree, unit, normals, places, directions)
 
     def flush(self) -> np.ndarray:
         """Return the share (K,) of each piece's seen samples that are within FLUSH_M of the level of another, parallel piece."""
@@ -86,6 +82,24 @@ class Truth:
         level = (other & alike & (proud < FLUSH_M)).any(axis=1)
         count = np.bincount(self.piece[here], minlength=len(self.scene))
         return np.bincount(self.piece[here], weights=level, minlength=len(self.scene)) / np.maximum(count, 1)
+
+
+def samples(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sample the surfaces of a scene evenly, one point per SPACING_M^2.
+
+    Returns:
+        points, normals: (N, 3).
+        number: (N,) index of each point's surface.
+    """
+    return _joined(scene, [spread(s.mesh, SPACING_M) for s in scene])
+
+
+def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Join the points (N, 3) and faces (N,) of each surface; return points, normals and numbers of surfaces as `samples` does."""
+    points = [at for at, _ in parts]
+    normals = [np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(scene, parts, strict=True)]
+    number = np.repeat(np.arange(len(parts)), np.array([len(at) for at in points], int))
+    return np.concatenate([np.zeros((0, 3)), *points]), np.concatenate([np.zeros((0, 3)), *normals]), number
 
 
 def nearest(
@@ -124,7 +138,7 @@ def pieces(surface: Surface) -> list[Surface]:
     return out
 
 
-def outline_points(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M / 2) -> np.ndarray:
+def outline_points(mesh: trimesh.Trimesh) -> np.ndarray:
     """Return points (N, 3) along the open and the sharp edges of a mesh."""
     vertices, index = np.unique(np.round(np.asarray(mesh.vertices), 6), axis=0, return_inverse=True)
     welded = trimesh.Trimesh(vertices, index.reshape(-1)[np.asarray(mesh.faces)], process=False)
@@ -132,7 +146,7 @@ def outline_points(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M / 2) -> n
     angles = np.asarray(welded.face_adjacency_angles)
     sharp = np.asarray(welded.face_adjacency_edges).reshape(-1, 2)[angles > SHARP]
     ends = vertices[np.vstack([pairs[count == 1], sharp])]
-    steps = np.maximum(np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / spacing_m).astype(int), 1)
+    steps = np.maximum(np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (SPACING_M / 2)).astype(int), 1)
     share = np.concatenate([(np.arange(n) + 0.5) / n for n in steps]) if len(steps) else np.zeros(0)
     start, stop = np.repeat(ends[:, 0], steps, axis=0), np.repeat(ends[:, 1], steps, axis=0)
     return start + share[:, None] * (stop - start)

@@ -1,10 +1,14 @@
-"""Read mesh files with trimesh, without its silent repairs. Meshes keep their textures and colours; a missing texture causes a warning."""
+"""Read mesh files with trimesh, without its silent repairs. Meshes keep their textures and colours; a missing texture causes a warning.
+
+The size of a .glb and of its pictures is checked before unpacking, because a file of a kilobyte can unpack to more than the memory.
+Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; one without a buffer view is zeros), 3.5.2 (the node tree) and 4.4 (binary container).
+"""
 
 from __future__ import annotations
 
-import contextlib
 import struct
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,43 +20,41 @@ from trimesh.visual import ColorVisuals
 from radartwin.errors import InputError, MeshError, MissingError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside
-from radartwin.scene.mesh_limits import check_glb, check_pictures
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
 HEAD_BYTES = 65_536  # bytes at the start of an .obj that are searched for the names of its material files
+MAX_INSTANCES = 1_000_000  # largest number of mesh copies that the nodes place
+MAX_BYTES = 16 << 30  # largest size of all mesh copies together
+MAX_PIXELS = 1_000_000_000  # largest number of pixels of all textures together, 3 GB of colours
+PICTURES = ("image", "baseColorTexture", "emissiveTexture", "normalTexture", "occlusionTexture", "metallicRoughnessTexture")
+SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of a component
+COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # components of an element
+_JSON = 0x4E4F534A
 
 
 class TextureWarning(UserWarning):
     """Warn that a texture file of a mesh is missing; the mesh has the plain colour of its material instead."""
 
 
-def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, name: str | Path | None = None) -> dict[str, trimesh.Trimesh]:
-    """Read the triangle meshes of a file, as a dictionary by name. Node transforms are applied; no mesh is merged or dropped.
+def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
+    """Read the triangle meshes of a .glb, .ply or .obj, as a dictionary by name. Node transforms are applied; no mesh is merged or dropped.
 
-    Args:
-        source: a .glb, .ply or .obj path, or an open stream together with `file_type`.
-        name: name of the stream in error messages.
     Raises:
         MissingError: the file does not exist.
-        MeshError: the file has another format, is damaged, or exceeds the limits of `mesh_limits`.
+        MeshError: the file has another format, is damaged, or exceeds the limits of size.
     Warns:
         TextureWarning: a picture is missing; its surfaces have the plain colour of their material.
     """
-    label = str(source if name is None else name)
-    if file_type is None:
-        path = Path(source)  # type: ignore[arg-type]
-        if path.suffix.lower() not in MESH_SUFFIXES:
-            raise MeshError(f"{label} is not a supported mesh file; convert it to {', '.join(MESH_SUFFIXES)}")
-        if not path.is_file():
-            raise MissingError(f"mesh {label} is not there; check the path")
-        # The resolver finds the materials and textures beside an .obj.
-        loaded = _load(path, path.suffix.lower()[1:], label, resolver=FilePathResolver(str(path)), maintain_order=True)
-        if missing := missing_textures(path):
-            text = f"{label} names the texture {missing[0]}, which is not beside it; the surfaces keep their plain colours"
-            warnings.warn(text, TextureWarning, stacklevel=2)
-    else:
-        loaded = _load(source, file_type, label)  # type: ignore[arg-type]
-    check_pictures((getattr(g.visual, "material", None) for g in loaded.geometry.values() if hasattr(g, "visual")), label)
+    path = Path(path)
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise MeshError(f"{path} is not a supported mesh file; convert it to {', '.join(MESH_SUFFIXES)}")
+    if not path.is_file():
+        raise MissingError(f"mesh {path} is not there; check the path")
+    loaded = _load(path)
+    if missing := missing_textures(path):
+        text = f"{path} names the texture {missing[0]}, which is not beside it; the surfaces keep their plain colours"
+        warnings.warn(text, TextureWarning, stacklevel=2)
+    _check_pictures((getattr(g.visual, "material", None) for g in loaded.geometry.values() if hasattr(g, "visual")), path)
     meshes: dict[str, trimesh.Trimesh] = {}
     for node in loaded.graph.nodes_geometry:
         transform, key = loaded.graph[node]
@@ -61,23 +63,26 @@ def read_meshes(source: str | Path | IO[bytes], file_type: str | None = None, na
             if not np.array_equal(transform, np.eye(4)):
                 geometry = geometry.copy().apply_transform(transform)
             if len(geometry.faces) and not 0 <= geometry.faces.min() <= geometry.faces.max() < len(geometry.vertices):
-                raise MeshError(f"{label} has a face whose vertex is missing; export it again")
+                raise MeshError(f"{path} has a face whose vertex is missing; export it again")
             _use_plain_colour_without_picture(geometry)
             meshes[node if node not in meshes else f"{node}_{len(meshes)}"] = geometry
     return meshes
 
 
-def _load(source: Path | IO[bytes], file_type: str, label: str, **options: Any) -> trimesh.Scene:
+def _load(path: Path) -> trimesh.Scene:
+    kind = path.suffix.lower()[1:]
     try:
-        with source.open("rb") if isinstance(source, Path) else contextlib.nullcontext(source) as stream:
-            if file_type == "glb":
-                check_glb(stream, label)
-            return trimesh.load_scene(stream, file_type=file_type, process=False, **options)
+        with path.open("rb") as stream:
+            if kind == "glb":
+                _check_glb(stream, path)
+            # The resolver finds the materials and textures beside an .obj.
+            resolver = FilePathResolver(str(path))
+            return trimesh.load_scene(stream, file_type=kind, process=False, resolver=resolver, maintain_order=True)
     except MeshError:
         raise
     except Exception as error:  # trimesh's readers raise errors of many types
         reason = (" ".join(str(error).split()) or type(error).__name__)[:200]
-        raise MeshError(f"{label} cannot be read as {file_type}: {reason}; export it again") from error
+        raise MeshError(f"{path} cannot be read as {kind}: {reason}; export it again") from error
 
 
 def missing_textures(path: Path) -> list[str]:
@@ -104,14 +109,10 @@ def _is_beside(path: Path, name: str) -> bool:
 
 def _pictures_of_glb(path: Path) -> list[str]:
     with path.open("rb") as stream:
-        head = stream.read(20)
-        if len(head) < 20 or head[:4] != b"glTF" or head[16:20] != b"JSON":
-            return []
         try:
-            images = untrusted_json.load(stream.read(struct.unpack("<I", head[12:16])[0])).get("images", [])
-            named = [image.get("uri", "data:") for image in images]
+            named = [image.get("uri", "data:") for image in _glb_document(stream).get("images", [])]
             return [uri for uri in named if uri and not uri.startswith("data:")]
-        except (ValueError, TypeError, AttributeError):  # trimesh's reader reports damage
+        except (ValueError, TypeError, AttributeError, struct.error):  # trimesh's reader reports damage
             return []
 
 
@@ -131,3 +132,70 @@ def _use_plain_colour_without_picture(mesh: trimesh.Trimesh) -> None:
     material = visual.material
     if not any(isinstance(getattr(material, name, None), Image) for name in ("baseColorTexture", "image")):
         mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(material.main_color, (len(mesh.vertices), 1)))
+
+
+def _check_glb(stream: IO[bytes], path: Path) -> None:
+    """Refuse a .glb that unpacks to far more than its size. A damaged file passes, because the reader of the file reports the damage."""
+    length = stream.seek(0, 2)
+    stream.seek(0)
+    try:
+        document = _glb_document(stream)
+        stored, placed, instances = _sizes(document)
+    except (ValueError, LookupError, TypeError, AttributeError, struct.error, RecursionError):
+        return  # not valid glTF; the reader reports it
+    finally:
+        stream.seek(0)
+    if stored > 64 * length or placed > MAX_BYTES:
+        raise MeshError(f"{path} is {length:,} bytes and would unpack to {max(stored, placed):,}; export it again, or in parts")
+    if instances > MAX_INSTANCES:
+        raise MeshError(f"{path} places more than {MAX_INSTANCES:,} meshes, or has nodes in a circle; export it again")
+
+
+def _check_pictures(materials: Iterable[Any], path: Path) -> None:
+    """Refuse textures with too many pixels. The check reads the pictures' headers and does not decompress them."""
+    from PIL.Image import Image
+
+    pictures = {
+        id(picture): picture for material in materials for name in PICTURES if isinstance(picture := getattr(material, name, None), Image)
+    }
+    pixels = sum(picture.width * picture.height for picture in pictures.values())
+    if pixels > MAX_PIXELS:
+        raise MeshError(f"{path} has textures of {pixels:,} pixels, over the limit of {MAX_PIXELS:,}; export it with smaller ones")
+
+
+def _glb_document(stream: IO[bytes]) -> dict[str, Any]:
+    """Read the JSON chunk of a .glb. A damaged file raises ValueError or struct.error."""
+    _, _, _, length, kind = struct.unpack("<5I", stream.read(20))
+    if kind != _JSON:
+        raise ValueError("the first chunk is not JSON")
+    return untrusted_json.load(stream.read(length))
+
+
+def _sizes(document: dict[str, Any]) -> tuple[int, int, int]:
+    """Return the bytes of all accessors, the bytes of all mesh copies, and the number of mesh copies."""
+    accessors = [_bytes(accessor) for accessor in document.get("accessors", [])]
+    meshes = []
+    for mesh in document.get("meshes", []):
+        used = [index for part in mesh["primitives"] for index in (*part["attributes"].values(), part.get("indices")) if index is not None]
+        meshes.append(sum(accessors[index] for index in used))
+    nodes, known = document.get("nodes", []), dict[int, tuple[int, int]]()
+
+    def subtree(index: int, ancestors: frozenset[int]) -> tuple[int, int]:
+        """Return bytes and number of the mesh copies that a node and its descendants place."""
+        if index in ancestors:
+            return 0, MAX_INSTANCES + 1
+        if index not in known:
+            node = nodes[index]
+            total = (meshes[node["mesh"]], 1) if "mesh" in node else (0, 0)
+            for child in node.get("children", []):
+                size, count = subtree(child, ancestors | {index})
+                total = (total[0] + size, total[1] + count)
+            known[index] = total
+        return known[index]
+
+    roots = [subtree(root, frozenset()) for scene in document.get("scenes", []) for root in scene.get("nodes", [])]
+    return sum(accessors), sum(size for size, _ in roots), sum(count for _, count in roots)
+
+
+def _bytes(accessor: dict[str, Any]) -> int:
+    return int(accessor["count"]) * SIZES[accessor["componentType"]] * COUNTS[accessor["type"]]

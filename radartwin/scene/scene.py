@@ -65,11 +65,7 @@ class Scene:
         return Scene((s for s in self.surfaces if s.kind == kind), self.provenance)
 
     def without(self, names: Iterable[str]) -> Scene:
-        """Return a scene without the named surfaces.
-
-        Raises:
-            SceneError: the scene has no surface of that name.
-        """
+        """Return a scene without the named surfaces; an unknown name raises SceneError."""
         names = set(names)
         if unknown := sorted(names - set(self.names)):
             raise SceneError(f"the scene has no surface '{unknown[0]}'; it has {', '.join(sorted(set(self.names)))}")
@@ -82,8 +78,6 @@ class Scene:
 
         Args:
             positions: (F, 3) world positions, or (3,).
-        Raises:
-            SceneError: a position is inside a solid; the message names the surface and the frame.
         """
         positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
         for index, surface in enumerate(self.surfaces):
@@ -97,10 +91,8 @@ class Scene:
                 )
 
     def save(self, folder: str | Path) -> Path:
-        """Write `scene.glb` and then `manifest.json` into `folder`, each atomically.
+        """Write `scene.glb` and then `manifest.json` into `folder`, each atomically. Return the folder.
 
-        Returns:
-            The folder.
         Raises:
             SceneError: the scene has no surfaces.
             OutputError: the folder cannot be written.

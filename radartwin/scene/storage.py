@@ -8,7 +8,6 @@ last, so its checksum detects a folder whose writing was interrupted or whose ge
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -128,11 +127,10 @@ def _read_folder(folder: Path) -> tuple[list[Surface], dict[str, Any]]:
     for part in (MANIFEST, GEOMETRY):
         if not (folder / part).is_file():
             raise MissingError(f"scene folder {folder} has no {part}; write it with Scene.save or radartwin reconstruct")
-    glb = (folder / GEOMETRY).read_bytes()
     manifest = _manifest(folder / MANIFEST)
-    if manifest.get("sha256") != hashlib.sha256(glb).hexdigest():
+    if manifest.get("sha256") != hashlib.sha256((folder / GEOMETRY).read_bytes()).hexdigest():
         raise SceneError(f"{folder / GEOMETRY} is not the geometry that {MANIFEST} describes; save the scene again")
-    meshes = read_meshes(io.BytesIO(glb), "glb", folder / GEOMETRY)
+    meshes = read_meshes(folder / GEOMETRY)
     surfaces = []
     for entry in manifest["surfaces"]:
         missing = [key for key in ("geometry", "material") if key not in entry]

@@ -93,17 +93,12 @@ LOOKS: dict[str, Look] = {
 
 @lru_cache(maxsize=128)
 def bitmap(name: str, seed: int = 0) -> np.ndarray:
-    """Draw the bitmap of a look: (h, w, 3) uint8, read-only, row 0 at the top.
-
-    Raises:
-        SceneError: the look does not exist.
-    """
+    """Draw the bitmap of a look: (h, w, 3) uint8, read-only, row 0 at the top."""
     look = _look(name)
     shape = (round(look.height_m / look.pixel_m), round(look.width_m / look.pixel_m))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
     colours = np.array([patterns.rgb(c) for c in look.colours])
-    image = np.clip(look.draw(rng, shape, look.pixel_m, colours), 0, 1)
-    out = np.rint(255 * image).astype(np.uint8)
+    out = _as_bytes(look.draw(rng, shape, look.pixel_m, colours))
     out.setflags(write=False)
     return out
 
@@ -134,23 +129,18 @@ def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, alo
     """Return a copy of a flat mesh covered by one picture.
 
     Args:
-        image: (h, w, 3) uint8, row 0 at the top.
+        image: (h, w, 3) floats in 0..1, row 0 at the top.
         corner: (3,) position of the picture's lower left corner.
         along, up: (3,) vectors along the picture's lower and left edge, as long as the edges, in metres.
     """
     offset = np.asarray(mesh.vertices) - corner
     uv = np.stack([offset @ along / (along @ along), offset @ up / (up @ up)], axis=1)
-    return _textured(mesh.vertices, mesh.faces, mesh.vertex_normals, uv, _pbr(image, 0.0))
+    return _textured(mesh.vertices, mesh.faces, mesh.vertex_normals, uv, _pbr(_as_bytes(image), 0.0))
 
 
-def picture(canvas: np.ndarray) -> np.ndarray:
-    """Convert (h, w, 3) floats in 0..1 to uint8, for `with_image`."""
-    return np.rint(255 * np.clip(canvas, 0, 1)).astype(np.uint8)
-
-
-def tiled(name: str, size_m: tuple[float, float], pixel_m: float, seed: int = 0) -> np.ndarray:
+def tiled(name: str, size_m: tuple[float, float], pixel_m: float) -> np.ndarray:
     """Repeat a look over a rectangle (width, height); returns (h, w, 3) floats in 0..1."""
-    look, tile = LOOKS[name], bitmap(name, seed)
+    look, tile = LOOKS[name], bitmap(name)
     columns = ((np.arange(round(size_m[0] / pixel_m)) + 0.5) * pixel_m % look.width_m / look.width_m * tile.shape[1]).astype(int)
     rows = ((np.arange(round(size_m[1] / pixel_m)) + 0.5) * pixel_m % look.height_m / look.height_m * tile.shape[0]).astype(int)
     return tile[rows[:, None], columns[None, :]] / 255.0
@@ -200,6 +190,11 @@ def _with_label(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) ->
 def _textured(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, material: PBRMaterial) -> trimesh.Trimesh:
     visual = TextureVisuals(uv=uv, material=material)
     return trimesh.Trimesh(np.array(vertices), np.array(faces), vertex_normals=np.array(normals), visual=visual, process=False)
+
+
+def _as_bytes(image: np.ndarray) -> np.ndarray:
+    """Convert (h, w, 3) floats in 0..1 to uint8."""
+    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
 @lru_cache(maxsize=128)

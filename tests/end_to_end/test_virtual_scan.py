@@ -11,17 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scans.accuracy import accuracy, sighted
+from experiments.scans.accuracy import accuracy
 from experiments.scans.scan import TARGETS, case_rows, scores
-from experiments.scans.segment_score import score_segments
-from experiments.scans.true_surfaces import Truth
 from experiments.scans.virtual_scan import scanned
 from experiments.speed.bench_scan import measure
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
-from radartwin.reconstruct.segmentation.faces import Segment
-from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
@@ -50,21 +46,6 @@ def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp
     if strength <= 1:
         assert rows["shell_single"]["verdict"] == "holds"
     assert set(rows) >= set(TARGETS) - {"glass_recall"}
-
-
-def test_atrium_mesh_bounds_the_possible_recall() -> None:
-    """Assign each face to the true surface on which it lies. An ideal segmentation then misses only surfaces that the fusion lost."""
-    room = rooms.room("atrium", detail="cluttered")
-    frames, seen = scan(room, 0, 1.0)
-    mesh = fuse(frames)[0]
-    look = sighted(seen, frames)
-    truth = Truth.of(room, look)
-    owner = truth.owners()(np.asarray(mesh.triangles_center), np.asarray(mesh.face_normals))
-    ideal = [Segment(np.flatnonzero(owner == k), float(mesh.area_faces[owner == k].sum())) for k in range(len(truth.scene))]
-    ceiling = score_segments(mesh, [s for s in ideal if s.faces.size], room, look)
-    found = score_segments(mesh, segmented(mesh), room, look)
-    assert ceiling.recall > 0.87
-    assert found.recall > 0.9 * ceiling.recall
 
 
 def test_fusion_of_the_largest_room_needs_less_than_a_minute_on_two_cores_and_four_gigabytes():

@@ -348,6 +348,7 @@ def test_a_mesh_reads_no_picture_outside_its_folder(uri: str, tmp_path: Path) ->
         visual: Any = mesh.visual
         material = getattr(visual, "material", None)
         assert getattr(material, "baseColorTexture", None) is None
+        assert visual.kind == "vertex"  # the plain colour of the material
         assert getattr(material, "image", None) is None
 
 

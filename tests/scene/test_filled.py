@@ -12,7 +12,7 @@ from PIL import Image
 from radartwin.label.raster import Camera, Drawing
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.viewer.display_mesh import HATCH, MAX_FACES, texture
+from radartwin.scene.viewer.display_mesh import HATCH, texture
 from radartwin.scene.viewer.page import describe
 
 RED = (200, 30, 30, 255)
@@ -51,7 +51,7 @@ def test_a_filled_patch_is_transparent_and_keeps_its_estimated_colour(floor):
 
 
 def test_the_page_hatches_a_filled_patch_and_the_card_gives_its_area(floor):
-    content, _ = describe(Scene([floor]), None, None, "colour", MAX_FACES)
+    content, _ = describe(Scene([floor]), by="colour")
     card = dict(content["surfaces"][0]["facts"])
     filled = floor.provenance["filled_m2"]
     assert filled == pytest.approx(HOLE_M2, rel=0.2)
@@ -64,11 +64,12 @@ def test_the_page_hatches_a_filled_patch_and_the_card_gives_its_area(floor):
     assert np.ptp(middle.mean(axis=2)) > 25, "hatched"
 
 
-def test_the_card_of_a_completely_scanned_surface_lists_no_filled_area(floor):
-    whole = floor.replaced(provenance={**floor.provenance, "filled_m2": 0.0})
-    content, _ = describe(Scene([whole]), None, None, "material", MAX_FACES)
-    assert "never scanned" not in dict(content["surfaces"][0]["facts"])
-    assert not content["has_filled"]
-    pane = floor.replaced(provenance={"completed": True, "filled_m2": 2.0})
-    content, _ = describe(Scene([pane]), None, None, "material", MAX_FACES)
-    assert dict(content["surfaces"][0]["facts"])["never scanned"] == "all of it, an inferred pane"
+@pytest.mark.parametrize(
+    ("provenance", "fact"),
+    [({"filled_m2": 0.0}, None), ({"completed": True, "filled_m2": 2.0}, "all of it, an inferred pane")],
+    ids=["scanned completely", "completed"],
+)
+def test_the_card_tells_how_much_was_never_scanned(floor, provenance, fact):
+    content, _ = describe(Scene([floor.replaced(provenance=provenance)]))
+    assert dict(content["surfaces"][0]["facts"]).get("never scanned") == fact
+    assert content["has_filled"] == (fact is not None)

@@ -4,6 +4,7 @@ import pytest
 
 from radartwin.errors import LayoutError
 from radartwin.scene.layouts.grammar import parse
+from radartwin.scene.layouts.layout import Layout
 
 MUG = {"object": "mug"}
 
@@ -38,7 +39,7 @@ READ = {
 
 @pytest.mark.parametrize(("sentence", "layout"), READ.items(), ids=READ)
 def test_a_simple_sentence_is_read(sentence, layout):
-    assert parse(sentence).to_dict() == {"objects": layout}
+    assert parse(sentence) == Layout.from_dict({"objects": layout})
 
 
 NOT_READ = {

@@ -58,15 +58,6 @@ def test_trihedral_is_three_right_triangles_opening_to_plus_x():
     assert np.isclose(mesh.vertices[:, 2].max(), leg * np.sqrt(2 / 3))  # one leg upright
 
 
-def test_a_ray_into_the_trihedral_returns_antiparallel():
-    normals = objects.trihedral(0.1).face_normals
-    ray = np.array([-0.9, 0.3, 0.2])
-    back = ray.copy()
-    for n in normals:
-        back = back - 2 * (back @ n) * n
-    assert np.allclose(back, -ray)
-
-
 def test_plate_and_dihedral_face_plus_x():
     plate = objects.plate(0.1, 0.2)
     assert np.allclose(plate.face_normals, [1, 0, 0])

@@ -1,17 +1,18 @@
 """Procedural rooms: closed shells, furniture without contact, true materials on every surface, a clear bench."""
 
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from test_textures import visual
 
 from radartwin.errors import SceneError
 from radartwin.materials import Layered, roughness_m
 from radartwin.materials.minc import CATEGORIES
 from radartwin.scene import rooms
 from radartwin.scene.checks import inside_solid
+from radartwin.scene.rooms.parts import DETAILS, FINISHES
 from radartwin.scene.scene import Scene
 from radartwin.simulation import geometry
 from radartwin.simulation.flat import panel_room
@@ -20,16 +21,11 @@ CASES = {
     "lab": {},
     "lab of another size": {"size_m": (8.0, 6.0, 3.2)},
     "atrium": {},
-    "atrium without a skylight": {"skylight": False},
+    "atrium of another size": {"size_m": (14.0, 10.0, 6.0)},
     "squash_court": {},
     "squash_court with glass": {"back": "glass"},
 }
 SHELL = {"floor", "ceiling", "wall_front", "wall_back", "wall_left", "wall_right", "door", "skylight", "door_frame", "transom"}
-
-
-def visual(mesh: Any) -> Any:
-    """The texture or colours of a mesh; trimesh declares no type for them."""
-    return mesh.visual
 
 
 def built(case, detail="cluttered"):
@@ -79,27 +75,11 @@ def test_furniture_is_closed_and_touches_neither_walls_nor_other_furniture(case)
                 assert distance.min() > 0.002, (a, b)
 
 
-def test_faces_of_different_surfaces_do_not_overlap_in_one_plane():
-    by_plane = {}
-    for surface in rooms.lab(detail="cluttered"):
-        for triangle, normal in zip(surface.mesh.triangles, surface.mesh.face_normals, strict=True):
-            axis = int(np.argmax(np.abs(normal)))
-            if abs(normal[axis]) > 1 - 1e-9:
-                corners = np.delete(triangle, axis, axis=1)
-                face = (surface.name, corners.min(axis=0), corners.max(axis=0))
-                by_plane.setdefault((axis, round(float(triangle[0, axis]), 6)), []).append(face)
-    for faces in by_plane.values():
-        for (a, low_a, high_a), (b, low_b, high_b) in itertools.combinations(faces, 2):
-            overlap = np.minimum(high_a, high_b) - np.maximum(low_a, low_b)
-            if a != b and (overlap > 1e-6).all():  # the boxes of triangles overlap at openings only
-                assert {a, b} <= {"wall_left", "window", "wall_front", "door"}
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_every_surface_has_its_true_material(case):
     scene = built(case) + rooms.support(np.array([3.0, 0, 0.4]))
     assert len(set(scene.names)) == len(scene)
-    heights = {roughness_m(finish.roughness) for finish in rooms.FINISHES.values()}
+    heights = {roughness_m(finish.roughness) for finish in FINISHES.values()}
     for surface in scene:
         truth = surface.provenance
         assert (truth["source"], truth["confidence"]) == ("true", 1.0)
@@ -111,26 +91,23 @@ def test_every_surface_has_its_true_material(case):
 
 
 def test_category_and_material_of_a_finish_agree():
-    for name, finish in rooms.FINISHES.items():
+    for name, finish in FINISHES.items():
         if finish.minc == "metal":
             assert finish.material == "metal", name
         if finish.minc == "glass":
             layers = finish.material.layers if isinstance(finish.material, Layered) else [(finish.material, 0)]
             assert {material for material, _ in layers} <= {"glass", "air"}, name
             assert roughness_m(finish.roughness) == 0
-    assert rooms.FINISHES["tiled floor"].stand_in
-    assert not rooms.FINISHES["court wall"].stand_in
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_tracer_treats_rooms_as_panels_except_for_clutter(case):
-    for detail in ("furnished", "cluttered"):
-        scene = built(case, detail)
-        merged = geometry.build([s.mesh for s in scene])
-        panels = panel_room.build(scene.surfaces, merged, None)  # type: ignore[arg-type]
-        assert panels.is_flat(scene.surfaces)
-        by_tubes = {scene.surfaces[i].name for i in np.unique(merged.surface[panels.compact])}
-        assert by_tubes <= set(scene.provenance["clutter"])
+    scene = built(case)
+    merged = geometry.build([s.mesh for s in scene])
+    panels = panel_room.build(scene.surfaces, merged, None)  # type: ignore[arg-type]
+    assert panels.is_flat(scene.surfaces)
+    by_tubes = {scene.surfaces[i].name for i in np.unique(merged.surface[panels.compact])}
+    assert by_tubes <= set(scene.provenance["clutter"])
 
 
 @pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
@@ -138,7 +115,7 @@ def test_rover_and_objects_have_a_clear_place(name):
     scene, bench = rooms.room(name, detail="cluttered"), rooms.bench(name)
     assert bench.sensor_pose[2, 3] == 0.4
     drive = [bench.sensor_pose[:3, 3] + [0.0, y, 0.0] for y in (-0.6, 0.0, 0.6)]
-    scene.check_sensor(np.array(drive + [bench.target_position(d) for d in rooms.ROVER_DISTANCES_M]))
+    scene.check_sensor(np.array(drive + [bench.target_position(d) for d in (0.5, 1.0, 2.0)]))
     for surface in scene:
         if surface.name not in SHELL:
             x, y, _ = surface.mesh.triangles.reshape(-1, 3).T
@@ -146,25 +123,8 @@ def test_rover_and_objects_have_a_clear_place(name):
             assert not (beside & (np.abs(y) < 0.75)).any(), surface.name
 
 
-def test_boresight_of_the_lab_bench_is_clear_and_clutter_lies_between_2_and_6_m():
-    scene, bench = rooms.lab(detail="cluttered"), rooms.lab_bench()
-    scene.check_sensor(bench.sensor_pose[:3, 3])
-    origin = bench.sensor_pose[:3, 3]
-    assert np.array_equal(bench.sensor_pose[:3, 0], [1, 0, 0])
-    for surface in scene:
-        triangles = surface.mesh.triangles[:, :, 1:] - origin[1:]  # seen along the boresight
-        a, b, c = triangles.transpose(1, 0, 2)
-        sides = np.stack([u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] for u, v in ((a, b), (b, c), (c, a))])
-        blocks = (sides > 0).all(axis=0) | (sides < 0).all(axis=0)
-        assert not blocks.any() or surface.name in ("wall_front", "wall_back"), surface.name
-        if surface.name.startswith(("table", "cabinet", "shelf", *rooms.CLUTTER)):
-            distance = np.linalg.norm(surface.mesh.vertices - origin, axis=1)
-            assert 2.0 < distance.min() < 6.0
-    assert np.allclose(bench.target_position(1.5), [2.5, 0, 1.0])
-
-
 def test_detail_levels_are_nested_and_clutter_can_be_left_out():
-    shell, furnished, cluttered = (rooms.lab(detail=d).names for d in rooms.DETAILS)
+    shell, furnished, cluttered = (rooms.lab(detail=d).names for d in DETAILS)
     assert cluttered[: len(furnished)] == furnished
     assert furnished[: len(shell)] == shell
     assert rooms.lab(detail="cluttered").without(rooms.CLUTTER).names == furnished
@@ -198,18 +158,11 @@ def test_court_lines_have_their_regulation_heights():
     assert [red(h) for h in (0.9, 1.80, 1.95, 4.40, 4.59, 4.75)] == [False, True, False, False, True, False]
 
 
-@pytest.mark.parametrize("size", [(10.0, 8.0, 3.5), (14.0, 10.0, 6.0)])
-def test_the_atrium_has_the_given_size(size):
-    assert np.allclose(np.ptp(rooms.atrium(size).bounds, axis=0), size)
-
-
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
         ("attic", {}, "choose lab, atrium, squash_court"),
         ("lab", {"back": "glass"}, "no option 'back'; it takes size_m, detail"),
-        ("lab", {"detail": "messy"}, "shell, furnished"),
-        ("lab", {"size_m": (3.0, 2.0, 2.4)}, "at least"),
         ("atrium", {"size_m": (3, 3, 3)}, "at least 10.0 x 8.0 x 3.5"),
         ("atrium", {"size_m": (12, 9)}, "2 numbers"),
         ("squash_court", {"back": "brick"}, "choose solid or glass"),
@@ -221,23 +174,8 @@ def test_invalid_rooms_and_options_are_refused(name, options, words):
         rooms.room(name, **options)
 
 
-def test_free_space_has_no_surfaces():
-    assert len(rooms.room("empty")) == len(rooms.room("void")) == 0
-    assert rooms.room("void").provenance["room"] == "void"
-
-
 def test_support_ends_under_the_object_and_clears_the_floor():
     scene = rooms.empty() + rooms.support(np.array([2.5, 0, 0.95]))
     assert isinstance(scene, Scene)
     assert np.allclose(scene.bounds, [[2.35, -0.15, rooms.GAP], [2.65, 0.15, 0.95]])
     assert {s.kind for s in scene} == {"object"}
-
-
-def test_rooms_are_reproducible_and_differ_by_seed():
-    first, again, other = (rooms.atrium(seed=s) for s in (0, 0, 1))
-    for a, b in zip(first, again, strict=True):
-        assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
-        assert np.array_equal(visual(a.mesh).uv, visual(b.mesh).uv)
-    pictures = [np.asarray(visual(s.surfaces[0].mesh).material.baseColorTexture) for s in (first, again, other)]
-    assert np.array_equal(pictures[0], pictures[1])
-    assert not np.array_equal(pictures[0], pictures[2])

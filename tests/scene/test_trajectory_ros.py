@@ -14,58 +14,41 @@ TIMES = np.arange(5) * 0.25
 ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
 
 
-class Bag:
-    """A writer of a ROS 1 or ROS 2 bag that takes plain numbers."""
+def message(store, version, kind, time, frame, child, xyz, quaternion):
+    """Build a message of a body at a place."""
 
-    def __init__(self, path, version):
-        from rosbags.rosbag1 import Writer as Writer1
-        from rosbags.rosbag2 import Writer as Writer2
-        from rosbags.typesys import Stores, get_typestore
+    def new(name, *values):
+        return store.types[name](*values)
 
-        self.version, self.store = version, get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
-        self.writer = Writer1(path) if version == 1 else Writer2(path, version=8)
-        self.connections = {}
+    sequence = [0] if version == 1 else []
+    stamp = new("builtin_interfaces/msg/Time", int(time), round(1e9 * (time % 1)))
+    header = new("std_msgs/msg/Header", *sequence, stamp, frame)
+    place, turn = map(float, xyz), new("geometry_msgs/msg/Quaternion", *map(float, quaternion))
+    if kind == TF:
+        move = new("geometry_msgs/msg/Transform", new("geometry_msgs/msg/Vector3", *place), turn)
+        return new(TF, [new("geometry_msgs/msg/TransformStamped", header, child, move)])
+    pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", *place), turn)
+    if kind == POSE:
+        return new(POSE, header, pose)
+    still = new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    twist = new("geometry_msgs/msg/TwistWithCovariance", new("geometry_msgs/msg/Twist", still, still), np.zeros(36))
+    return new(ODOMETRY, header, child, new("geometry_msgs/msg/PoseWithCovariance", pose, np.zeros(36)), twist)
 
-    def __enter__(self):
-        self.writer.open()
-        return self
 
-    def __exit__(self, *_):
-        self.writer.close()
+def write_bag(path, *bodies, version=2):
+    """Write bodies (topic, kind, time, frame, child, xyz, quaternion) as a ROS 1 or ROS 2 bag."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
 
-    def type(self, name):
-        return self.store.types[name]
-
-    def header(self, time, frame):
-        stamp = self.type("builtin_interfaces/msg/Time")(sec=int(time), nanosec=round(1e9 * (time % 1)))
-        more = {"seq": 0} if self.version == 1 else {}
-        return self.type("std_msgs/msg/Header")(stamp=stamp, frame_id=frame, **more)
-
-    def vector(self, kind, xyz):
-        return self.type(f"geometry_msgs/msg/{kind}")(*map(float, xyz))
-
-    def pose(self, xyz, quaternion):
-        return self.type("geometry_msgs/msg/Pose")(position=self.vector("Point", xyz), orientation=self.vector("Quaternion", quaternion))
-
-    def write(self, topic, kind, message, time):
-        if topic not in self.connections:
-            self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.store)
-        raw = self.store.serialize_ros1(message, kind) if self.version == 1 else self.store.serialize_cdr(message, kind)
-        self.writer.write(self.connections[topic], round(1e9 * time), raw)
-
-    def odometry(self, topic, time, xyz, quaternion, child="base_link"):
-        zero = self.vector("Vector3", (0, 0, 0))
-        twist = self.type("geometry_msgs/msg/TwistWithCovariance")(self.type("geometry_msgs/msg/Twist")(zero, zero), np.zeros(36))
-        where = self.type("geometry_msgs/msg/PoseWithCovariance")(self.pose(xyz, quaternion), np.zeros(36))
-        self.write(topic, ODOMETRY, self.type(ODOMETRY)(self.header(time, "odom"), child, where, twist), time)
-
-    def stamped(self, topic, time, xyz, quaternion):
-        self.write(topic, POSE, self.type(POSE)(self.header(time, "map"), self.pose(xyz, quaternion)), time)
-
-    def transform(self, topic, time, parent, child, xyz, quaternion):
-        move = self.type("geometry_msgs/msg/Transform")(self.vector("Vector3", xyz), self.vector("Quaternion", quaternion))
-        message = self.type("geometry_msgs/msg/TransformStamped")(self.header(time, parent), child, move)
-        self.write(topic, TF, self.type(TF)([message]), time)
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    connections = {}
+    with Writer1(path) if version == 1 else Writer2(path, version=8) as writer:
+        for topic, kind, time, *body in bodies:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
+            writer.write(connections[topic], round(1e9 * time), serialize(message(store, version, kind, time, *body), kind))
 
 
 def yaw(degrees):
@@ -75,9 +58,9 @@ def yaw(degrees):
 @pytest.mark.parametrize("version", [1, 2])
 def test_odometry_is_read_as_written(tmp_path, version):
     path = tmp_path / ("run.bag" if version == 1 else "run")
-    with Bag(path, version) as bag:
-        for time in TIMES:
-            bag.odometry("/odom", time, (0.2 * time, 0, 0.1), yaw(90 * time))
+    write_bag(
+        path, *(("/odom", ODOMETRY, time, "odom", "base_link", (0.2 * time, 0, 0.1), yaw(90 * time)) for time in TIMES), version=version
+    )
     track = read_track(path)
     assert np.allclose(track.times_s, TIMES)
     assert np.allclose(track.poses[:, 0, 3], 0.2 * TIMES)
@@ -86,10 +69,9 @@ def test_odometry_is_read_as_written(tmp_path, version):
 
 
 def test_a_topic_selects_its_poses_and_without_one_the_topics_are_listed(tmp_path):
-    with Bag(tmp_path / "run", 2) as bag:
-        for time in TIMES:
-            bag.odometry("/odom", time, (0, 0, 0), yaw(0))
-            bag.stamped("/mocap/radar", time, (1, 0.1 * time, 0.4), yaw(0))
+    robot = [("/odom", ODOMETRY, time, "odom", "base_link", (0, 0, 0), yaw(0)) for time in TIMES]
+    radar = [("/mocap/radar", POSE, time, "map", "", (1, 0.1 * time, 0.4), yaw(0)) for time in TIMES]
+    write_bag(tmp_path / "run", *robot, *radar)
     assert np.allclose(read_track(tmp_path / "run", topic="/mocap/radar").poses[-1, :3, 3], [1, 0.1, 0.4])
     for topic in (None, "/odometry"):
         with pytest.raises(PoseError, match=r"/mocap/radar \(geometry_msgs/PoseStamped\), /odom \(nav_msgs/Odometry\)"):
@@ -97,13 +79,14 @@ def test_a_topic_selects_its_poses_and_without_one_the_topics_are_listed(tmp_pat
 
 
 def test_transforms_are_chained_and_optical_frames_converted(tmp_path):
-    with Bag(tmp_path / "run", 2) as bag:
-        bag.transform("/tf_static", 0.0, "base_link", "radar_link", (0.3, 0, 0.4), yaw(0))
-        optical = Rotation.from_matrix(np.linalg.inv(OPTICAL)).as_quat()  # a camera that looks along the radar's x
-        bag.transform("/tf_static", 0.0, "radar_link", "camera_optical_frame", (0, 0, 0), optical)
-        for time in TIMES:
-            bag.transform("/tf", time, "odom", "base_link", (time, 0, 0), yaw(90))
-            bag.transform("/tf", time, "map", "odom", (0, 5, 0), yaw(0))
+    optical = Rotation.from_matrix(np.linalg.inv(OPTICAL)).as_quat()  # a camera that looks along the radar's x
+    write_bag(
+        tmp_path / "run",
+        ("/tf_static", TF, 0.0, "base_link", "radar_link", (0.3, 0, 0.4), yaw(0)),
+        ("/tf_static", TF, 0.0, "radar_link", "camera_optical_frame", (0, 0, 0), optical),
+        *(("/tf", TF, time, "odom", "base_link", (time, 0, 0), yaw(90)) for time in TIMES),
+        *(("/tf", TF, time, "map", "odom", (0, 5, 0), yaw(0)) for time in TIMES),
+    )
     track = read_track(tmp_path / "run", topic="/tf", frame="radar_link")
     assert np.allclose(track.poses[:, :3, 3], [(t, 5.3, 0.4) for t in TIMES])
     assert np.allclose(track.poses[0, :3, 0], [0, 1, 0])
@@ -122,7 +105,6 @@ def test_invalid_and_short_bags_are_refused(tmp_path):
     (tmp_path / "folder").mkdir()
     with pytest.raises(PoseError, match="ROS bag"):
         read_track(tmp_path / "folder")
-    with Bag(tmp_path / "short", 2) as bag:
-        bag.stamped("/pose", 0.0, (0, 0, 0), yaw(0))
+    write_bag(tmp_path / "short", ("/pose", POSE, 0.0, "map", "", (0, 0, 0), yaw(0)))
     with pytest.raises(PoseError, match="at least two"):
         read_track(tmp_path / "short")

@@ -60,7 +60,7 @@ def test_the_page_needs_no_other_file_and_lists_surfaces_and_materials(tmp_path)
 
 
 def test_the_card_lists_the_facts_of_the_material():
-    content, _ = describe(scene(), None, None, "material", 10**6)
+    content, _ = describe(scene())
     facts = dict(content["surfaces"][1]["facts"])
     assert facts["material"] == "glass"
     assert (facts["source"], facts["confidence"], facts["category"]) == ("vlm", "62%", "ceramic")
@@ -88,7 +88,7 @@ def test_reflectivity_is_the_fresnel_value_and_its_colour_is_on_the_ramp():
 
 def test_the_arrays_hold_every_triangle_of_every_surface():
     shown_scene = scene()
-    _, (positions, surface, colours, _, faces) = describe(shown_scene, None, None, "material", 10**6)
+    _, (positions, surface, colours, _, faces) = describe(shown_scene)
     assert len(positions) == len(surface) == len(colours)
     for k, expected in enumerate(shown_scene):
         mine = faces[surface[faces[:, 0]] == k]
@@ -104,7 +104,7 @@ def test_a_large_scene_is_thinned_for_the_page_only():
     for before, after in zip(meshes, thin, strict=True):
         assert np.allclose(before.bounds, after.bounds, atol=cell)
         assert after.area == pytest.approx(before.area, rel=0.15)  # noise at cell borders adds area
-    content, _ = describe(Scene([Surface(m, "wood", role="room") for m in meshes]), None, None, "material", 30_000)
+    content, _ = describe(Scene([Surface(m, "wood", role="room") for m in meshes]), max_faces=30_000)
     assert "thinned for this page" in content["note"]
     assert f"{sum(len(m.faces) for m in meshes):,} triangles" in content["note"]
     assert display_mesh.thinned(meshes, 10**6) == (meshes, 0.0)
@@ -136,16 +136,10 @@ def test_walls_are_distinguished_from_furniture_for_either_winding():
 
 def test_track_and_boresight_are_in_world_coordinates():
     poses = trajectory.depth_sweep(trajectory.look_at([1, 1, 0.4], [1, 3, 0.4]))
-    content, _ = describe(scene(), poses, None, "material", 10**6)
+    content, _ = describe(scene(), poses)
     assert content["radar"] == {"position": [1.0, 1.0, 0.4], "boresight": [0.0, 1.0, 0.0]}
     assert any(np.allclose(line["to"], [1, 2, 0.4]) for line in content["lines"])  # a metre along the boresight
     assert any("0.98 m" in label["text"] for label in content["labels"])
-
-
-def test_a_name_with_markup_cannot_break_the_page(tmp_path):
-    nasty = "</script><script>alert(1)</script>"
-    _, content = shown(view(Scene([Surface(grid(), "wood", nasty)]), tmp_path / "page.html", title=nasty))
-    assert content["surfaces"][0]["name"] == content["title"] == nasty
 
 
 @pytest.mark.parametrize(
@@ -167,7 +161,7 @@ def test_invalid_arguments_are_refused_and_no_file_is_written(tmp_path, change, 
 
 def test_each_texture_is_in_the_page_once_with_its_coordinates():
     room = rooms.lab(detail="shell")
-    content, (_, surface, _, coordinates, _) = describe(room, None, None, "colour", 10**6)
+    content, (_, surface, _, coordinates, _) = describe(room, by="colour")
     assert 0 < len(content["pictures"]) <= len(room)
     assert all(p.startswith("data:image/jpeg;base64,") for p in content["pictures"])
     used = coordinates[:, 2]

@@ -11,6 +11,7 @@ from radartwin.materials.permittivity_by_name import split
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms
+from radartwin.scene.rooms.parts import STUD_WALL
 from radartwin.scene.trajectories import trajectory
 from radartwin.testbed.testbed import OFF, Gaps, actual, received, truth
 from radartwin.testbed.variation import HEADSPACE, ROUGHNESS_M, ROUGHNESS_OTHER_M
@@ -65,8 +66,8 @@ def test_layer_deviations_have_the_described_spread():
         stack = materials(truth(wall, only(materials=1.0), seed))["wall_front"]
         assert isinstance(stack, Layered)
         name, real, loss = split(stack.layers[0][0])
-        assert name == rooms.STUD_WALL.layers[0][0]
-        found.append([stack.layers[0][1] / rooms.STUD_WALL.layers[0][1], real, loss])
+        assert name == STUD_WALL.layers[0][0]
+        found.append([stack.layers[0][1] / STUD_WALL.layers[0][1], real, loss])
     np.testing.assert_allclose(np.log(found).std(axis=0), [0.05, 0.10, 0.5], rtol=0.1)
     assert materials(truth(LAB, only(materials=2.0, clutter=1.0), 0))["cabinet"] == "metal"
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 
 from radartwin.errors import LayoutError
 from radartwin.scene.layouts.layout import SENSOR_NAMES
@@ -80,14 +81,17 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
     return [_anchor(group, middle) for group in groups.values()]
 
 
-def supports(anchors: Sequence[Anchor]) -> list[tuple[Anchor, Surface]]:
-    """Return each anchor on which an object can stand, with the part of the anchor that has the largest level area."""
-    out = []
-    for anchor in anchors:
-        areas = [level_area(s) for s in anchor.surfaces]
-        if areas and max(areas) > STANDS_ON_M2:
-            out.append((anchor, anchor.surfaces[int(np.argmax(areas))]))
-    return out
+def supports(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Surface]:
+    """Return the supports that `text` may mean: of each anchor the part with the largest level area.
+
+    Raises:
+        LayoutError: no anchor matches, or an object can stand on none of them.
+    """
+    parts = [max(anchor.surfaces, key=level_area) for anchor in find(text, scene, sensor_pose) if anchor.surfaces]
+    level = [part for part in parts if level_area(part) > STANDS_ON_M2]
+    if not level:
+        raise LayoutError(f"nothing can stand on '{text}': it has no level side; choose another support")
+    return level
 
 
 def level_area(surface: Surface) -> float:
@@ -140,6 +144,8 @@ def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) 
     For a flat, upright anchor the vector is the normal into the room. For furniture the vector is normal to a side of the smallest
     enclosing rectangle: the side that faces the middle of the room best.
     """
+    from scipy.spatial import QhullError
+
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     areas = np.concatenate([s.mesh.area_faces for s in surfaces])
     normals = np.vstack([s.mesh.face_normals for s in surfaces])
@@ -148,20 +154,8 @@ def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) 
     if np.linalg.norm(mean) > FACING:
         mean = mean / np.linalg.norm(mean)
         return mean if mean @ inward >= 0 else -mean
-    angle = _box_angle(points)
-    sides = [np.array([np.cos(angle + k * np.pi / 2), np.sin(angle + k * np.pi / 2)]) for k in range(4)]
-    return max(sides, key=lambda side: (round(float(side @ inward), 6), *side.round(6)))
-
-
-def _box_angle(points: np.ndarray) -> float:
-    """Return the angle of the smallest rectangle around points (N, 2), in [0, pi/2)."""
-    from scipy.spatial import ConvexHull, QhullError
-
     try:
-        hull = points[ConvexHull(points).vertices]
+        axes = trimesh.bounds.oriented_bounds_2D(points)[0][:2, :2]
     except (QhullError, ValueError):  # all points on a line: a wall seen from above
-        return 0.0
-    edges = np.diff(np.vstack([hull, hull[:1]]), axis=0)
-    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 9))
-    rotated = [hull @ np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in angles]
-    return float(angles[int(np.argmin([np.prod(np.ptp(r, axis=0)) for r in rotated]))])
+        axes = np.eye(2)
+    return max(np.vstack([axes, -axes]), key=lambda side: (round(float(side @ inward), 6), *side.round(6)))

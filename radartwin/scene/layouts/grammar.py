@@ -14,7 +14,7 @@ import re
 from dataclasses import replace
 
 from radartwin.errors import LayoutError
-from radartwin.scene.layouts.layout import Item, Layout, Relation
+from radartwin.scene.layouts.layout import Item, Layout, Relation, check_places
 
 READS = (
     "'OBJECT on THING' and 'OBJECT [1.5 m | 30 cm] in front of | behind | left of | right of | beside | under THING', "
@@ -69,7 +69,8 @@ def parse(sentence: str) -> Layout:
         items.append(_with(Item(subject), clause, phrases, items, len(items), sentence))
     if not items:
         raise _refusal(sentence, "it is empty")
-    return Layout.from_dict(Layout(tuple(items)).to_dict(), f"'{sentence}'")
+    check_places(items, f"'{sentence}'")
+    return Layout(tuple(items))
 
 
 def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Item], index: int, sentence: str) -> Item:

@@ -34,18 +34,16 @@ support of its anchor if the anchor is an object, and on the floor otherwise.
 from __future__ import annotations
 
 import copy
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 from radartwin.errors import LayoutError, MissingError
 from radartwin.io import untrusted_yaml
+from radartwin.materials import Layered
 from radartwin.scene.mesh_file import MESH_SUFFIXES
-
-if TYPE_CHECKING:
-    import yaml
+from radartwin.scene.storage import material_from_json
 
 RELATIONS = ("in front of", "behind", "left of", "right of", "beside", "under")
 SENSOR_NAMES = ("sensor", "radar")
@@ -89,26 +87,20 @@ SCHEMA: dict[str, Any] = {
     },
 }
 
-_MATERIAL = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["layers"],
-    "properties": {
-        "layers": {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}},
-        "backing": {"type": "string"},
+FILE_SCHEMA = copy.deepcopy(SCHEMA)  # of a layout file, in which an object may also be a mesh file
+FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
+    "material": {
+        "type": ["string", "null", "object"],
+        "additionalProperties": False,
+        "required": ["layers"],
+        "properties": {
+            "layers": {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}},
+            "backing": {"type": "string"},
+        },
     },
+    "unit": {"enum": ["m", "cm", "mm", "in", None]},
+    "up": {"enum": ["z", "y", None]},
 }
-
-
-def _file_schema() -> dict[str, Any]:
-    """Return the schema of a layout file: the schema for language models, extended by mesh files as objects."""
-    schema = copy.deepcopy(SCHEMA)
-    schema["properties"]["objects"]["items"]["properties"] |= {
-        "material": {"anyOf": [{"type": ["string", "null"]}, _MATERIAL]},
-        "unit": {"enum": ["m", "cm", "mm", "in", None]},
-        "up": {"enum": ["z", "y", None]},
-    }
-    return schema
 
 
 @dataclass(frozen=True)
@@ -126,8 +118,7 @@ class Item:
 
     Attributes:
         object: name of a catalogue object, or path of a mesh file.
-        material, unit, up: material, length unit and upward axis of a mesh file. The material is a name or, as in a manifest, layers and
-            backing.
+        material, unit, up: material, length unit and upward axis of a mesh file.
     """
 
     object: str
@@ -137,7 +128,7 @@ class Item:
     relations: tuple[Relation, ...] = ()
     yaw_deg: float = 0.0
     held: bool = False
-    material: str | Mapping[str, Any] | None = None
+    material: str | Layered | None = None
     unit: str = "m"
     up: str = "z"
 
@@ -159,47 +150,16 @@ class Layout:
         Raises:
             LayoutError: the document is not a layout; the message, one line, names the place in the document.
         """
-        check(value, source)
-        items = tuple(_item(entry) for entry in value["objects"])
-        for index, item in enumerate(items):
-            where = f"{source}: objects[{index}] ({item.object})"
-            at = item.position_m
-            if at is None and item.on is None and not item.relations:
-                raise LayoutError(f"{where} has no place; give position_m, on, or relations")
-            if at is not None and item.relations:
-                raise LayoutError(f"{where} has both position_m and relations; give one of them")
-            if at is not None and len(at) == 3 and item.on is not None:
-                raise LayoutError(f"{where} has a height in position_m and on={item.on}; leave the height or on out")
-            if item.held and (at is None or len(at) != 3):
-                raise LayoutError(f"{where} is held, so its height must be given: position_m: [x, y, z]")
-            if item.is_mesh and item.material is None:
-                raise LayoutError(f"{where} is a mesh, which has no material; give material: NAME")
-            if not item.is_mesh and (item.material, item.unit, item.up) != (None, "m", "z"):
-                raise LayoutError(f"{where} is of the catalogue, which defines its material, unit and up; leave them out")
-        return cls(items)
+        from jsonschema import Draft202012Validator
+        from jsonschema.exceptions import best_match
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the layout as a dictionary for `from_dict`, without fields that have their default value."""
-        out = []
-        for item in self.items:
-            entry: dict[str, Any] = {"object": item.object}
-            if item.name:
-                entry["name"] = item.name
-            if item.on is not None:
-                entry["on"] = item.on
-            if item.position_m is not None:
-                entry["position_m"] = list(item.position_m)
-            if item.relations:
-                entry["relations"] = [{k: v for k, v in vars(r).items() if v is not None} for r in item.relations]
-            if item.yaw_deg:
-                entry["yaw_deg"] = item.yaw_deg
-            if item.held:
-                entry["held"] = True
-            if item.material is not None:
-                entry["material"] = item.material if isinstance(item.material, str) else dict(item.material)
-            entry |= {key: value for key, value, default in (("unit", item.unit, "m"), ("up", item.up, "z")) if value != default}
-            out.append(entry)
-        return {"objects": out}
+        error = best_match(Draft202012Validator(FILE_SCHEMA).iter_errors(value))
+        if error is not None:
+            place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
+            raise LayoutError(f"{source}: {place}: {' '.join(error.message.split())[:200]}")
+        items = tuple(_item(entry) for entry in value["objects"])
+        check_places(items, source)
+        return cls(items)
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
@@ -215,40 +175,41 @@ class Layout:
         if not path.is_file():
             raise MissingError(f"layout {path} is not there; give a YAML file with a list of objects")
         try:
-            value = yaml.load(path.read_text(encoding="utf-8"), _loader())
+            value = _with_on(untrusted_yaml.load(path.read_text(encoding="utf-8")))
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]})") from error
         layout = cls.from_dict(value, str(path))
         return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
 
 
-def _loader() -> type[yaml.SafeLoader]:
-    """Return a YAML loader of safe types that reads `on` as text: only true and false are booleans."""
-    import yaml
-
-    class Loader(untrusted_yaml.loader()):
-        yaml_implicit_resolvers: ClassVar = {
-            first: [(tag, pattern) for tag, pattern in pairs if tag != "tag:yaml.org,2002:bool"]
-            for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
-        }
-
-    Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF"))
-    return Loader
+def _with_on(value: Any) -> Any:
+    """Restore the key `on`, which YAML 1.1 reads as the boolean true."""
+    if isinstance(value, dict):
+        return {"on" if key is True else key: _with_on(content) for key, content in value.items()}
+    return [_with_on(content) for content in value] if isinstance(value, list) else value
 
 
-def check(value: Any, source: str) -> None:
-    """Refuse a document that does not fit the schema.
+def check_places(items: Sequence[Item], source: str) -> None:
+    """Refuse objects without a place, with contradictory places, or with the settings of a mesh on a catalogue object.
 
     Raises:
-        LayoutError: the document violates the schema; the message names the most relevant violation and its place.
+        LayoutError: the message names the object.
     """
-    from jsonschema import Draft202012Validator
-    from jsonschema.exceptions import best_match
-
-    error = best_match(Draft202012Validator(_file_schema()).iter_errors(value))
-    if error is not None:
-        place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
-        raise LayoutError(f"{source}: {place}: {' '.join(error.message.split())[:200]}")
+    for index, item in enumerate(items):
+        where = f"{source}: objects[{index}] ({item.object})"
+        at = item.position_m
+        if at is None and item.on is None and not item.relations:
+            raise LayoutError(f"{where} has no place; give position_m, on, or relations")
+        if at is not None and item.relations:
+            raise LayoutError(f"{where} has both position_m and relations; give one of them")
+        if at is not None and len(at) == 3 and item.on is not None:
+            raise LayoutError(f"{where} has a height in position_m and on={item.on}; leave the height or on out")
+        if item.held and (at is None or len(at) != 3):
+            raise LayoutError(f"{where} is held, so its height must be given: position_m: [x, y, z]")
+        if item.is_mesh and item.material is None:
+            raise LayoutError(f"{where} is a mesh, which has no material; give material: NAME")
+        if not item.is_mesh and (item.material, item.unit, item.up) != (None, "m", "z"):
+            raise LayoutError(f"{where} is of the catalogue, which defines its material, unit and up; leave them out")
 
 
 def _item(entry: Mapping[str, Any]) -> Item:
@@ -257,4 +218,6 @@ def _item(entry: Mapping[str, Any]) -> Item:
         given["position_m"] = tuple(float(v) for v in given["position_m"])
     if "relations" in given:
         given["relations"] = tuple(Relation(**relation) for relation in given["relations"])
+    if "material" in given:
+        given["material"] = material_from_json(given["material"])
     return Item(**given)

@@ -7,7 +7,6 @@ is not a layout or has an unknown name, the model gets the reason and answers ag
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -24,42 +23,25 @@ ANSWERS = 3  # attempts per sentence
 _MAX_NAMES = 300  # number of surface names in the question to the model; larger surfaces have priority
 
 
-def read_sentence(
-    sentence: str,
-    scene: Scene,
-    sensor_pose: np.ndarray | None = None,
-    endpoint: Endpoint | None = None,
-    objects: Sequence[str] | None = None,
-) -> Layout:
+def read_sentence(sentence: str, scene: Scene, sensor_pose: np.ndarray | None = None, endpoint: Endpoint | None = None) -> Layout:
     """Convert a sentence to a layout with the grammar, or with the language model if the grammar fails and `endpoint` is given.
 
-    Args:
-        objects: names of the objects that can be placed; by default the names of the catalogue.
     Raises:
         LayoutError: the grammar cannot read the sentence and `endpoint` is None.
-        BackendError: the model's server does not respond, or no answer is usable.
+        BackendError: the model's server does not respond, or gives no usable answer in ANSWERS attempts.
     """
     try:
         return grammar.parse(sentence)
     except LayoutError:
         if endpoint is None:
             raise
-    return ask(sentence, scene, endpoint, sensor_pose, stock_names() if objects is None else objects)
-
-
-def ask(sentence: str, scene: Scene, endpoint: Endpoint, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> Layout:
-    """Convert a sentence to a layout with the language model.
-
-    Raises:
-        BackendError: the server does not respond, or gives no usable answer in ANSWERS attempts.
-    """
-    messages = [{"role": "system", "content": _task(scene, objects)}, {"role": "user", "content": sentence}]
+    messages = [{"role": "system", "content": _task(scene)}, {"role": "user", "content": sentence}]
     problem = ""
     for _ in range(ANSWERS):
         text = endpoint.complete(messages, SCHEMA, "layout")
         try:
             layout = Layout.from_dict(_parsed(text), "the answer")
-            _check_names(layout, scene, sensor_pose, objects)
+            _check_names(layout, scene, sensor_pose)
             return layout
         except LayoutError as error:
             problem = str(error)
@@ -72,12 +54,12 @@ def ask(sentence: str, scene: Scene, endpoint: Endpoint, sensor_pose: np.ndarray
     )
 
 
-def _task(scene: Scene, objects: Sequence[str]) -> str:
+def _task(scene: Scene) -> str:
     largest = sorted((s for s in scene if s.name), key=lambda s: -float(s.mesh.area))[:_MAX_NAMES]
     return (
         "Turn the user's sentence into a layout: which objects go where in a room. Answer with JSON alone, in this schema:\n"
         f"{json.dumps(SCHEMA)}\n"
-        f"object must be one of: {', '.join(objects)}.\n"
+        f"object must be one of: {', '.join(stock_names())}.\n"
         f"on and anchor must be one of: {', '.join(dict.fromkeys(s.name for s in largest))}, {SENSOR_NAMES[0]}, "
         "or the name of an object placed earlier in the list.\n"
         f"relation is one of: {', '.join(RELATIONS)}. Distances are metres. Give positions only where the sentence gives coordinates. "
@@ -94,12 +76,12 @@ def _parsed(text: str) -> object:
         raise LayoutError(f"it is not JSON ({error})") from error
 
 
-def _check_names(layout: Layout, scene: Scene, sensor_pose: np.ndarray | None, objects: Sequence[str]) -> None:
+def _check_names(layout: Layout, scene: Scene, sensor_pose: np.ndarray | None) -> None:
     """Refuse unknown objects and anchors."""
     placed: set[str] = set()
     for item in layout.items:
-        if item.object not in objects:
-            raise LayoutError(f"no object is called '{item.object}'; there are {', '.join(objects)}")
+        if item.object not in stock_names():
+            raise LayoutError(f"no object is called '{item.object}'; there are {', '.join(stock_names())}")
         for text in [*([item.on] if item.on else []), *(r.anchor for r in item.relations)]:
             if text not in placed:
                 find(text, scene, sensor_pose)

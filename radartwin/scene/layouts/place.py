@@ -15,7 +15,7 @@ from radartwin.scene.collision import overlap_m, top_below
 from radartwin.scene.layouts.anchor import Anchor, find, floor, supports, words
 from radartwin.scene.layouts.layout import Item, Layout, Relation
 from radartwin.scene.layouts.spots import spots
-from radartwin.scene.layouts.stock import from_file, stock
+from radartwin.scene.layouts.stock import from_mesh, stock
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
@@ -23,8 +23,6 @@ FLOATING_M = 0.02  # a larger height above the support means that the object flo
 COVER_M = 0.03  # objects stand on flat covers up to this height, such as a rug
 GAP_M = 0.005  # gap between object and support; faces in contact shadow each other, because rays start up to 1 mm off a face (at 10 m)
 BASE_M = 0.005  # height of the part of an object that counts as its base
-TILT_DEG = (0.5, 15.0)  # a support with less tilt is level; with more tilt objects slide (wood on wood at about 15 degrees)
-TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of its support is measured
 STANDS_SHARE = 0.5  # smallest fraction of an object's base that must be on its support
 FINE_FACES = 5000  # overlap tests against a mesh with more faces are slow
 _MAX_TRIES = 200  # number of candidate positions that are tested for overlaps
@@ -70,13 +68,21 @@ def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None,
 
 
 def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stock) -> list[Surface]:
-    body = Body.of(from_file(item) if item.is_mesh else make(item.object), item.yaw_deg)
+    if item.is_mesh:
+        assert item.material is not None
+        parts = from_mesh(item.object, item.material, item.unit, item.up)
+    else:
+        parts = make(item.object)
+    body = Body.of(parts, item.yaw_deg)
     name = _free_name(item, scene)
     if item.position_m is not None and len(item.position_m) == 3:
         at, below = _at_height(item, body, scene, name)
         _check(body, at, scene, name)
     elif item.position_m is not None:
-        support = floor(scene) if item.on is None else _support(item.on, scene, sensor_pose)
+        possible = [floor(scene)] if item.on is None else supports(item.on, scene, sensor_pose)
+        if len(possible) > 1:
+            raise LayoutError(f"'{item.on}' may be {' or '.join(s.name for s in possible)}; name one of them")
+        support = possible[0]
         at, below = _standing(body, np.array(item.position_m), support, scene, name), support.name
         _check(body, at, scene, name)
     else:
@@ -97,16 +103,6 @@ def _free_name(item: Item, scene: Scene) -> str:
     return next(n for n in itertools.chain([stem], (f"{stem}_{k}" for k in itertools.count(2))) if n not in taken)
 
 
-def _support(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> Surface:
-    """Find the support with the name `text`. Raises LayoutError if no support or several supports match."""
-    candidates = supports(find(text, scene, sensor_pose))
-    if not candidates:
-        raise LayoutError(f"nothing can stand on '{text}': it has no level side; choose another support")
-    if len(candidates) > 1:
-        raise LayoutError(f"'{text}' may be {' or '.join(s.name for _, s in candidates)}; name one of them")
-    return candidates[0][1]
-
-
 def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
     """Return the pose of an object with a given height, and the name of its support; the name of a held object's support is empty."""
     assert item.position_m is not None
@@ -123,84 +119,39 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
         remedy = f"put it at z = {top:.3f}, or set held: true if its support is not modelled"
         raise LayoutError(f"'{name}' floats {z - top:.3f} m above {below.name}; {remedy}")
     standing = _standing(body, np.array([x, y]), below, scene, name, top + GAP_M)
-    upright = np.allclose(standing[:3, :3], np.eye(3))
-    return lift if upright and standing[2, 3] < lift[2, 3] else standing, below.name
+    return lift if standing[2, 3] < lift[2, 3] else standing, below.name
 
 
 def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
     """Return the pose of an object on a support at (x, y).
 
-    The object is upright on a level support and tilted with a sloping support. It stands on top of flat covers such as rugs.
+    The object stands upright on the highest point of the support and of flat covers on it, such as rugs.
     """
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
-    carried = heights > heights.max(initial=-np.inf) - FLOATING_M
-    tilt = _tilt(support, at, limit_m)
     if not np.isfinite(heights).any():
         raise LayoutError(f"'{name}' at ({at[0]:.3g}, {at[1]:.3g}) m is not over {support.name}, which {_extent(support)}")
-    share = float((carried if tilt is None else np.isfinite(heights)).mean())
+    share = float((heights > heights.max() - FLOATING_M).mean())
     if share < STANDS_SHARE:
         raise LayoutError(f"'{name}' has only {share:.0%} of its base on {support.name}, which {_extent(support)}; move it inwards")
-    out = pose([*at, 0.0]) if tilt is None else pose([*at, 0.0], tilt)
-    base = body.base @ out[:3, :3].T + out[:3, 3]
-    under = top_below(support.mesh, base[:, :2], limit_m)
-    if tilt is None:
-        near = [top_below(s.mesh, body.low[:, :2] + at, under.max() + COVER_M) for s in scene if s is not support]
-        cover = np.max([np.full(len(body.low), -np.inf), *near], axis=0)
-        out[2, 3] = float((cover - body.low[:, 2]).max())
-    else:
-        out[2, 3] = -np.inf
-    out[2, 3] = max(out[2, 3], float((under - base[:, 2]).max())) + GAP_M
-    return out
+    covers = [top_below(s.mesh, body.low[:, :2] + at, heights.max() + COVER_M) for s in scene if s is not support]
+    cover = np.max([np.full(len(body.low), -np.inf), *covers], axis=0)
+    return pose([*at, max(float((cover - body.low[:, 2]).max()), float((heights - body.base[:, 2]).max())) + GAP_M])
 
 
 def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
-    """Return points (N, 3) of a mesh below the height `limit_m`, at most a centimetre apart on large faces."""
-    triangles = np.asarray(mesh.triangles)[np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m]
-    points = [triangles.reshape(-1, 3)]
-    for triangle in triangles[np.ptp(triangles, axis=1).max(axis=1) > 0.01]:
-        count = int(np.ceil(np.ptp(triangle, axis=0).max() / 0.01))
-        i, j = np.triu_indices(count + 1)
-        weights = np.stack([i, j - i, count - j], axis=1) / count
-        points.append(weights @ triangle)
-    points = np.vstack(points)
+    """Return points (N, 3) of a mesh below the height `limit_m`, at most a centimetre apart."""
+    low = np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m
+    points = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces[low], 0.01, max_iter=20)[0]
     return points[points[:, 2] < limit_m]
-
-
-def _tilt(support: Surface, at: np.ndarray, limit_m: float) -> np.ndarray | None:
-    """Return the rotation (3, 3) from the vertical to the support's normal around a point, or None for a level support."""
-    turn = 2 * np.pi * np.arange(24) / 24
-    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    points = at + np.vstack([r * ring for r in (0.33 * TILT_RADIUS_M, 0.66 * TILT_RADIUS_M, TILT_RADIUS_M)])
-    z = top_below(support.mesh, points, limit_m + TILT_RADIUS_M)
-    z = np.where(z > np.median(z[np.isfinite(z)]) - TILT_RADIUS_M, z, -np.inf) if np.isfinite(z).any() else z
-    known = np.isfinite(z)
-    if known.sum() < 12:
-        return None
-    columns = np.column_stack([points[known] - at, np.ones(known.sum())])
-    plane = np.linalg.lstsq(columns, z[known], rcond=None)[0]
-    residual = float(np.std(z[known] - columns @ plane))
-    slope_x, slope_y = plane[:2]
-    angle = np.degrees(np.arctan(np.hypot(slope_x, slope_y)))
-    if angle < TILT_DEG[0] or residual > 0.01:  # on a level or stepped support the object stands upright, on the highest step
-        return None
-    if angle > TILT_DEG[1]:
-        raise LayoutError(
-            f"{support.name} is tilted by {angle:.1f} degrees there, and objects slide at {TILT_DEG[1]:g}; choose another place"
-        )
-    up = np.array([-slope_x, -slope_y, 1.0]) / np.sqrt(1 + slope_x**2 + slope_y**2)
-    axis = np.cross([0, 0, 1], up)
-    return np.array(trimesh.transformations.rotation_matrix(np.radians(angle), axis))[:3, :3]
 
 
 def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | None, name: str) -> tuple[np.ndarray, str]:
     """Return the best free pose of an object with a support or relations, and the name of its support."""
     choices = [[(relation, a) for a in find(relation.anchor, scene, sensor_pose)] for relation in item.relations]
-    on = None if item.on is None else supports(find(item.on, scene, sensor_pose))
-    if on is not None and not on:
-        raise LayoutError(f"nothing can stand on '{item.on}': it has no level side; choose another support")
+    on = None if item.on is None else supports(item.on, scene, sensor_pose)
     possible: list[tuple[Surface, tuple[tuple[Relation, Anchor], ...], np.ndarray]] = []
     for related in itertools.product(*choices):
-        for surface in [s for _, s in on] if on is not None else [_carrier(related, scene)]:
+        for surface in on if on is not None else [_carrier(related, scene)]:
             positions = spots(surface, body.radius_m, related)
             if len(positions):
                 possible.append((surface, related, positions))
@@ -287,9 +238,9 @@ def _extent(support: Surface) -> str:
     return f"lies at x {x0:.2f} to {x1:.2f}, y {y0:.2f} to {y1:.2f} m"
 
 
-def _described(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[tuple[Anchor, Surface]] | None) -> str:
+def _described(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[Surface] | None) -> str:
     """Describe the positions of the anchors and supports of a sentence for an error message."""
-    places = [f"{s.name} {_extent(s)}" for _, s in on or ()]
+    places = [f"{s.name} {_extent(s)}" for s in on or ()]
     for _, anchor in itertools.chain(*choices):
         x, y = (anchor.points.min(axis=0) + anchor.points.max(axis=0)) / 2
         places.append(f"{anchor.name} is at ({x:.2f}, {y:.2f}) and faces ({anchor.front[0]:.2f}, {anchor.front[1]:.2f})")

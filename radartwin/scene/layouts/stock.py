@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
+from pathlib import Path
 
-from radartwin.errors import LayoutError
+import numpy as np
+import trimesh
+
+from radartwin.errors import LayoutError, MeshError
+from radartwin.materials import Layered
 from radartwin.scene import objects
+from radartwin.scene.checks import check_mesh
 from radartwin.scene.layouts.anchor import words
-from radartwin.scene.layouts.layout import Item
-from radartwin.scene.storage import material_from_json
+from radartwin.scene.mesh_file import read_meshes
 from radartwin.scene.surface import Surface
 
 CANONICAL = {"plate": lambda: objects.plate(0.1, 0.1), "sphere": lambda: objects.sphere(0.05)}
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+SMALLEST_M, LARGEST_M = 0.01, 1.0  # limits for the size of an object from a mesh file
+UP = {"z": np.eye(4), "y": trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])}
 
 
 def names() -> list[str]:
@@ -43,20 +51,43 @@ def identifier(name: str) -> str:
 
 
 def stock(name: str) -> Sequence[Surface]:
-    """Build the surfaces of an object in its own frame: z up, origin on its axis, front towards +x.
-
-    Raises:
-        LayoutError: the name is unknown.
-    """
+    """Build the surfaces of an object in its own frame: z up, origin on its axis, front towards +x."""
     name = identifier(name)
     return [Surface(CANONICAL[name](), "metal", name, role="object")] if name in CANONICAL else objects.make(name)
 
 
-def from_file(item: Item) -> Sequence[Surface]:
-    """Build the surfaces of a mesh file, in the frame that `stock` uses.
+def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: str = "z") -> tuple[Surface, ...]:
+    """Read a mesh file as an object in the frame of `stock`: in metres, z up, standing on z = 0, centred on the z axis.
 
+    Args:
+        path: .obj, .ply or .glb file; the surfaces have its texture and colours.
+        material: material of the whole object.
+        unit: length unit of the file: m, cm, mm or in.
+        up: upward axis of the file, z or y.
+    Returns:
+        One surface per mesh of the file, all with the stem of the file name as their name.
     Raises:
-        MissingError, MeshError: the file does not exist, is unreadable, or has an implausible size in the given unit.
-        MaterialError, SceneError: the material is invalid.
+        MissingError: the file does not exist.
+        MeshError: the mesh is unreadable, empty, or not between 1 cm and 1 m long.
     """
-    return objects.from_mesh(item.object, material_from_json(item.material), unit=item.unit, up=item.up)
+    meshes = list(read_meshes(path).values())
+    if not meshes:
+        raise MeshError(f"{path} holds no triangles; give a mesh, not a point cloud")
+    turn = UP[up] @ np.diag([UNITS[unit]] * 3 + [1.0])
+    moved = [mesh.copy().apply_transform(turn) for mesh in meshes]
+    low = np.min([mesh.bounds[0] for mesh in moved], axis=0)
+    high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
+    extent = float((high - low).max())
+    if np.isfinite(extent) and not SMALLEST_M <= extent <= LARGEST_M:
+        raise MeshError(f"{path} is {extent:.4g} m long in unit={unit}; objects measure 1 cm to 1 m.{_unit_hint(extent / UNITS[unit])}")
+    for mesh in moved:
+        check_mesh(mesh, str(path))
+    shift = -np.append((low + high)[:2] / 2, low[2])
+    provenance = {"source": "given", "confidence": None, "stand_in": False, "minc": None, "file": Path(path).name}
+    return tuple(Surface(mesh.apply_translation(shift), material, Path(path).stem, 0.0, "object", provenance) for mesh in moved)
+
+
+def _unit_hint(length: float) -> str:
+    """Return a question that suggests the units in which the object would be 5 to 35 cm long, like a household object."""
+    fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
+    return f" Pass unit={' or unit='.join(fits)}?" if fits else ""

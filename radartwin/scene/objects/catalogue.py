@@ -11,7 +11,6 @@ are filled without head space and have a separate cap.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -87,15 +86,14 @@ class Entry:
     def symmetric(self) -> bool:
         return self.shape == "symmetric"
 
-    def surfaces(self, pose: np.ndarray | None = None, *, filled: bool = True, name: str | None = None) -> tuple[Surface, ...]:
+    def surfaces(self, pose: np.ndarray | None = None, *, name: str | None = None) -> tuple[Surface, ...]:
         """Build the object's parts as surfaces of the same name, so that they move together.
 
         Args:
             pose: (4, 4) object-to-world; by default the parts stay in the object's frame.
-            filled: whether a bottle has its contents or is empty.
             name: name of the surfaces; by default the name of the entry.
         """
-        parts = self.build(self.contents if filled and self.contents else "air")
+        parts = self.build(self.contents or "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
         out = []
         for part in parts:
@@ -242,19 +240,13 @@ def catalogue() -> dict[str, Entry]:
 
 
 def entry(name: str) -> Entry:
-    """Return one object of the catalogue.
-
-    Raises:
-        SceneError: the object does not exist; the message suggests similar names.
-    """
+    """Return one object of the catalogue; an unknown name raises SceneError."""
     known = catalogue()
     if name not in known:
-        near = difflib.get_close_matches(str(name), known, 2)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"choose {', '.join(known)}"
-        raise SceneError(f"the catalogue has no object {name!r}; {hint}")
+        raise SceneError(f"the catalogue has no object {name!r}; choose {', '.join(known)}")
     return known[name]
 
 
-def make(name: str, pose: np.ndarray | None = None, *, filled: bool = True) -> tuple[Surface, ...]:
-    """Build the surfaces of one object of the catalogue, see `Entry.surfaces`."""
-    return entry(name).surfaces(pose, filled=filled)
+def make(name: str) -> tuple[Surface, ...]:
+    """Build the surfaces of one object of the catalogue in its own frame."""
+    return entry(name).surfaces()

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
 
 from radartwin.errors import MeshError
 from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
@@ -22,16 +21,16 @@ SEAM_M = 0.0012  # protrusion of the seams of a food can
 END_M = 0.054  # diameter of a drink can over the seam of its end
 
 
-def straightened(profile_m: Sequence[tuple[float, float]], least_m: float = 0.005, rim_m: float = 0.0003) -> list[tuple[float, float]]:
-    """Add profile points at a distance of `rim_m` from both ends of every straight segment that is at least `least_m` long.
+def straightened(profile_m: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Add profile points at 0.3 mm from both ends of every straight segment that is at least 5 mm long.
 
     Without these points the averaged vertex normals at a bend would make the whole straight facet curved for the tracer.
     """
     out = [profile_m[0]]
     for start, stop in itertools.pairwise(np.asarray(profile_m, float)):
         length = float(np.linalg.norm(stop - start))
-        if length >= least_m:
-            out += [tuple(start + (stop - start) * share) for share in (rim_m / length, 1 - rim_m / length)]
+        if length >= 0.005:
+            out += [tuple(start + (stop - start) * share) for share in (0.0003 / length, 1 - 0.0003 / length)]
         out.append(tuple(stop))
     return out
 
@@ -139,33 +138,25 @@ def mug(diameter_m: float, height_m: float) -> trimesh.Trimesh:
     return revolution(straightened([(0, 0), *foot, *lip, (0, height_m)]), AROUND)
 
 
-def handle(
-    wall_m: float, low_m: float, high_m: float, reach_m: float, width_m: float = 0.013, depth_m: float = 0.009, gap_m: float = 0.001
-) -> trimesh.Trimesh:
+def handle(wall_m: float, low_m: float, high_m: float, reach_m: float) -> trimesh.Trimesh:
     """Build a handle: a bow in the xz plane from (wall_m, low_m) out to wall_m + reach_m and back to (wall_m, high_m), with flat ends.
+
+    The ends stay 1 mm off the wall. The section is an ellipse, 13 mm along y and 9 mm in the plane of the bow.
 
     Args:
         wall_m: distance of the wall from the axis.
-        gap_m: gap between the wall and the ends of the bow.
-        width_m, depth_m: axes of the elliptic section, along y and in the plane of the bow.
     """
     t = np.linspace(0, np.pi, 33)
     middle, rise = (low_m + high_m) / 2, (high_m - low_m) / 2
-    path = np.stack([wall_m + gap_m + reach_m * np.sin(t) ** 0.8, np.zeros_like(t), middle - rise * np.cos(t)], axis=1)
-    return swept(path, width_m, depth_m, ends=np.array([1.0, 0.0, 0.0]))
-
-
-def swept(path: np.ndarray, width_m: float, depth_m: float, ends: ArrayLike, around: int = 32) -> trimesh.Trimesh:
-    """Sweep an elliptic section along a path (N, 3) in the xz plane; close it by flat ends with normals along `ends` (3,)."""
+    path = np.stack([wall_m + 0.001 + reach_m * np.sin(t) ** 0.8, np.zeros_like(t), middle - rise * np.cos(t)], axis=1)
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    tangent[0], tangent[-1] = np.asarray(ends), -np.asarray(ends)
+    tangent[0], tangent[-1] = [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]
     across = np.array([0.0, 1.0, 0.0])
     inward = np.cross(tangent, across)
+    around = 32
     turn = 2 * np.pi * np.arange(around) / around
-    rings = (
-        path[:, None] + (width_m / 2) * np.cos(turn)[None, :, None] * across + (depth_m / 2) * np.sin(turn)[None, :, None] * inward[:, None]
-    )
+    rings = path[:, None] + (0.013 / 2) * np.cos(turn)[None, :, None] * across + (0.009 / 2) * np.sin(turn)[None, :, None] * inward[:, None]
     count = len(path)
     i, j = (x.ravel() for x in np.meshgrid(np.arange(count - 1), np.arange(around), indexing="ij"))
     a, b = i * around + j, i * around + (j + 1) % around

@@ -17,44 +17,15 @@ import numpy as np
 from radartwin.errors import SceneError
 from radartwin.scene import objects
 from radartwin.scene.rooms.atrium import atrium
-from radartwin.scene.rooms.lab import CLUTTER, lab, lab_bench
-from radartwin.scene.rooms.parts import (
-    DETAILS,
-    FINISHES,
-    GAP,
-    STUD_WALL,
-    Bench,
-    Finish,
-    rectangle,
-    surface,
-)
+from radartwin.scene.rooms.lab import CLUTTER, lab
+from radartwin.scene.rooms.parts import GAP, Bench, rectangle, surface
 from radartwin.scene.rooms.squash_court import squash_court
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import look_at, pose
 
-__all__ = [
-    "CLUTTER",
-    "DETAILS",
-    "FINISHES",
-    "GAP",
-    "ROOMS",
-    "STUD_WALL",
-    "Bench",
-    "Finish",
-    "atrium",
-    "bench",
-    "empty",
-    "lab",
-    "lab_bench",
-    "rectangle",
-    "room",
-    "squash_court",
-    "support",
-    "void",
-]
+__all__ = ["CLUTTER", "ROOMS", "atrium", "bench", "empty", "lab", "lab_bench", "rectangle", "room", "squash_court", "support", "void"]
 
 ROVER_HEIGHT_M = 0.4  # height of the rover's radar above the floor
-ROVER_DISTANCES_M = (0.5, 1.0, 2.0)
 # Start of the rover (x, y) on the long axis; (1, 0) in all other rooms.
 _STARTS = {"atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
 
@@ -90,14 +61,19 @@ def room(name: str, **options: Any) -> Scene:
 
 
 def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
-    """Return the sensor pose at the rover's start in a room, looking along +x; targets stand on its boresight at ROVER_DISTANCES_M.
-
-    `lab_bench` returns the pose for the turntable in the lab, at the same place and another height.
-    """
+    """Return the sensor pose at the rover's start in a room, looking along +x; targets stand on the boresight at 0.5 to 2 m."""
     if name not in ROOMS:
         raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
     position = np.array([*_STARTS.get(name, (1.0, 0.0)), height_m])
     return Bench(look_at(position, position + np.array([1.0, 0.0, 0.0])))
+
+
+def lab_bench(height_m: float = 1.0) -> Bench:
+    """Return the sensor pose of the turntable experiments in the lab, 1 m in front of the back wall, looking along +x.
+
+    In the default room, targets at 0.5 to 2 m are free of clutter; furniture and walls reflect from 2 to 6 m.
+    """
+    return bench("lab", height_m)
 
 
 def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0.03) -> Scene:

@@ -12,7 +12,7 @@ import numpy as np
 
 from radartwin.scene import objects
 from radartwin.scene.rooms import furniture
-from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_detail, check_size, room_scene, surface
+from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_options, room_scene, surface
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
@@ -21,29 +21,24 @@ FRAME_M = 0.06  # bars of door frames
 THIN_M = 0.012  # of boards, plates and rugs, see furniture
 
 
-def atrium(size_m: Sequence[float] = (12.0, 9.0, 5.0), detail: Detail = "furnished", skylight: bool = True, seed: int = 0) -> Scene:
+def atrium(size_m: Sequence[float] = (12.0, 9.0, 5.0), detail: Detail = "furnished") -> Scene:
     """Build an atrium, x in [0, length], y in [-width/2, width/2], z in [0, height]; the glass doors are in the front wall.
 
     Args:
         size_m: length, width, height; furniture keeps its size and its place at the walls.
         detail: "shell" (walls, doors, windows, lifts), "furnished" (columns, desk, seats, planters, railing, metal fixtures, lamps) or
             "cluttered" (also the small items of CLUTTER).
-        skylight: whether the ceiling has double glazing.
-        seed: seed of the textures.
-    Raises:
-        SceneError: the room is too small for the furniture, or `detail` is unknown.
     """
-    check_detail("atrium", detail)
-    length, width, height = check_size("atrium", size_m, (10.0, 8.0, 3.5), (30, 30, 12))
-    surfaces = _shell(Shell(length, width, height), skylight, seed)
+    length, width, height = check_options("atrium", size_m, detail, (10.0, 8.0, 3.5), (30, 30, 12))
+    surfaces = _shell(Shell(length, width, height))
     if detail != "shell":
-        surfaces += _fixtures(length, width, height, skylight, seed) + _seats(length, width, seed)
+        surfaces += _fixtures(length, width, height) + _seats(length, width)
     if detail == "cluttered":
-        surfaces += _clutter(length, width, seed)
-    return room_scene(surfaces, "atrium", (length, width, height), detail, CLUTTER, skylight=skylight)
+        surfaces += _clutter(length, width)
+    return room_scene(surfaces, "atrium", (length, width, height), detail, CLUTTER)
 
 
-def _shell(shell: Shell, skylight: bool, seed: int) -> list[Surface]:
+def _shell(shell: Shell) -> list[Surface]:
     length, width = shell.length, shell.width
     middle = width / 2
     entrance = (middle - 1.5, 0.0, middle + 1.5, 2.6)
@@ -55,27 +50,26 @@ def _shell(shell: Shell, skylight: bool, seed: int) -> list[Surface]:
     lifts = [(middle + u, 0.0, middle + u + 1.1, 2.1) for u in (1.4, 2.9)]
     windows = [(u, 0.9, u + 1.8, 2.9) for u in np.linspace(1.0, length - 2.8, 3)]
     roof = (length / 2 - 2.0, middle - 1.5, length / 2 + 2.0, middle + 1.5)
-    roofs = [roof] if skylight else []
 
     def fill(side: str, opening: tuple[float, float, float, float], name: str, finish: str) -> Surface:
-        return surface(name, shell.filling(side, opening), finish, seed=seed)
+        return surface(name, shell.filling(side, opening), finish)
 
     return [
-        surface("floor", shell.wall("floor"), "tiled floor", seed=seed),
-        surface("ceiling", shell.wall("ceiling", roofs), "acoustic ceiling", seed=seed),
-        *(fill("ceiling", opening, "skylight", "window") for opening in roofs),
-        surface("wall_front", shell.wall("wall_front", [entrance]), "white wall", seed=seed),
-        surface("door_frame", shell.filling("wall_front", entrance, panes), "metal", seed=seed),
+        surface("floor", shell.wall("floor"), "tiled floor"),
+        surface("ceiling", shell.wall("ceiling", [roof]), "acoustic ceiling"),
+        fill("ceiling", roof, "skylight", "window"),
+        surface("wall_front", shell.wall("wall_front", [entrance]), "white wall"),
+        surface("door_frame", shell.filling("wall_front", entrance, panes), "metal"),
         *(fill("wall_front", pane, name, "glass leaf") for pane, name in zip(panes, ("door_left", "door_right", "transom"), strict=True)),
-        surface("wall_back", shell.wall("wall_back", lifts), "wood panelling", seed=seed),
+        surface("wall_back", shell.wall("wall_back", lifts), "wood panelling"),
         *(fill("wall_back", lift, f"lift_{k}", "metal") for k, lift in enumerate(lifts, 1)),
-        surface("wall_left", shell.wall("wall_left"), "wood panelling", seed=seed),
-        surface("wall_right", shell.wall("wall_right", windows), "white wall", seed=seed),
+        surface("wall_left", shell.wall("wall_left"), "wood panelling"),
+        surface("wall_right", shell.wall("wall_right", windows), "white wall"),
         *(fill("wall_right", window, f"window_{k}", "window") for k, window in enumerate(windows, 1)),
     ]
 
 
-def _fixtures(length: float, width: float, height: float, skylight: bool, seed: int) -> list[Surface]:
+def _fixtures(length: float, width: float, height: float) -> list[Surface]:
     y = width / 2
     columns = [(x, side * (y - 1.3)) for x in (4.0, length - 1.6) for side in (1, -1)]
     boxes = [objects.box([u - 0.2, v - 0.2, GAP], [u + 0.2, v + 0.2, height - GAP]) for u, v in columns]
@@ -93,38 +87,38 @@ def _fixtures(length: float, width: float, height: float, skylight: bool, seed: 
     screen = objects.box([length - 2.3, y - 0.07, 1.4], [length - 1.1, y - GAP, 2.1])
     bills = [objects.box([GAP, -0.4 + 0.75 * k, 1.2], [GAP + THIN_M, 0.2 + 0.75 * k, 2.05]) for k in range(2)]
     return [
-        *(surface(f"column_{k}", box, "concrete", seed=seed) for k, box in enumerate(boxes, 1)),
-        surface("reception_desk", desk, "dark wood", seed=seed),
-        surface("reception_counter", counter, "table top", seed=seed),
-        surface("reception_kick_plate", kick, "metal", seed=seed),
-        surface("mailboxes", objects.joined(mail), "painted metal", seed=seed),
-        surface("railing", furniture.railing([1.0, -y + 2.4], [3.4, -y + 2.4]), "metal", seed=seed),
-        surface("display", screen, "screen", fit=True, seed=seed),
-        *(surface(f"poster_{k}", bill, "paper", fit=True, seed=seed + k) for k, bill in enumerate(bills, 1)),
-        surface("extinguisher_cabinet", objects.box([1.2, y - 0.24, 0.8], [1.6, y - GAP, 1.5]), "red metal", seed=seed),
-        surface("ceiling_lamps", objects.joined(lamps), "lamp", seed=seed),
-        surface("door_handles", objects.joined(handles), "metal", seed=seed),
+        *(surface(f"column_{k}", box, "concrete") for k, box in enumerate(boxes, 1)),
+        surface("reception_desk", desk, "dark wood"),
+        surface("reception_counter", counter, "table top"),
+        surface("reception_kick_plate", kick, "metal"),
+        surface("mailboxes", objects.joined(mail), "painted metal"),
+        surface("railing", furniture.railing([1.0, -y + 2.4], [3.4, -y + 2.4]), "metal"),
+        surface("display", screen, "screen", fit=True),
+        *(surface(f"poster_{k}", bill, "paper", fit=True, seed=k) for k, bill in enumerate(bills, 1)),
+        surface("extinguisher_cabinet", objects.box([1.2, y - 0.24, 0.8], [1.6, y - GAP, 1.5]), "red metal"),
+        surface("ceiling_lamps", objects.joined(lamps), "lamp"),
+        surface("door_handles", objects.joined(handles), "metal"),
     ]
 
 
-def _seats(length: float, width: float, seed: int) -> list[Surface]:
+def _seats(length: float, width: float) -> list[Surface]:
     y = width / 2
     x = length / 2 + 0.2  # start of the seating group along the right wall
     rug = objects.box([x + 0.3, -y + 1.35, GAP], [x + 2.7, -y + 2.85, GAP + THIN_M])
     return [
-        *furniture.sofa("sofa", [x + 0.4, -y + 0.35], [x + 2.5, -y + 1.25], "-y", "fabric", seed),
-        *furniture.sofa("armchair_1", [x + 3.0, -y + 1.5], [x + 3.9, -y + 2.4], "+x", "leather", seed),
-        *furniture.sofa("armchair_2", [x - 0.8, -y + 1.5], [x + 0.1, -y + 2.4], "-x", "red fabric", seed),
-        surface("rug", rug, "carpet", seed=seed),
-        *furniture.table("coffee_table", (x + 0.9, -y + 1.7), (1.1, 0.6), 0.42, GAP + THIN_M, "table top", "metal", seed),
-        *furniture.table("side_table", (1.6, y - 1.5), (1.4, 0.7), seed=seed),
-        *furniture.planter("planter_1", length - 0.55, 2.3, seed=seed),
-        *furniture.planter("planter_2", length - 0.55, -2.3, seed=seed),
-        *furniture.planter("planter_3", 0.7, y - 0.7, 0.6, 0.55, 1.4, seed=seed),
+        *furniture.sofa("sofa", [x + 0.4, -y + 0.35], [x + 2.5, -y + 1.25], "-y", "fabric"),
+        *furniture.sofa("armchair_1", [x + 3.0, -y + 1.5], [x + 3.9, -y + 2.4], "+x", "leather"),
+        *furniture.sofa("armchair_2", [x - 0.8, -y + 1.5], [x + 0.1, -y + 2.4], "-x", "red fabric"),
+        surface("rug", rug, "carpet"),
+        *furniture.table("coffee_table", (x + 0.9, -y + 1.7), (1.1, 0.6), 0.42, GAP + THIN_M, "table top", "metal"),
+        *furniture.table("side_table", (1.6, y - 1.5), (1.4, 0.7)),
+        *furniture.planter("planter_1", length - 0.55, 2.3),
+        *furniture.planter("planter_2", length - 0.55, -2.3),
+        *furniture.planter("planter_3", 0.7, y - 0.7, 0.6, 0.55, 1.4),
     ]
 
 
-def _clutter(length: float, width: float, seed: int) -> list[Surface]:
+def _clutter(length: float, width: float) -> list[Surface]:
     y, x = width / 2, length / 2 + 0.2
     stand = objects.cylinder(0.12, 0.55, 48).apply_transform(pose([length - 0.4, 1.85, 0.275 + GAP]))
     bin_ = objects.cylinder(0.16, 0.7, 48).apply_transform(pose([3.9, -y + 0.5, 0.35 + GAP]))
@@ -133,12 +127,12 @@ def _clutter(length: float, width: float, seed: int) -> list[Surface]:
     lid = objects.box([length - 3.75, y - 1.95, 1.07], [length - 3.4, y - 1.93, 1.3])
     deck = objects.box([length - 3.75, y - 1.925, 1.06], [length - 3.4, y - 1.68, 1.075])
     return [
-        surface("parcel", objects.box([1.9, y - 1.35, 0.75], [2.4, y - 1.0, 1.05]), "cardboard", seed=seed),
-        surface("laptop", objects.joined([lid, deck]), "plastic", seed=seed),
-        surface("desk_vase", vase.apply_transform(pose([length - 4.6, y - 1.7, 1.06])), "glass leaf", role="object", seed=seed),
-        surface("magazines", objects.box([x + 1.1, -y + 1.85, 0.43], [x + 1.4, -y + 2.07, 0.45]), "paper", fit=True, seed=seed),
-        surface("bag", objects.box([x + 3.1, -y + 1.0, GAP], [x + 3.5, -y + 1.2, 0.36]), "leather", look="leather", seed=seed),
-        surface("umbrella_stand", stand, "dark metal", role="object", seed=seed),
-        surface("litter_bin", bin_, "metal", role="object", seed=seed),
-        surface("coffee_cup", cup, "paper", look="white_plastic", role="object", seed=seed),
+        surface("parcel", objects.box([1.9, y - 1.35, 0.75], [2.4, y - 1.0, 1.05]), "cardboard"),
+        surface("laptop", objects.joined([lid, deck]), "plastic"),
+        surface("desk_vase", vase.apply_transform(pose([length - 4.6, y - 1.7, 1.06])), "glass leaf", role="object"),
+        surface("magazines", objects.box([x + 1.1, -y + 1.85, 0.43], [x + 1.4, -y + 2.07, 0.45]), "paper", fit=True),
+        surface("bag", objects.box([x + 3.1, -y + 1.0, GAP], [x + 3.5, -y + 1.2, 0.36]), "leather", look="leather"),
+        surface("umbrella_stand", stand, "dark metal", role="object"),
+        surface("litter_bin", bin_, "metal", role="object"),
+        surface("coffee_cup", cup, "paper", look="white_plastic", role="object"),
     ]

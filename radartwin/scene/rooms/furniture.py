@@ -28,7 +28,6 @@ def table(
     floor: float = 0.0,
     top: str = "table top",
     legs: str = "dark metal",
-    seed: int = 0,
 ) -> list[Surface]:
     """Build a table top of `size` (x, y), with its corner of smallest x and y at `corner`, on metal legs that end GAP above `floor`."""
     (x, y), (depth, width) = corner, size
@@ -39,7 +38,7 @@ def table(
         for u in (x + inset, x + depth - inset - side)
         for v in (y + inset, y + width - inset - side)
     ]
-    return [surface(f"{name}_top", board, top, seed=seed), surface(f"{name}_legs", objects.joined(posts), legs, seed=seed)]
+    return [surface(f"{name}_top", board, top), surface(f"{name}_legs", objects.joined(posts), legs)]
 
 
 def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, boards: int = 5) -> trimesh.Trimesh:
@@ -51,7 +50,7 @@ def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, b
     return objects.joined(parts)
 
 
-def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, finish: str = "fabric", seed: int = 0) -> list[Surface]:
+def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, finish: str = "fabric") -> list[Surface]:
     """Build a sofa or armchair on metal feet, within the rectangle from `low` (x, y) to `high` (x, y).
 
     Args:
@@ -84,10 +83,10 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
         body.append(part((a + JOINT, b - JOINT), front, (0.285, seat)))
         body.append(part((a + JOINT, b - JOINT), (deep - depth - 0.16, deep - depth - JOINT), (seat + JOINT, rest - 0.03)))
     feet = [part((u, u + 0.05), (v, v + 0.05), (GAP, 0.125)) for u in (0.04, wide - 0.09) for v in (0.04, deep - 0.09)]
-    return [surface(name, objects.joined(body), finish, seed=seed), surface(f"{name}_feet", objects.joined(feet), "dark metal", seed=seed)]
+    return [surface(name, objects.joined(body), finish), surface(f"{name}_feet", objects.joined(feet), "dark metal")]
 
 
-def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.5, tall: float = 1.1, seed: int = 0) -> list[Surface]:
+def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.5, tall: float = 1.1) -> list[Surface]:
     """Build a brick box with soil and a shrub, centred at (x, y)."""
     h, t = side / 2, 0.06
     walls = [
@@ -98,9 +97,9 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
     ]
     soil = objects.box([x - h + t + JOINT, y - h + t + JOINT, GAP], [x + h - t - JOINT, y + h - t - JOINT, height - 0.05])
     return [
-        surface(name, objects.joined(walls), "brick", seed=seed),
-        surface(f"{name}_soil", soil, "soil", seed=seed),
-        surface(f"{name}_shrub", shrub(np.array([x, y, height]), tall, 0.55 * side), "foliage", seed=seed),
+        surface(name, objects.joined(walls), "brick"),
+        surface(f"{name}_soil", soil, "soil"),
+        surface(f"{name}_shrub", shrub(np.array([x, y, height]), tall, 0.55 * side), "foliage"),
     ]
 
 

@@ -27,27 +27,13 @@ Opening = tuple[float, float, float, float]  # u0, v0, u1, v1 in metres: along a
 GAP = 0.01  # between furniture and the floor or a wall, metres
 
 STUD_WALL = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
-FLOOR = Layered([("floorboard", 0.008)], backing="concrete")
-CEILING = Layered([("ceiling_board", 0.015)])
-DOUBLE_GLAZING = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
-DOOR_LEAF = Layered([("wood", 0.04)])
-TABLE_TOP = Layered([("chipboard", 0.025)])
-SHELF_BOARD = Layered([("chipboard", 0.018)])
-PANELLED_WALL = Layered([("wood", 0.019), ("air", 0.04), ("plasterboard", 0.0125)])  # veneered boards on battens
-TILED_FLOOR = Layered([("glass", 0.010)], backing="concrete")  # glass is the P.2040 material closest to porcelain
 CONCRETE_WALL = Layered([("concrete", 0.20)])
-SPRUNG_FLOOR = Layered([("wood", 0.022), ("air", 0.05)], backing="concrete")  # 22 mm beech on battens
-TOUGHENED_GLASS = Layered([("glass", 0.012)])
-CORRUGATED_BOARD = Layered([("wood", 0.004)])  # thin wood is the closest material
-CLOTH = Layered(
-    [("wood", 0.0005)]
-)  # textile (permittivity 2.0) over foam, which is nearly air; sources of this and the next two: materials.minc
-HIDE = Layered([("plasterboard", 0.0012)])
-LEAF = Layered([("detergent", 0.0003)])
+DOOR_LEAF = Layered([("wood", 0.04)])
+CLOTH = Layered([("wood", 0.0005)])  # textile (permittivity 2.0) over foam, which is nearly air; source: materials.minc
 
 
 class Finish(NamedTuple):
-    """The true description of a surface.
+    """Hold the true description of a surface.
 
     Attributes:
         material: material for the radar.
@@ -64,22 +50,25 @@ class Finish(NamedTuple):
     stand_in: bool = False
 
 
+# Wood panelling is veneered boards on battens, and the court floor is beech on battens. MINC has no category for ceiling boards. Glass
+# replaces porcelain tiles and thin wood replaces corrugated board, because they are the closest P.2040 materials. materials.minc gives the
+# sources of leather and foliage.
 FINISHES: dict[str, Finish] = {
     "plaster wall": Finish(STUD_WALL, "painted", "painted", "plaster"),
     "white wall": Finish(STUD_WALL, "painted", "painted", "white_plaster"),
-    "wood panelling": Finish(PANELLED_WALL, "wood", "wood", "wood_panelling"),
+    "wood panelling": Finish(Layered([("wood", 0.019), ("air", 0.04), ("plasterboard", 0.0125)]), "wood", "wood", "wood_panelling"),
     "court wall": Finish(CONCRETE_WALL, "painted", "concrete", "painted_concrete"),
     "concrete": Finish(CONCRETE_WALL, "stone", "concrete", "concrete"),
-    "board floor": Finish(FLOOR, "wood", "floorboard", "floorboards"),
-    "court floor": Finish(SPRUNG_FLOOR, "wood", "wood", "court_floor"),
-    "tiled floor": Finish(TILED_FLOOR, "tile", "tile", "tiles", stand_in=True),
-    "acoustic ceiling": Finish(CEILING, "other", "ceiling_board", "ceiling_board"),  # MINC has no category for ceiling boards
-    "window": Finish(DOUBLE_GLAZING, "glass", "glass", "glass"),
-    "glass leaf": Finish(TOUGHENED_GLASS, "glass", "glass", "glass"),
+    "board floor": Finish(Layered([("floorboard", 0.008)], backing="concrete"), "wood", "floorboard", "floorboards"),
+    "court floor": Finish(Layered([("wood", 0.022), ("air", 0.05)], backing="concrete"), "wood", "wood", "court_floor"),
+    "tiled floor": Finish(Layered([("glass", 0.010)], backing="concrete"), "tile", "tile", "tiles", stand_in=True),
+    "acoustic ceiling": Finish(Layered([("ceiling_board", 0.015)]), "other", "ceiling_board", "ceiling_board"),
+    "window": Finish(Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)]), "glass", "glass", "glass"),
+    "glass leaf": Finish(Layered([("glass", 0.012)]), "glass", "glass", "glass"),
     "wood door": Finish(DOOR_LEAF, "wood", "wood", "wood"),
     "dark wood": Finish(DOOR_LEAF, "wood", "wood", "dark_wood"),
-    "table top": Finish(TABLE_TOP, "wood", "chipboard", "pale_wood"),
-    "shelf": Finish(SHELF_BOARD, "wood", "chipboard", "pale_wood"),
+    "table top": Finish(Layered([("chipboard", 0.025)]), "wood", "chipboard", "pale_wood"),
+    "shelf": Finish(Layered([("chipboard", 0.018)]), "wood", "chipboard", "pale_wood"),
     "solid wood": Finish("wood", "wood", "wood", "wood"),
     "metal": Finish("metal", "metal", "metal", "brushed_metal"),
     "dark metal": Finish("metal", "metal", "metal", "dark_metal"),
@@ -89,13 +78,15 @@ FINISHES: dict[str, Finish] = {
     "screen": Finish("glass", "glass", "glass", "monitor"),
     "fabric": Finish(CLOTH, "fabric", "fabric", "fabric", stand_in=True),
     "red fabric": Finish(CLOTH, "fabric", "fabric", "red_fabric", stand_in=True),
-    "leather": Finish(HIDE, "leather", "leather", "leather", stand_in=True),
-    "carpet": Finish(Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True),  # P.2040's carpet tile ends at 40 GHz
-    "foliage": Finish(LEAF, "foliage", "foliage", "foliage", stand_in=True),
+    "leather": Finish(Layered([("plasterboard", 0.0012)]), "leather", "leather", "leather", stand_in=True),
+    "carpet": Finish(
+        Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True
+    ),  # P.2040's fit for carpet tile ends at 40 GHz
+    "foliage": Finish(Layered([("detergent", 0.0003)]), "foliage", "foliage", "foliage", stand_in=True),
     "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),  # P.2040's brick ends at 40 GHz, see materials.itu
     "soil": Finish("concrete", "other", "food", "soil", stand_in=True),
     "paper": Finish(Layered([("wood", 0.001)]), "paper", "paper", "poster", stand_in=True),
-    "cardboard": Finish(CORRUGATED_BOARD, "paper", "paper", "cardboard", stand_in=True),
+    "cardboard": Finish(Layered([("wood", 0.004)]), "paper", "paper", "cardboard", stand_in=True),
     "plastic": Finish(Layered([("hdpe", 0.003)]), "plastic", "plastic", "plastic"),
     "white plastic": Finish(Layered([("hdpe", 0.003)]), "plastic", "plastic", "white_plastic"),
     "turntable": Finish(Layered([("hdpe", 0.03)]), "plastic", "hdpe", "white_plastic"),
@@ -156,17 +147,16 @@ def room_scene(
     return Scene(surfaces, {"room": room, "size_m": [float(v) for v in size_m], "detail": detail, "clutter": present, **more})
 
 
-def check_detail(room: str, detail: str) -> None:
-    if detail not in DETAILS:
-        raise SceneError(f"{room}: detail is {detail!r}; choose {', '.join(DETAILS)}")
-
-
-def check_size(room: str, size_m: Sequence[float], least: tuple[float, float, float], most: tuple[float, float, float]) -> list[float]:
-    """Return length, width and height as floats.
+def check_options(
+    room: str, size_m: Sequence[float], detail: str, least: tuple[float, float, float], most: tuple[float, float, float]
+) -> list[float]:
+    """Check the options of a room and return its length, width and height in metres.
 
     Raises:
-        SceneError: `size_m` does not have three numbers, or a number is outside its limits.
+        SceneError: `detail` is unknown, `size_m` does not have three numbers, or a number is outside its limits.
     """
+    if detail not in DETAILS:
+        raise SceneError(f"{room}: detail is {detail!r}; choose {', '.join(DETAILS)}")
     size = [float(v) for v in size_m]
     bounds = f"at least {least[0]} x {least[1]} x {least[2]}, at most {most[0]:g} x {most[1]:g} x {most[2]:g}"
     if len(size) != 3:

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-import trimesh
 
 from radartwin.errors import SceneError
 from radartwin.scene import objects, textures
-from radartwin.scene.rooms.parts import FINISHES, GAP, Detail, Shell, check_detail, check_size, room_scene, surface
+from radartwin.scene.rooms.parts import FINISHES, GAP, Detail, Opening, Shell, check_options, room_scene, surface
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
@@ -30,11 +29,10 @@ PIXEL_M = 0.006
 CLUTTER = ("ball", "racket_bag", "water_bottle", "bench")
 
 Back = Literal["solid", "glass"]
+Mark = tuple[tuple[float, float], tuple[float, float]]  # two opposite corners of a rectangle, or the two ends of a line
 
 
-def squash_court(
-    size_m: Sequence[float] = SIZE_M, detail: Detail = "furnished", back: Back = "solid", lines: bool = True, seed: int = 0
-) -> Scene:
+def squash_court(size_m: Sequence[float] = SIZE_M, detail: Detail = "furnished", back: Back = "solid") -> Scene:
     """Build a court, x in [0, length] towards the front wall, y in [-width/2, width/2], z in [0, height].
 
     Args:
@@ -42,60 +40,43 @@ def squash_court(
         detail: "shell" (walls, floor, ceiling, door, tin), "furnished" (lamps, a ventilation grille, the door's plate and handle) or
             "cluttered" (also the small items of CLUTTER).
         back: the back wall below 2.13 m: "solid" with a wooden door, or 12 mm "glass" with a glass door in a metal frame.
-        lines: whether the court has painted markings.
-        seed: seed of the textures.
-    Raises:
-        SceneError: `detail` or `back` is unknown, or the size is outside the limits.
     """
-    check_detail("squash_court", detail)
     if back not in ("solid", "glass"):
         raise SceneError(f"squash_court: back is {back!r}; choose solid or glass")
-    length, width, height = check_size("squash_court", size_m, (7.0, 4.5, 5.0), (15, 12, 10))
+    length, width, height = check_options("squash_court", size_m, detail, (7.0, 4.5, 5.0), (15, 12, 10))
     shell = Shell(length, width, height)
-    surfaces = [*_walls(shell, lines, seed), *_back(shell, back, lines, seed), _tin(length, width, seed)]
+    surfaces = [*_walls(shell), *_back(shell, back), _tin(length, width)]
     if detail != "shell":
-        surfaces += _fixtures(shell, back, seed)
+        surfaces += _fixtures(shell, back)
     if detail == "cluttered":
-        surfaces += _clutter(length, width, seed)
+        surfaces += _clutter(length, width)
     return room_scene(surfaces, "squash_court", (length, width, height), detail, CLUTTER, back=back)
 
 
-def _walls(shell: Shell, lines: bool, seed: int) -> list[Surface]:
+def _walls(shell: Shell) -> list[Surface]:
     length, width = shell.length, shell.width
-    marks: dict[str, list[np.ndarray]] = {
+    marks: dict[str, list[Mark]] = {
         "floor": [  # seen from the back wall, x = 0
-            _bar((SHORT_M, 0), (SHORT_M + LINE_M, width)),
-            _bar((0, width / 2 - LINE_M / 2), (SHORT_M, width / 2 + LINE_M / 2)),
-            *(_bar((SHORT_M - BOX_M, v), (SHORT_M - BOX_M + LINE_M, v + BOX_M)) for v in (0, width - BOX_M)),
-            *(_bar((SHORT_M - BOX_M, v), (SHORT_M, v + LINE_M)) for v in (BOX_M, width - BOX_M - LINE_M)),
+            ((SHORT_M, 0), (SHORT_M + LINE_M, width)),
+            ((0, width / 2 - LINE_M / 2), (SHORT_M, width / 2 + LINE_M / 2)),
+            *(((SHORT_M - BOX_M, v), (SHORT_M - BOX_M + LINE_M, v + BOX_M)) for v in (0, width - BOX_M)),
+            *(((SHORT_M - BOX_M, v), (SHORT_M, v + LINE_M)) for v in (BOX_M, width - BOX_M - LINE_M)),
         ],
-        "wall_front": [_bar((0, h), (width, h + LINE_M)) for h in (SERVICE_M, OUT_FRONT_M)],
-        "wall_left": [np.array([[0, OUT_BACK_M], [length, OUT_FRONT_M]])],
-        "wall_right": [np.array([[0, OUT_FRONT_M], [length, OUT_BACK_M]])],
+        "wall_front": [((0, h), (width, h + LINE_M)) for h in (SERVICE_M, OUT_FRONT_M)],
+        "wall_left": [((0, OUT_BACK_M), (length, OUT_FRONT_M))],
+        "wall_right": [((0, OUT_FRONT_M), (length, OUT_BACK_M))],
     }
-    out = []
-    for name, finish in (
-        ("floor", "court floor"), ("ceiling", "white wall"), ("wall_front", "court wall"), ("wall_left", "court wall"),
-        ("wall_right", "court wall"),
-    ):  # fmt: skip
-        mesh = shell.wall(name)
-        picture = _marked(shell, name, mesh, finish, marks.get(name, ()), seed) if lines and name in marks else None
-        out.append(surface(name, mesh, finish, picture=picture, seed=seed))
-    return out
+    sides = [_marked(shell, name, [], marks[name], "court floor" if name == "floor" else "court wall") for name in marks]
+    return [sides[0], surface("ceiling", shell.wall("ceiling"), "white wall"), *sides[1:]]
 
 
-def _back(shell: Shell, back: Back, lines: bool, seed: int) -> list[Surface]:
+def _back(shell: Shell, back: Back) -> list[Surface]:
     width = shell.width
     middle = width / 2
     door = (middle - DOOR_M[0] / 2, 0.0, middle + DOOR_M[0] / 2, DOOR_M[1])
     if back == "solid":
-        wall = shell.wall("wall_back", [door])
-        marks = [_bar((0, OUT_BACK_M), (width, OUT_BACK_M + LINE_M))]
-        picture = _marked(shell, "wall_back", wall, "court wall", marks, seed) if lines else None
-        return [
-            surface("wall_back", wall, "court wall", picture=picture, seed=seed),
-            surface("door", shell.filling("wall_back", door), "wood door", seed=seed),
-        ]
+        wall = _marked(shell, "wall_back", [door], [((0, OUT_BACK_M), (width, OUT_BACK_M + LINE_M))])
+        return [wall, surface("door", shell.filling("wall_back", door), "wood door")]
     glazing = (0.0, 0.0, width, OUT_BACK_M)
     bar = 0.05
     panes = [
@@ -104,26 +85,26 @@ def _back(shell: Shell, back: Back, lines: bool, seed: int) -> list[Surface]:
         (door[2] + bar, bar, width - bar, glazing[3] - bar),
     ]
     return [
-        surface("wall_back", shell.wall("wall_back", [glazing]), "court wall", seed=seed),
-        surface("glass_frame", shell.filling("wall_back", glazing, panes), "metal", seed=seed),
+        surface("wall_back", shell.wall("wall_back", [glazing]), "court wall"),
+        surface("glass_frame", shell.filling("wall_back", glazing, panes), "metal"),
         *(
-            surface(name, shell.filling("wall_back", pane), "glass leaf", seed=seed)
+            surface(name, shell.filling("wall_back", pane), "glass leaf")
             for name, pane in zip(("glass_right", "door", "glass_left"), panes, strict=True)
         ),
     ]
 
 
-def _tin(length: float, width: float, seed: int) -> Surface:
+def _tin(length: float, width: float) -> Surface:
     """Sheet metal at the foot of the front wall; its upper 50 mm are a line."""
     y = width / 2 - GAP
     mesh = objects.box([length - TIN_DEPTH_M, -y, GAP], [length - GAP, y, TIN_M])
-    canvas = textures.tiled("painted_metal", (2 * y, TIN_M - GAP), PIXEL_M, seed)
+    canvas = textures.tiled("painted_metal", (2 * y, TIN_M - GAP), PIXEL_M)
     canvas[: round(LINE_M / PIXEL_M)] = LINE_RGB
     corner, along, up = np.array([length, y, GAP]), np.array([0, -2 * y, 0.0]), np.array([0, 0, TIN_M - GAP])
-    return surface("tin", mesh, "painted metal", picture=textures.with_image(mesh, textures.picture(canvas), corner, along, up), seed=seed)
+    return surface("tin", mesh, "painted metal", picture=textures.with_image(mesh, canvas, corner, along, up))
 
 
-def _fixtures(shell: Shell, back: Back, seed: int) -> list[Surface]:
+def _fixtures(shell: Shell, back: Back) -> list[Surface]:
     length, width, height = shell.length, shell.width, shell.height
     lamps = [
         objects.box([x - 0.75, y - 0.2, height - 0.09], [x + 0.75, y + 0.2, height - GAP])
@@ -133,17 +114,17 @@ def _fixtures(shell: Shell, back: Back, seed: int) -> list[Surface]:
     grille = objects.box([GAP, -width / 2 + 0.6, 4.4], [0.05, -width / 2 + 1.6, 4.8])
     handle = objects.box([0.03, 0.335, 0.95], [0.055, 0.36, 1.15])
     out = [
-        surface("ceiling_lamps", objects.joined(lamps), "lamp", seed=seed),
-        surface("ventilation_grille", grille, "metal", seed=seed),
-        surface("door_handle", handle, "metal", seed=seed),
+        surface("ceiling_lamps", objects.joined(lamps), "lamp"),
+        surface("ventilation_grille", grille, "metal"),
+        surface("door_handle", handle, "metal"),
     ]
     if back == "solid":
         plate = objects.box([GAP, -0.42, 0.03], [GAP + 0.012, 0.42, 0.28])
-        out.append(surface("door_kick_plate", plate, "metal", seed=seed))
+        out.append(surface("door_kick_plate", plate, "metal"))
     return out
 
 
-def _clutter(length: float, width: float, seed: int) -> list[Surface]:
+def _clutter(length: float, width: float) -> list[Surface]:
     y = width / 2
     ball = objects.sphere(0.02, 3).apply_transform(pose([length - 1.3, -1.9, 0.02 + GAP]))
     bottle = objects.cylinder(0.035, 0.22, 48).apply_transform(pose([0.4, -y + 1.7, 0.11 + GAP]))
@@ -151,22 +132,18 @@ def _clutter(length: float, width: float, seed: int) -> list[Surface]:
     seat = objects.box([0.1, -y + 0.3, 0.4], [0.45, -y + 1.5, 0.44])
     legs = [objects.box([0.2, v, GAP], [0.35, v + 0.04, 0.395]) for v in (-y + 0.4, -y + 1.36)]
     return [
-        surface("ball", ball, "plastic", role="object", seed=seed),
-        surface("racket_bag", bag, "red fabric", seed=seed),
-        surface("water_bottle", bottle, "white plastic", role="object", seed=seed),
-        surface("bench", objects.joined([seat, *legs]), "solid wood", look="pale_wood", seed=seed),
+        surface("ball", ball, "plastic", role="object"),
+        surface("racket_bag", bag, "red fabric"),
+        surface("water_bottle", bottle, "white plastic", role="object"),
+        surface("bench", objects.joined([seat, *legs]), "solid wood", look="pale_wood"),
     ]
 
 
-def _bar(low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
-    """(2, 2) opposite corners of the rectangle of a marking."""
-    return np.array([low, high], float)
-
-
-def _marked(shell: Shell, side: str, mesh: trimesh.Trimesh, finish: str, marks: Sequence[np.ndarray], seed: int) -> trimesh.Trimesh:
-    """A side of the court with its markings: rectangles, or on the side walls lines between two points."""
+def _marked(shell: Shell, side: str, openings: Sequence[Opening], marks: Sequence[Mark], finish: str = "court wall") -> Surface:
+    """Build a side of the court with its markings: rectangles, or on the side walls lines between two points."""
+    mesh = shell.wall(side, openings)
     corner, along, up, size = shell.side(side)
-    canvas = textures.tiled(FINISHES[finish].look, size, PIXEL_M, seed)
+    canvas = textures.tiled(FINISHES[finish].look, size, PIXEL_M)
     rows, columns = canvas.shape[:2]
     right = (np.arange(columns) + 0.5)[None] / columns * size[0]
     high = size[1] - (np.arange(rows) + 0.5)[:, None] / rows * size[1]
@@ -177,4 +154,4 @@ def _marked(shell: Shell, side: str, mesh: trimesh.Trimesh, finish: str, marks: 
         else:
             inside = (right >= u0) & (right < u1) & (high >= v0) & (high < v1)
         canvas[inside] = LINE_RGB
-    return textures.with_image(mesh, textures.picture(canvas), corner, along * size[0], up * size[1])
+    return surface(side, mesh, finish, picture=textures.with_image(mesh, canvas, corner, along * size[0], up * size[1]))

@@ -48,20 +48,12 @@ def material_label(material: str | Layered) -> str:
     return stack if material.backing == "air" else f"{stack} on {material.backing}"
 
 
-def outer(material: str | Layered) -> str:
-    """Return the name of the outermost material."""
-    if isinstance(material, str):
-        return material
-    return material.layers[0][0] if material.layers else material.backing
-
-
 def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
     """Choose a colour for every distinct label, in the order of labels; stacks with the same outer layer differ in lightness."""
-    outermost = {material_label(m): outer(m) for m in materials}
     used: Counter[str] = Counter()
     colours = {}
-    for label in sorted(outermost):
-        name = outermost[label]
+    for label in sorted({material_label(m) for m in materials}):
+        name = label.partition(" ")[0]  # of the outermost material
         colours[label] = _lighter(_rgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[used[name] % 5])
         used[name] += 1
     return colours
@@ -93,11 +85,11 @@ def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | 
     return 10 * float(np.log10(power)) if power > 0 else -np.inf
 
 
-def ramp(count: int = 33) -> list[RGB]:
+def ramp() -> list[RGB]:
     """Return the colours of the scale from LOW_DB to 0 dB, dark to light (viridis)."""
     from matplotlib import colormaps
 
-    return [(int(r), int(g), int(b)) for r, g, b in np.round(255 * colormaps["viridis"](np.linspace(0, 1, count))[:, :3])]
+    return [(int(r), int(g), int(b)) for r, g, b in np.round(255 * colormaps["viridis"](np.linspace(0, 1, 33))[:, :3])]
 
 
 def reflectivity_colour(level_db: float | None, stops: Sequence[RGB]) -> RGB:

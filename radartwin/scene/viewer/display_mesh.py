@@ -125,7 +125,8 @@ def wall_planes(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | No
     A surface bounds the room if it is flat and the rest of the room lies on one side of it. Its winding does not matter.
     """
     room = [s for s in surfaces if s.kind == "room"]
-    cloud = np.vstack([_sample(np.asarray(s.mesh.vertices)) for s in room]) if room else np.zeros((0, 3))
+    vertices = [np.asarray(s.mesh.vertices) for s in room]
+    cloud = np.vstack([np.zeros((0, 3)), *(v[:: max(1, len(v) // 2000)] for v in vertices)])
     return [_wall_plane(s.mesh, cloud) if s.kind == "room" else None for s in surfaces]
 
 
@@ -143,7 +144,3 @@ def _wall_plane(mesh: trimesh.Trimesh, cloud: np.ndarray) -> dict[str, list[floa
         return None
     inward = normal if behind <= front else -normal
     return {"point": point.round(4).tolist(), "normal": inward.round(5).tolist()}
-
-
-def _sample(vertices: np.ndarray, most: int = 2000) -> np.ndarray:
-    return vertices[:: max(1, len(vertices) // most)]

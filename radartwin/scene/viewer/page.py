@@ -34,37 +34,28 @@ CRISP_FACES = 2000  # the page draws creases on surfaces of fewer faces; on a no
 _SCRIPTS = ("camera.js", "renderer.js", "panel.js", "main.js")
 
 
-def view(
-    scene: Scene,
-    path: str | Path,
-    poses: np.ndarray | None = None,
-    title: str | None = None,
-    by: str = "material",
-    max_faces: int = MAX_FACES,
-) -> Path:
-    """Write a scene as an HTML page.
+def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title: str | None = None, by: str = "material") -> Path:
+    """Write a scene as an HTML page. A page of a large scene is thinned and contains a note; the scene does not change.
 
     Args:
         path: path of the .html file.
         poses: (F, 4, 4) or (4, 4) sensor-to-world, drawn as a track with boresights; none by default.
         title: heading of the page; by default the room or source in the scene's provenance.
         by: first colouring: material, segment, reflectivity or colour (of the scan); the page can switch to the others.
-        max_faces: a page with more faces is thinned and contains a note; the scene does not change.
-    Returns:
-        The path.
     Raises:
         SceneError: the scene has no surfaces, `by` is unknown, or by="colour" and the scene has no scan colours.
         PoseError: the poses are not (F, 4, 4).
         OutputError: the page cannot be written.
     """
-    return write_atomically(Path(path), _page(*describe(scene, poses, title, by, max_faces)))
+    return write_atomically(Path(path), _page(*describe(scene, poses, title, by)))
 
 
 def describe(
-    scene: Scene, poses: np.ndarray | None, title: str | None, by: str, max_faces: int
+    scene: Scene, poses: np.ndarray | None = None, title: str | None = None, by: str = "material", max_faces: int = MAX_FACES
 ) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
-    """Contents of the page as JSON, and its arrays: positions (V, 3), number of the surface (V,), colours (V, 4), coordinates and
-    number of the picture (V, 3), faces (T, 3). Arguments and errors are those of `view`.
+    """Return the contents of the page as JSON, and its arrays. Arguments and errors are those of `view`.
+
+    The arrays are positions (V, 3), number of the surface (V,), colours (V, 4), coordinates and number of the picture (V, 3), faces (T, 3).
     """
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
