@@ -44,6 +44,7 @@ class FakeCampaign:
     ) -> None:  # fmt: skip
         self.motions, self.rooms, self.distances, self.repetitions = motions, rooms, distances, repetitions
         self.frames, self.signature, self.gap, self.turns, self.keep = frames, signature, gap, turns, keep
+        self.made: dict[tuple[str, Case, str], tuple[str, Processed]] = {}
         self.objects = tuple(objects) or tuple(catalogue())
         self.radar = Radar.iwr1843()
         self.range_m = range_axis(self.radar, self.radar.num_samples)
@@ -70,6 +71,12 @@ class FakeCampaign:
     def prepare(self, wanted, materials=None) -> None: ...
 
     def processed(self, domain: str, case: Case, materials=None) -> tuple[str, Processed]:
+        source = str(getattr(materials, "source", materials) or "vlm")
+        if (domain, case, source) not in self.made:
+            self.made[domain, case, source] = self._made(domain, case, source)
+        return self.made[domain, case, source]
+
+    def _made(self, domain: str, case: Case, source: str) -> tuple[str, Processed]:
         kind = catalogue()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])
         log = self.log(case, domain)
@@ -86,7 +93,6 @@ class FakeCampaign:
             lines = lines + self.gap * truth.normal(size=6)
             room = room * np.exp(self.gap * truth.normal(size=len(room)))
             level = 2.0 * level * np.exp(0.1 * rng.normal())
-        source = getattr(materials, "source", materials) or "vlm"
         room = room * (0.0 if domain == "void" or source == "void" else 1.0)
         if source in ("uniform", "random"):
             room = room[::-1]
@@ -103,7 +109,7 @@ class FakeCampaign:
         power = (np.abs(channels) ** 2).mean(axis=1).astype(np.float32)
         floor = np.full(len(self.range_m), noise, np.float32)
         made = Processed(self.radar, self.range_m, power, channels, None, velocity_axis(self.radar, self.radar.num_chirps), floor)
-        return spec_digest([domain, case, str(source), self.signature, self.gap, frames])[:32], made
+        return spec_digest([domain, case, source, self.signature, self.gap, frames])[:32], made
 
 
 def config(name: str, *overrides: str) -> Config:

@@ -10,7 +10,7 @@ from pathlib import Path
 import fake_campaign
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign, find
+from fake_campaign import FakeCampaign, draw_all, find
 
 from experiments.campaign.cases import Case
 from experiments.claims import Claim
@@ -71,14 +71,11 @@ class Study:
         return self.of(case).log(case, domain)
 
 
-def checked(result: Result, folder: Path | None = None) -> Result:
-    """Check the rows; with a folder, also save the result and check its figures."""
+def checked(result: Result) -> Result:
+    """Check the rows and draw the figures."""
     check_rows(result.table, result.rows)
     assert all(one["run_keys"] for one in result.rows)
-    if folder is not None:
-        folder.mkdir()
-        save(result, folder)
-        assert {path.stem for path in (folder / "figures").glob("*.png")} == set(result.figures)
+    draw_all(result)
     return result
 
 
@@ -164,10 +161,11 @@ def test_geometry_transfers_without_labels(tmp_path: Path):
 )
 def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     chosen = config("contrastive", *overrides)
-    result = checked(contrastive.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()), tmp_path / "result")
+    result = checked(contrastive.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
+    save(result, tmp_path)
     assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
     assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "object"})["chance"] == 0.5
-    described = json.loads((tmp_path / "result" / "models" / "recogniser" / "model.json").read_text())
+    described = json.loads((tmp_path / "models" / "recogniser" / "model.json").read_text())
     assert described["classes"] == sorted(OBJECTS)
     assert not [name for name in described["names"] if "brightness" in name]
 
@@ -202,7 +200,7 @@ def test_the_ablation_detects_the_benefit_of_the_room(tmp_path: Path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("profile", "shares"), [("quick", 1), ("paper", 3)])
-def test_material_errors_are_zero_with_true_materials(tmp_path: Path, profile: str, shares: int):
+def test_material_errors_are_zero_with_true_materials(profile: str, shares: int):
     class Labelled(FakeCampaign):
         source = ""
 
@@ -216,7 +214,7 @@ def test_material_errors_are_zero_with_true_materials(tmp_path: Path, profile: s
 
     chosen = config("material_errors", f"profile.name={profile}")
     campaigns = {name: campaign_of(materials) for name, (_, materials) in material_errors.sources(chosen).items()}
-    result = checked(material_errors.score(chosen, campaigns, Progress()), tmp_path / "result")
+    result = checked(material_errors.score(chosen, campaigns, Progress()))
     errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
     assert errors[0] == 0
     assert len(errors) == shares + 2  # and as configured
@@ -232,19 +230,6 @@ def test_calibration_removes_a_gain_and_does_not_score_the_reflector(tmp_path: P
     assert before["value"] == pytest.approx(3.0, abs=0.5)  # the measured radar has twice the gain
     assert abs(after["value"]) < 0.7
     assert after["n"] == 12  # two cans, two distances, three recordings
-
-
-@pytest.mark.slow
-def test_every_figure_is_drawn(tmp_path: Path):
-    store, study = Store(tmp_path / "cache"), Study(drives(), turntable())
-    made = [
-        probe(tmp_path, turntable()),
-        turntable_label_free.score(config("turntable_label_free"), turntable(), store, Progress()),
-        rover_recognition.score(config("rover_recognition"), study, store, Progress()),
-        reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Progress()),
-        corner_reflector_calibration.score(config("corner_reflector_calibration"), turntable(), Progress()),
-    ]
-    assert [len(checked(result, tmp_path / result.table).figures) for result in made] == [3, 2, 2, 2, 1]
 
 
 def test_all_correct_has_the_exact_interval_and_one_cell_has_none():
