@@ -21,6 +21,7 @@ from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from radartwin.config.config import Config
 from radartwin.features import track
+from radartwin.features.align import overlap
 from radartwin.features.log import Log, distances
 from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
@@ -103,17 +104,11 @@ def _add_rows(rows: RowList, case: dict[str, Any], tracks: dict[str, list[RailTr
         rows.add_mean(of, "excursion less the rail's (m)", excursions[domain] - expected, keys[domain], claim)
     both = {**case, "of": "both"}
     twin = tracks[TWIN][0]
-    shapes = [_shape(one.tracks_m[tracker], twin.tracks_m[tracker]) for one in tracks[MEASURED]]
+    shapes = [statistics.correlation(*overlap(one.tracks_m[tracker], twin.tracks_m[tracker], 0)) for one in tracks[MEASURED]]
     rows.add_mean(both, "shape correlation", shapes, [*keys[MEASURED], twin.key], SHAPE if motion == "radial" else NONE)
     shorter = excursions[MEASURED] - excursions[TWIN].mean()
     claim = SHORT if motion == "diagonal" else NONE
     rows.add_mean(both, "measured less simulated excursion (m)", shorter, [*keys[MEASURED], *keys[TWIN]], claim)
-
-
-def _shape(first: NDArray, second: NDArray) -> float:
-    """Return the Pearson correlation of two tracks over their common frames; 0 if either track is constant."""
-    count = min(len(first), len(second))
-    return statistics.correlation(first[:count], second[:count])
 
 
 def _figure(tracks: Tracks) -> Figure:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radartwin.errors import InputError, MissingError, UserError
+from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.io.progress import Progress
 from radartwin.radar.captures import EDGE_DB, band_edge_db
 from radartwin.radar.chirp import Radar
@@ -18,7 +18,7 @@ from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
 from radartwin.recordings.index import INDEX, RECORDINGS, TRAJECTORIES, Row, read_index
 from radartwin.recordings.studio_log import PACKET_BYTES
-from radartwin.recordings.trajectory import frame_poses
+from radartwin.scene.trajectories.file import read_track
 
 CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by judgement; above it, clipping causes notable harmonics
 EDGE_FRAMES = 16  # frames for the test whether I and Q are exchanged; with one frame of few chirps its power ratio errs by 1 to 2 dB
@@ -110,7 +110,8 @@ def check_samples(recording: Recording, row: Row, card: Card | None = None) -> t
     problems, notes = [], []
     if not recording.iq.any():
         return ["all samples are zero; record again with the sensor started"], notes
-    dead = [f"tx {t} rx {r}" for t, r in np.argwhere(~_any_by_channel(recording)).tolist()]
+    alive = np.logical_or.reduce([recording.iq[block].any(axis=(0, 1, 4)) for block in recording.frame_blocks()])  # (tx, rx)
+    dead = [f"tx {t} rx {r}" for t, r in np.argwhere(~alive).tolist()]
     if dead:
         problems.append(f"no samples from {', '.join(dead)}: all zero; enable the channel and record again")
     if (clipped := clipped_share(recording)) > 0:
@@ -156,9 +157,24 @@ def zero_filled_frames(recording: Recording) -> list[int]:
     return sorted(found)
 
 
-def _any_by_channel(recording: Recording) -> np.ndarray:
-    """Return a mask (tx, rx) of the channels that have a sample other than zero."""
-    return np.logical_or.reduce([recording.iq[block].any(axis=(0, 1, 4)) for block in recording.frame_blocks()])
+def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
+    """Interpolate the sensor poses (F, 4, 4) at the frames. A frame up to half a frame period outside the file takes the nearest pose.
+
+    Args:
+        path: a trajectory file that `read_track` accepts.
+        start_s: time of the first frame on the clock of the trajectory file, seconds.
+        frames: number of frames.
+        rate_hz: frame rate.
+    Raises:
+        MissingError, PoseError: the file is missing or unreadable.
+        RecordingError: the file does not cover the frames.
+    """
+    track = read_track(path)
+    (begin, end), times, slack = track.times_s[[0, -1]], start_s + np.arange(frames) / rate_hz, 0.5 / rate_hz
+    if times[0] < begin - slack or times[-1] > end + slack:
+        covered = f"it covers {begin:.3f} to {end:.3f} s, the frames are at {times[0]:.3f} to {times[-1]:.3f} s"
+        raise RecordingError(f"{path}: {covered}; give a longer trajectory, or a start_s column")
+    return track.at(times.clip(begin, end))
 
 
 def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:

@@ -32,9 +32,8 @@ from radartwin.radar.dca1000 import frame_bytes
 from radartwin.radar.description_files import read_json
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
-from radartwin.recordings.checks import difference, same_radar
+from radartwin.recordings.checks import difference, frame_poses, same_radar
 from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES, Row, describe, index_text, read_index
-from radartwin.recordings.trajectory import frame_poses
 
 LOCK = "index.lock"
 _SAME_DISTANCE_M = 1e-4  # distances this close are equal, because the index stores rounded distances

@@ -79,28 +79,21 @@ def turntable_drive(position: np.ndarray) -> Scene:
 
 
 def radar_rig(sensor_pose: np.ndarray) -> Scene:
-    """Build the equipment at the radar of a turntable campaign: tripod and cable."""
-    return tripod(sensor_pose) + _hanging_cable(sensor_pose)
+    """Build the equipment at the radar of a turntable campaign: tripod, and a cable that hangs from behind the radar to the floor."""
+    height = float(sensor_pose[2, 3])
+    hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
+    return tripod(sensor_pose) + Scene([_fixture("cable_radar", hanging, "plastic").moved(_on_floor(sensor_pose))])
 
 
 def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """Build the equipment at the target of a turntable campaign: drive and cable. `target` (3,) is the top of the turntable's disc."""
-    return turntable_drive(target) + _lying_cable(sensor_pose, target)
+    """Build the equipment at the target of a turntable campaign: drive, and a cable on the floor, from below the target to the left.
 
-
-def _hanging_cable(sensor_pose: np.ndarray) -> Scene:
-    """Build a cable that hangs from behind a radar at rest to the floor."""
-    height = float(sensor_pose[2, 3])
-    hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
-    return Scene([_fixture("cable_radar", hanging, "plastic").moved(_on_floor(sensor_pose))])
-
-
-def _lying_cable(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """Build a cable that lies on the floor, from below the target to the left."""
+    `target` (3,) is the top of the turntable's disc.
+    """
     across = sensor_pose[:3, 1]
     foot = np.array([target[0], target[1], 0.0])
     lying = _rod(foot + 0.15 * across + [0, 0, 0.014], foot + (0.15 + _CABLE_M) * across + [0, 0, 0.014], 0.004)
-    return Scene([_fixture("cable_turntable", lying, "plastic")])
+    return turntable_drive(target) + Scene([_fixture("cable_turntable", lying, "plastic")])
 
 
 def _on_floor(sensor_pose: np.ndarray) -> np.ndarray:
