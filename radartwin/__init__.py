@@ -6,6 +6,8 @@ The names load on first use, so that `import radartwin` is fast.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from radartwin.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from radartwin.materials import MATERIAL_THICKNESS, Layered
     from radartwin.radar.chirp import Radar
@@ -13,8 +15,6 @@ if TYPE_CHECKING:
     from radartwin.scene.scene import Scene, Surface
     from radartwin.simulation.rcs import rcs
     from radartwin.simulation.simulate import simulate
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "MATERIAL_THICKNESS": "radartwin.materials",

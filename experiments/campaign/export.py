@@ -11,7 +11,6 @@ from pathlib import Path
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import TURN_S, Case
 from experiments.campaign.recorded import TURN
-from radartwin import __version__
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import RecordingsConfig
@@ -22,6 +21,7 @@ from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.store.products import Store
+from radartwin.version import __version__
 
 
 def export(campaign: Campaign, folder: str | Path) -> RecordingSet:

@@ -30,7 +30,7 @@ from radartwin.adaptive.model import DEFAULT, FINEST, Model
 from radartwin.adaptive.probe import Probe, thinned
 from radartwin.builders.auto import MOTION_FAMILIES, families_of
 from radartwin.builders.radar import build_radar
-from radartwin.builders.setup import build_setup
+from radartwin.builders.recording import build_setup
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.families import SETS
@@ -199,7 +199,8 @@ def _of_case(case: Case, config: Config, store: Store) -> list[Asked]:
 
 
 def _of_scan(config: Config, store: Store) -> list[Asked]:
-    setup, features, variant = build_setup(config), config.features, config.simulator.variant
+    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed)
+    features, variant = config.features, config.simulator.variant
     families_of(features, motion := setup.measured_motion)
     name = f"scan-{motion}-{config.scene.target}"
     return _asked(name, lambda count, between: setup.probe(features, variant, count, between), motion, config.scene.target, store)

@@ -1,18 +1,94 @@
-"""Simulate the recording of a composed configuration."""
+"""Build the set-up of a recording from the configuration (radar, room, target and their poses), and simulate the recording."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from radartwin.adaptive.limits import Limits
-from radartwin.builders.auto import choose_simulator
-from radartwin.builders.setup import build_setup
+from radartwin.adaptive.probe import Probe, thinned
+from radartwin.builders.auto import choose_simulator, families_of
+from radartwin.builders.provenance import describe_room
+from radartwin.builders.radar import build_radar
+from radartwin.builders.scene import TARGET, add_layout, build_room, build_target, lowest_m
 from radartwin.builders.simulator import simulated_parts, simulator_options
+from radartwin.builders.trajectory import Course, build_course, check_course
 from radartwin.config.config import Config
+from radartwin.config.materials import MaterialsConfig
+from radartwin.config.radar import RadarConfig
+from radartwin.config.scene import SceneConfig
 from radartwin.config.simulator import AutoSimulator
+from radartwin.config.study import FeaturesConfig
+from radartwin.config.trajectory import TrajectoryConfig
+from radartwin.features.log import Nominal
+from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
+from radartwin.scene import rooms
+from radartwin.scene.scene import Scene
 from radartwin.simulation.simulate import simulate
 from radartwin.store.products import Store
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Radar, room and target of a recording, with their poses.
+
+    Attributes:
+        room: the scene without the target, with the objects of the layout.
+        target: surfaces of the target and its stand; empty for scene.target=none.
+        motion: object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest.
+        provenance: see `radartwin.builders.provenance.describe_room`.
+    """
+
+    room: Scene
+    target: Scene
+    radar: Radar
+    course: Course
+    motion: dict[str, np.ndarray]
+    provenance: dict[str, Any]
+
+    @property
+    def measured_motion(self) -> str:
+        """Return the motion of the target relative to the radar if the repeatability of its features is known, else ""."""
+        return self.course.motion if self.motion else ""
+
+    def probe(self, features: FeaturesConfig, variant: str = "auto", count: int | None = None, between: bool = False) -> Probe:
+        """Select a few frames of the recording on which simulator=auto compares settings, and the features that it must keep accurate.
+
+        Args:
+            variant: Mitsuba variant.
+            count, between: see `radartwin.adaptive.probe.thinned`.
+        Raises:
+            ConfigError: see `radartwin.builders.auto.families_of`.
+        """
+        families = families_of(features, self.measured_motion)
+        sensor, target = self.course.sensor_poses, self.course.target_poses
+        frames = max(len(sensor), len(target))
+        distance_m = np.linalg.norm(target[:, :2, 3] - sensor[:, :2, 3], axis=1) * np.ones(frames)
+        log = Nominal(self.radar.frame_rate_hz, distance_m, self.course.angle_rad)
+        return thinned(self.room, self.target, self.radar, sensor, self.motion, log, families, variant, count, between)
+
+
+def build_setup(
+    radar_config: RadarConfig, scene: SceneConfig, materials: MaterialsConfig, trajectory: TrajectoryConfig, seed: int = 0
+) -> Setup:
+    """Build the set-up of a recording. Raises UserError if its parts do not fit together."""
+    radar = build_radar(radar_config)
+    room = build_room(scene, materials, seed)
+    provenance = describe_room(room, scene, materials)
+    target = build_target(scene)
+    foot = np.array([0.0, 0.0, lowest_m(target)])
+    position = scene.target_position_m
+    course = build_course(trajectory, radar, room, None if position is None else np.array(position) - foot)
+    room = add_layout(scene, room, course.sensor_poses[0])
+    check_course(room, radar, course)
+    placed = Scene(target)
+    if scene.stand:
+        placed = rooms.support(course.target_poses[0, :3, 3] + foot - [0, 0, rooms.GAP]) + placed
+    return Setup(room, placed, radar, course, {TARGET: course.target_poses} if target else {}, provenance)
 
 
 def simulate_scene(
@@ -23,7 +99,7 @@ def simulate_scene(
     Args:
         store, say: see `radartwin.builders.auto.choose_simulator`.
     """
-    setup = build_setup(config)
+    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed)
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):
         probe = setup.probe(config.features, simulator.variant)

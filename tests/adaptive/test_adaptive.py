@@ -15,7 +15,7 @@ from radartwin.adaptive.limits import PROFILE, SHIPPED, Limits, distances, measu
 from radartwin.adaptive.model import DEFAULT, LADDER, Model, cheaper, reduced
 from radartwin.adaptive.probe import ASPECTS, PLACES, thinned
 from radartwin.builders.auto import MOTION_FAMILIES
-from radartwin.builders.setup import build_setup
+from radartwin.builders.recording import build_setup
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, InputError
 from radartwin.features.envelope import frames_per_revolution
@@ -224,7 +224,7 @@ def test_other_motions_have_no_limits() -> None:
 def test_unsupported_configurations_of_auto_are_refused(overrides: list[str], message: str) -> None:
     config = compose(["scene=lab", "simulator=auto", *overrides])
     with pytest.raises(ConfigError, match=message):
-        build_setup(config).probe(config.features)
+        build_setup(config.radar, config.scene, config.materials, config.trajectory).probe(config.features)
 
 
 def test_models_reduce_the_room() -> None:
