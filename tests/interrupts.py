@@ -1,4 +1,4 @@
-"""Ctrl-C, twice, as an impatient user presses it."""
+"""Start a command in a process group of its own, and interrupt it by Ctrl-C, twice, as an impatient user presses it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,17 @@ import os
 import signal
 import subprocess
 import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def started(command: list[str], folder: Path, **environment: str) -> subprocess.Popen[str]:
+    """Start a command in the folder, as the leader of a process group. Its modules come from this checkout."""
+    return subprocess.Popen(
+        command, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, start_new_session=True,
+    )  # fmt: skip
 
 
 def interrupted_twice(process: subprocess.Popen[str]) -> str:

@@ -29,54 +29,40 @@ def choice(default: str | None, *others: str) -> Any:
     return _field(default, check)
 
 
-def positive(default: Any, *, below: float = math.inf, most: float = math.inf) -> Any:
-    """A field for a number, or a list of numbers, above zero."""
+def number(default: Any, fits: Callable[[float], bool], words: str) -> Any:
+    """A field for a number, or a list of numbers, for which `fits` is true. `words` completes "must be" in the error message."""
 
     def check(key: str, value: Any) -> None:
-        for number in value if isinstance(value, list) else [value]:
-            if not 0 < number < math.inf:
-                raise ConfigError(f"{key}={number} must be above zero and finite")
-            if not number < below:
-                raise ConfigError(f"{key}={number:g} must be below {below:g}")
-            if number > most:
-                raise ConfigError(f"{key}={number:g} must be at most {most:g}")
+        for entry in value if isinstance(value, list) else [value]:
+            if not fits(entry):
+                raise ConfigError(f"{key}={entry:g} must be {words}")
 
     return _field(default, check)
+
+
+def positive(default: Any) -> Any:
+    return number(default, lambda value: 0 < value < math.inf, "above zero and finite")
 
 
 def not_negative(default: float) -> Any:
-    def check(key: str, value: float) -> None:
-        if not 0 <= value < math.inf:
-            raise ConfigError(f"{key}={value} must be zero or above, and finite")
-
-    return _field(default, check)
+    return number(default, lambda value: 0 <= value < math.inf, "zero or above, and finite")
 
 
 def finite(default: float) -> Any:
-    def check(key: str, value: float) -> None:
-        if not math.isfinite(value):
-            raise ConfigError(f"{key}={value} must be finite")
-
-    return _field(default, check)
+    return number(default, math.isfinite, "finite")
 
 
 def share(default: float) -> Any:
-    """A field for a number from 0 to 1."""
-
-    def check(key: str, value: float) -> None:
-        if not 0 <= value <= 1:
-            raise ConfigError(f"{key}={value:g} must be from 0 to 1")
-
-    return _field(default, check)
+    return number(default, lambda value: 0 <= value <= 1, "from 0 to 1")
 
 
 def triple(content: str) -> Any:
     """A field for three finite numbers, null by default. `content` describes the numbers in the error message."""
 
     def check(key: str, value: list[float]) -> None:
-        for number in value:
-            if not math.isfinite(number):
-                raise ConfigError(f"{key}={number} must be finite")
+        for entry in value:
+            if not math.isfinite(entry):
+                raise ConfigError(f"{key}={entry} must be finite")
         if len(value) != 3:
             raise ConfigError(f"{key}={value} must be {content}")
 

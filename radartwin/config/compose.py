@@ -1,6 +1,7 @@
 """Compose a typed `Config` from command-line overrides. Every mistake raises a ConfigError of one line.
 
-Functions import Hydra themselves because the import takes 0.1 s, and `radartwin --help` must be fast.
+Only this module calls functions of Hydra that are not part of its public interface (Hydra 1.3). Functions
+import Hydra themselves because the import takes 0.1 s, and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin.config import hydra_adapter, messages
+from radartwin.config import messages
 from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.trusted import check_secrets, check_targets
 from radartwin.errors import ConfigError, MissingError
@@ -64,6 +65,8 @@ class Composer:
 
     def compose(self, overrides: Sequence[str]) -> Config:
         """Compose one configuration; see the function `compose`."""
+        from hydra._internal.config_loader_impl import ConfigLoaderImpl
+
         overrides = quoted(overrides)
         with _one_line_errors(overrides):
             values = [override for override in overrides if _VALUE.match(override)]
@@ -71,11 +74,11 @@ class Composer:
             if options not in self._cache:
                 self._cache[options] = self._read(options)
             composed = copy.deepcopy(self._cache[options])
-            parsed = hydra_adapter.parse(values)
+            parsed = _parse(values)
             for override in parsed:
                 if override.is_sweep_override():
                     raise ConfigError(messages.several_values(str(override.key_or_group)))
-            hydra_adapter.assign(composed, parsed)
+            ConfigLoaderImpl._apply_overrides_to_config(parsed, composed)
             return typed(composed)
 
     def _read(self, options: Sequence[str]) -> DictConfig:
@@ -96,7 +99,7 @@ class Composer:
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
     """Parse overrides with Hydra's grammar. Raises ConfigError for an override that cannot be parsed."""
     with _one_line_errors(overrides):
-        return hydra_adapter.parse(quoted(overrides))
+        return _parse(quoted(overrides))
 
 
 def combinations(overrides: Sequence[str]) -> list[list[str]]:
@@ -105,8 +108,11 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
     Raises:
         ConfigError: an override cannot be parsed.
     """
+    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+
     with _one_line_errors(overrides):
-        return hydra_adapter.combinations(quoted(overrides))
+        batches = BasicSweeper.split_arguments(_parse(quoted(overrides)), max_batch_size=None)
+        return [list(job) for batch in batches for job in batch]
 
 
 def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callable[[DictConfig], None]) -> Any:
@@ -115,9 +121,27 @@ def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callabl
     Raises:
         ConfigError: the launcher or a setting is unknown, or would call code outside radartwin and Hydra's launchers.
     """
+    from hydra._internal.callbacks import Callbacks
+    from hydra._internal.hydra import Hydra
+    from hydra._internal.utils import create_config_search_path
+    from hydra.core.global_hydra import GlobalHydra
+    from hydra.core.plugins import Plugins
+    from hydra.types import HydraContext, RunMode
+    from hydra.utils import instantiate
+
     _register_schemas()
     with _one_line_errors(overrides):
-        return hydra_adapter.launcher(CONFIG_NAME, conf_dir(), [*overrides, *_search_path(config_dirs)], job, check_targets)
+        GlobalHydra.instance().clear()
+        main = Hydra.create_main_hydra2("radartwin", create_config_search_path(str(conf_dir())))
+        settings = [*overrides, *_search_path(config_dirs)]
+        config = main.compose_config(CONFIG_NAME, settings, RunMode.MULTIRUN, with_log_configuration=False)
+        check_targets(config)
+        context = HydraContext(config_loader=main.config_loader, callbacks=Callbacks())
+        if not str(config.hydra.launcher._target_).startswith("radartwin."):
+            return Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)
+        plugin = instantiate(config.hydra.launcher, _recursive_=False)  # Hydra registers only plugins of the package hydra_plugins
+        plugin.setup(hydra_context=context, task_function=job, config=config)
+        return plugin
 
 
 def typed(composed: DictConfig) -> Config:
@@ -174,6 +198,12 @@ def _register_schemas() -> None:
     for group, schemas in SCHEMAS.items():
         for option, schema in schemas.items():
             store.store(group=group, name=f"schema_{option}", node=schema)
+
+
+def _parse(overrides: Sequence[str]) -> list[Override]:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return OverridesParser.create().parse_overrides(list(overrides))
 
 
 @contextlib.contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from radartwin.config.checks import check_fields, check_selector, choice, positive, share, unkeyed
+from radartwin.config.checks import check_fields, check_selector, choice, number, positive, share, unkeyed
 
 
 @dataclass
@@ -71,7 +71,7 @@ class RFGenesisSimulator(SimulatorConfig):
     backend: str = "rfgenesis"
     version: str = choice("shipped", "columns", "corrected")
     grid: int = positive(128)  # pixels along each side of the ray grid
-    fov_deg: float = positive(60.0, below=180)
+    fov_deg: float = number(60.0, lambda deg: 0 < deg < 180, "below 180 and above 0")
 
 
 @dataclass
@@ -82,7 +82,7 @@ class PointsSimulator(SimulatorConfig):
     cross_section: str = choice("table", "sphere")  # table: far-field RCS by aspect angle | sphere: RCS of a sphere of the object's size
     points: str = choice("centre", "box")  # centre: of the bounding box | box: centres of its faces
     room: str = choice("images", "void")  # images: first-order mirror images at the walls | void: no room
-    step_deg: float = positive(1.0, most=90)  # angular step of the RCS table
+    step_deg: float = number(1.0, lambda deg: 0 < deg <= 90, "at most 90 and above 0")  # angular step of the RCS table
     rays_per_wavelength2: float = positive(1.0)  # ray density for the RCS table
 
 

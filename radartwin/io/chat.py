@@ -7,10 +7,10 @@ the environment and is never written to a file. docs/decisions/012-own-or-librar
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
@@ -155,14 +155,11 @@ class Endpoint:
         return f"{self.shown} refuses with status {response.status_code} ({text}); {remedy}"
 
 
-def _retry_after(response: httpx.Response, otherwise: float, now: Callable[[], float] = time.time) -> float:
+def _retry_after(response: httpx.Response, otherwise: float) -> float:
     """Return the seconds to wait according to the Retry-After header (a number or a date), or `otherwise` without the header."""
     header = response.headers.get("retry-after", "").strip()
-    try:
+    with contextlib.suppress(ValueError):
         return max(0.0, float(header))
-    except ValueError:
-        pass
-    try:
-        return max(0.0, (parsedate_to_datetime(header) - datetime.fromtimestamp(now(), UTC)).total_seconds())
-    except (ValueError, TypeError):
-        return otherwise
+    with contextlib.suppress(ValueError, TypeError):
+        return max(0.0, (parsedate_to_datetime(header) - datetime.now(UTC)).total_seconds())
+    return otherwise

@@ -17,16 +17,15 @@ _PAD_BYTES = 1 << 28
 
 
 @functools.cache
-def keep_freed() -> bool:
-    """Make this process keep the memory that it frees. Returns False if the C library is not GNU's or refuses the setting.
+def keep_freed() -> None:
+    """Make this process keep the memory that it frees, if the C library is GNU's.
 
     The process then stays at its largest size until `give_back` is called. Dr.Jit manages its own memory.
     """
-    try:
+    with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library
         mallopt = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError, TypeError):  # another C library
-        return False
-    return all([mallopt(_MMAP_MAX, 0), mallopt(_TRIM_THRESHOLD, -1), mallopt(_TOP_PAD, _PAD_BYTES)])
+        for parameter, value in ((_MMAP_MAX, 0), (_TRIM_THRESHOLD, -1), (_TOP_PAD, _PAD_BYTES)):
+            mallopt(parameter, value)
 
 
 def give_back() -> None:
@@ -47,14 +46,10 @@ def resident_bytes(pid: int) -> float:
         return 0.0
 
 
-def free_bytes(otherwise: float) -> float:
-    """Return the available memory in bytes. If the system does not report it: half of all memory, or `otherwise` if that is unknown too."""
+def free_bytes() -> float:
+    """Return the available memory in bytes, or half of all memory if the system does not report the available memory."""
     try:
         with open("/proc/meminfo", encoding="ascii") as status:
             return next(1024.0 * int(line.split()[1]) for line in status if line.startswith("MemAvailable"))
     except (OSError, StopIteration):
-        pass
-    try:
         return 0.5 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):
-        return otherwise

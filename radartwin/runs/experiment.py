@@ -26,16 +26,7 @@ from radartwin.store.products import Product, Store, save_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCORE_COLUMNS = (
-    "metric",
-    "paper",
-    "value",
-    "low",
-    "high",
-    "n",
-    "domain",
-    "verdict",
-)  # the last columns of every table, in this order
+SCORE_COLUMNS = ("metric", "paper", "value", "low", "high", "n", "domain", "verdict")  # the last columns of every table, in this order
 VERDICTS = ("holds", "fails", "untestable")
 MODELS = "models"  # folder of a run's product
 
@@ -161,15 +152,8 @@ def save(result: Result, folder: Path) -> None:
             raise InputError(f"metric '{name}' of table {result.table} has brackets in its name; MLflow refuses them")
     rows = [{column: _plain(value) for column, value in row.items()} for row in result.rows]
     metrics = {name: float(value) for name, value in result.metrics.items()}
-    content = {
-        "table": result.table,
-        "rows": rows,
-        "metrics": metrics,
-        "keys": result.keys,
-        "figures": sorted(result.figures),
-        "models": sorted(result.models),
-    }
-    save_json(folder, "result", content)
+    names = {"figures": sorted(result.figures), "models": sorted(result.models)}
+    save_json(folder, "result", {"table": result.table, "rows": rows, "metrics": metrics, "keys": result.keys, **names})
     for name, model in result.models.items():
         if not isinstance(model, Path):
             model.save(folder / MODELS / name)

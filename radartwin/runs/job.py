@@ -111,9 +111,10 @@ def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
 @contextlib.contextmanager
 def _logged(path: Path, echo: bool) -> Iterator[None]:
     """Within the `with`, write standard error to the file, and with `echo` also to the terminal."""
-    with contextlib.ExitStack() as stack:
-        log = stack.enter_context(path.open("w", encoding="utf-8", buffering=1))
-        stack.enter_context(contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log))
+    with (
+        path.open("w", encoding="utf-8", buffering=1) as log,
+        contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log),
+    ):
         yield
 
 

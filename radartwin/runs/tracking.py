@@ -72,8 +72,8 @@ class Tracker:
     def prepare(self) -> None:
         """Create or open MLflow's store. The parent of a sweep calls this before its jobs start."""
         if not self.off:
-            with self._exclusive():
-                self._connect()
+            with self._visit():
+                pass
 
     @contextlib.contextmanager
     def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
@@ -90,9 +90,13 @@ class Tracker:
             return
         with self._visit() as client:
             experiment_id = self._experiment(client, table)
-            self._mark_killed(client, experiment_id, key)
+            for run in _of_key(client, experiment_id, key):
+                if run.info.status == "RUNNING":
+                    client.set_terminated(run.info.run_id, "KILLED")
             tags = {**artifacts.tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
-            record.run_id = self._create(client, experiment_id, f"{name} {key[:8]}", tags, self.parent_run_id)
+            if self.parent_run_id:
+                tags["mlflow.parentRunId"] = self.parent_run_id
+            record.run_id = client.create_run(experiment_id, run_name=f"{name} {key[:8]}", tags=tags).info.run_id
         began, clock = int(time.time() * 1000), time.monotonic()
         status, error = "FINISHED", ""
         samples: list[Metric] = []
@@ -120,7 +124,8 @@ class Tracker:
             if before:
                 client.update_run(before[0].info.run_id, status="RUNNING")
                 return before[0].info.run_id
-            return self._create(client, experiment_id, name, {**artifacts.tags(table, "sweep"), "sweep_key": sweep_key}, None)
+            tags = {**artifacts.tags(table, "sweep"), "sweep_key": sweep_key}
+            return client.create_run(experiment_id, run_name=name, tags=tags).info.run_id
 
     def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
         """End the parent run with the table of its jobs and a link that compares them. If this fails, only warn."""
@@ -143,20 +148,20 @@ class Tracker:
         if self.off:
             return True
         with self._visit() as client:
-            found = self._of_key(client, self._experiment(client, table), key)
+            found = _of_key(client, self._experiment(client, table), key)
         return any(run.info.status == "FINISHED" or (run.info.status == "RUNNING" and _alive(run.data.tags)) for run in found)
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
         """Yield the client of MLflow's store while holding the lock. Errors of the store become BackendError."""
-        with self._exclusive():
+        with files.lock(self._lock) if self._database else contextlib.nullcontext():
             client = self._connect()
             with _store_errors(self.uri):
                 yield client
 
     def _connect(self) -> MlflowClient:
         if self._client is None:
-            quieten()
+            _quieten()
             with _store_errors(self.uri), _short_timeouts():
                 from mlflow import MlflowClient
 
@@ -171,21 +176,6 @@ class Tracker:
             return found.experiment_id
         location = f"{self.artifacts}/{table}" if self._database else None
         return client.create_experiment(table, artifact_location=location, tags=KIND)
-
-    @staticmethod
-    def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
-        return list(client.search_runs([experiment_id], filter_string=f"tags.`run_key` = '{key}'"))
-
-    def _mark_killed(self, client: MlflowClient, experiment_id: str, key: str) -> None:
-        for run in self._of_key(client, experiment_id, key):
-            if run.info.status == "RUNNING":
-                client.set_terminated(run.info.run_id, "KILLED")
-
-    @staticmethod
-    def _create(client: MlflowClient, experiment_id: str, name: str, run_tags: dict[str, str], parent: str | None) -> str:
-        if parent:
-            run_tags["mlflow.parentRunId"] = parent
-        return client.create_run(experiment_id, run_name=name, tags=run_tags).info.run_id
 
     def _end(self, record: Record, params: Mapping[str, str], samples: Sequence[Metric], status: str, error: str, ended_ms: int) -> None:
         from mlflow.entities import Metric, Param, RunTag
@@ -215,16 +205,12 @@ class Tracker:
                 client.log_inputs(record.run_id, artifacts.datasets(record.inputs))
             client.set_terminated(record.run_id, status, ended_ms)
 
-    @contextlib.contextmanager
-    def _exclusive(self) -> Iterator[None]:
-        if self._database is None:
-            yield
-            return
-        with files.lock(self._lock):
-            yield
+
+def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
+    return list(client.search_runs([experiment_id], filter_string=f"tags.`run_key` = '{key}'"))
 
 
-def quieten() -> None:
+def _quieten() -> None:
     """Switch off telemetry, the migration log and the warning about a missing git. Call this before the first import of mlflow."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")

@@ -34,7 +34,7 @@ def worker_count(jobs: int, items: int) -> int:
     if items < FEWEST_ITEMS or in_worker():
         return 1
     idle_bytes = sum(memory.resident_bytes(pid) for pid in _pool.pids) if _pool else 0.0
-    fit = max(1, int((memory.free_bytes(otherwise=BYTES_PER_WORKER) + idle_bytes) / BYTES_PER_WORKER))
+    fit = max(1, int((memory.free_bytes() + idle_bytes) / BYTES_PER_WORKER))
     return min(jobs or min(cores(), fit), -(-items // 2))
 
 

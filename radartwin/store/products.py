@@ -3,7 +3,7 @@
     output/cache/KIND/KEY/          the product: the files that `build` wrote, and meta.json
     output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next start removes folders that killed processes left
 
-The key is a digest of the specification, of the source code of the packages that compute the product, and of its input files
+The key is a digest of the specification, with the content of input files, and of the source code of the packages that compute the product
 (radartwin/store/digest.py). A stored product is computed again only if its files no longer have the sizes and SHA-256 sums in meta.json.
 """
 
@@ -128,19 +128,11 @@ class Store:
             if re.fullmatch(rf"[0-9a-f]{{{KEY_LENGTH}}}", work.name.removesuffix(files.TEMPORARY)) and work.is_dir():
                 files.drop_abandoned(work)
 
-    def key(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], inputs: Mapping[str, str] | None = None) -> str:
+    def key(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str]) -> str:
         """Return the key of a product; for the arguments see `fetch`."""
-        parts = {"kind": kind, "spec": spec, "source": source_digest(entries), "inputs": dict(inputs or {})}
-        return spec_digest(parts)[:KEY_LENGTH]
+        return spec_digest({"kind": kind, "spec": spec, "source": source_digest(entries)})[:KEY_LENGTH]
 
-    def fetch(
-        self,
-        kind: str,
-        spec: Mapping[str, Any],
-        entries: Iterable[str],
-        build: Callable[[Path], object],
-        inputs: Mapping[str, str] | None = None,
-    ) -> Product:
+    def fetch(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], build: Callable[[Path], object]) -> Product:
         """Return the product of this specification. If the store does not hold it, build it first.
 
         Args:
@@ -149,20 +141,19 @@ class Store:
             entries: modules or packages where the computation starts. Their packages and all packages that they import enter the key.
             build: writes the product's files into an empty folder. If it returns a mapping, meta.json stores the mapping as "told". If it
                 raises an exception, the folder is removed.
-            inputs: digests of files that the computation reads, by name.
         Raises:
             OutputError: the disk is full or read-only.
         """
         entries = list(entries)
-        key = self.key(kind, spec, entries, inputs)
+        key = self.key(kind, spec, entries)
         with _disk_errors(self.root):
             product = self._fetch(kind, key, build, {"spec": spec, "modules": entries})
         count(Counts(found={(kind, key)}) if product.reused else Counts(built={(kind, key)}))
         return product
 
-    def holds(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], inputs: Mapping[str, str] | None = None) -> bool:
+    def holds(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str]) -> bool:
         """Return whether the store holds the complete product, without computing it."""
-        return self._complete(self.root / kind / self.key(kind, spec, list(entries), inputs))
+        return self._complete(self.root / kind / self.key(kind, spec, entries))
 
     def _fetch(self, kind: str, key: str, build: Callable[[Path], object], described: dict[str, Any]) -> Product:
         final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
@@ -203,8 +194,8 @@ def _build(build: Callable[[Path], object], folder: Path, final: Path, described
             "seconds": round(time.monotonic() - started, 3),
             "core_seconds": round(time.process_time() - worked, 3),
             "told": dict(told) if isinstance(told, Mapping) else {},
-            "bytes": _sizes(folder),
-            "sha256": {name: _sha256(folder / name) for name in _sizes(folder)},
+            "bytes": (sizes := _sizes(folder)),
+            "sha256": {name: _sha256(folder / name) for name in sizes},
         }
         save_json(folder, META.removesuffix(".json"), meta)
         files.sync(folder)

@@ -163,9 +163,19 @@ def test_an_unusable_store_is_refused_at_once_and_named(tmp_path: Path) -> None:
     (tmp_path / "folder" / DATABASE).mkdir(parents=True)
     (tmp_path / "text").mkdir()
     (tmp_path / "text" / DATABASE).write_text("not a database, but long enough to look like one" * 20)
+    (tmp_path / "zeros").mkdir()
+    (tmp_path / "zeros" / DATABASE).write_bytes(b"SQLite format 3\0" + bytes(4096))
     (tmp_path / "locked" / f".{DATABASE}.lock").mkdir(parents=True)
     (tmp_path / "file").write_text("")
-    cases = {"folder": "not a file", "text": "not a database", "locked": "as a lock", "file": "not a folder", "a?b": "'\\?'", "a#b": "'#'"}
+    cases = {
+        "folder": "not a file",
+        "text": "not a database",
+        "zeros": "move the store away",
+        "locked": "as a lock",
+        "file": "not a folder",
+        "a?b": "'\\?'",
+        "a#b": "'#'",
+    }
     for name, reason in cases.items():
         with pytest.raises((BackendError, OutputError), match=reason):
             Tracker(TrackingConfig(), tmp_path / name)

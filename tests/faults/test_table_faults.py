@@ -17,33 +17,25 @@ from pathlib import Path
 
 import pytest
 from disks import Disk
+from interrupts import started
 
 from analysis import index, main, registry
 from radartwin.errors import OutputError
 from radartwin.plotting import style
 from radartwin.runs.experiment import Result
 
-ROOT = Path(__file__).resolve().parents[2]
 TABLES = ["labels", "positioning"]  # the cheapest tables that trace, scan and start Sionna's process
 # Parts of the report that differ between equal runs: end time, processor time, and run id in MLflow.
 STATED = re.compile(r"\d{4}-\d\d-\d\dT[\d:]+Z|[\d,.]+ core-seconds|<a href=\"http://127[^\"]*\"><code>[0-9a-f]+</code></a>")
 
 
-def started(output: Path) -> subprocess.Popen[str]:
+def start(output: Path) -> subprocess.Popen[str]:
     only = [word for name in TABLES for word in ("--only", name)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "radartwin", "tables", *only, "--output", str(output)],
-        cwd=output.parent,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    return started([sys.executable, "-m", "radartwin", "tables", *only, "--output", str(output)], output.parent)
 
 
 def completed(output: Path) -> str:
-    process = started(output)
+    process = start(output)
     said, complained = process.communicate(timeout=1200)
     assert process.returncode == 0, complained[-2000:]
     return said
@@ -79,7 +71,7 @@ def test_tables_killed_at_random_moments_equal_those_of_a_run_without_kills(tmp_
 
     output, chance, killed = tmp_path / "killed", random.Random(0), 0
     for longest_s in [long_s / 2] * 5 + [short_s] * 8:  # first kills during computation, then kills while results are read and written
-        process, moment = started(output), chance.uniform(0.1, longest_s)
+        process, moment = start(output), chance.uniform(0.1, longest_s)
         while process.poll() is None and worked_s(process.pid) < moment:
             time.sleep(0.02)
         if process.poll() is None:

@@ -22,6 +22,12 @@ def test_a_file_is_written_completely_or_not_at_all(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.rglob("*.tmp")] == []
 
 
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files.os, "access", lambda *_: False)  # root may write into every folder
+    with pytest.raises(OutputError, match="cannot be written"):
+        files.check_folder(tmp_path / "absent")
+
+
 def test_an_abandoned_folder_stays_locked_until_it_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     work = tmp_path / ("a" * 32 + ".tmp")
     (work / "product").mkdir(parents=True)

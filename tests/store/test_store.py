@@ -38,16 +38,15 @@ def test_a_product_is_built_once_and_read_back(tmp_path: Path) -> None:
     assert str(counts) == "simulated 0, reused 1, scored 0"
 
 
-def test_specification_inputs_kind_and_source_change_the_key(tmp_path: Path) -> None:
+def test_specification_kind_and_source_change_the_key(tmp_path: Path) -> None:
     store = Store(tmp_path)
     keys = {
         store.key("recording", {"seed": 1}, ROOTS),
         store.key("recording", {"seed": 2}, ROOTS),
-        store.key("recording", {"seed": 1}, ROOTS, {"scan": "00"}),
         store.key("features", {"seed": 1}, ROOTS),
         store.key("recording", {"seed": 1}, ["radartwin.errors"]),
     }
-    assert len(keys) == 5
+    assert len(keys) == 4
 
 
 def test_a_failed_build_leaves_no_files_and_is_repeated(tmp_path: Path) -> None:
@@ -144,30 +143,23 @@ def test_a_damaged_product_is_reported_and_built_again(tmp_path: Path) -> None:
     product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
     note = product.path / "note.json"
     same_size = lambda: note.write_text(note.read_text().replace("1", "2"))  # noqa: E731
-    for damage in (lambda: os.truncate(product.path / "arrays.npz", 10), note.unlink, same_size):
+    private = tmp_path / "private"
+    private.write_text("of the user")
+    link = lambda: (product.path / "stolen").symlink_to(private)  # noqa: E731
+    for damage in (lambda: os.truncate(product.path / "arrays.npz", 10), note.unlink, same_size, link):
         damage()
         lines: list[str] = []
         store = Store(tmp_path, lines.append)
         assert not store.fetch("recording", {}, ROOTS, one).reused
         assert [line.partition(" (")[0] for line in lines] == [f"recording {product.key[:8]} in the cache is damaged"]
         assert store.fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
+    assert private.read_text() == "of the user"
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        "",
-        "{",
-        "[" * 200_000,
-        "[]",
-        "null",
-        '{"bytes": 5}',
-        '{"bytes": {"../../x": 1}}',
-        '{"bytes": {}, "sha256": {"gone.npz": "0"}}',
-        "\x00",
-    ],
-    ids=lambda text: text[:12] or "empty",
-)
+METADATA = ("", "[" * 200_000, "[]", '{"bytes": 5}', '{"bytes": {"../../x": 1}}', '{"bytes": {}, "sha256": {"gone.npz": "0"}}')
+
+
+@pytest.mark.parametrize("damage", METADATA, ids=lambda text: text[:12] or "empty")
 def test_a_product_with_damaged_metadata_is_built_again(damage: str, tmp_path: Path) -> None:
     product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
     (product.path / "meta.json").write_text(damage)
@@ -189,8 +181,7 @@ def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path)
     assert (elsewhere / "of the user").exists()
 
 
-@pytest.mark.parametrize("year", [1971, 2099])
-def test_dates_of_files_do_not_matter(year: int, tmp_path: Path) -> None:
+def test_dates_of_files_do_not_matter(tmp_path: Path) -> None:
     """Dates are wrong after a clock error or a plain copy."""
     Store(tmp_path).fetch("recording", {}, ROOTS, one)
     abandoned = tmp_path / "recording" / ("a" * 32 + ".tmp")
@@ -200,9 +191,8 @@ def test_dates_of_files_do_not_matter(year: int, tmp_path: Path) -> None:
     dead.wait()
     left = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
     left.touch()
-    then = (year - 1970) * 365.25 * 86400
     for path in tmp_path.rglob("*"):
-        os.utime(path, (then, then))
+        os.utime(path, (4e9, 4e9))  # in the year 2096
     files.sweep(tmp_path)
     assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
     assert not abandoned.exists()
