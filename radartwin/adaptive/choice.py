@@ -50,7 +50,6 @@ class Step:
 
     @property
     def told(self) -> str:
-        """One line of text for the user."""
         verdict = "enough" if self.taken else "too little"
         return f"{WORDS[self.dimension]} {self.value}: {self.feature} moves {self.error:.2g} of its limit, {verdict}"
 

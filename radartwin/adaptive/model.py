@@ -54,7 +54,6 @@ class Model:
         return f"{words}, {bounces}{coupled}{cloud}, {self.rays_per_wavelength2:g} tubes, {self.elements}{layers}"
 
     def settings(self) -> dict[str, Any]:
-        """Return the fields that are settings of the mitsuba simulator."""
         return {name: value for name, value in asdict(self).items() if name not in ("parts", "elements", "layered")}
 
     def recording(

@@ -54,7 +54,6 @@ class Probe:
         return process(simulated, doppler=False)
 
     def features(self, model: Model) -> tuple[list[str], NDArray[np.floating]]:
-        """Return the names and values of the features under a model."""
         if model not in self.traced:
             self.traced[model] = self.record(model)
         return sets.read(self.traced[model], self.log, self.families, turns=self.log.angle_rad is not None)

@@ -23,5 +23,4 @@ def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
 
 
 def simulated_parts(config: SimulatorConfig, room: Scene) -> Scene:
-    """Return the surfaces of the room that the configured simulator simulates."""
     return reduced(room, config.parts) if isinstance(config, MitsubaSimulator) else room

@@ -208,7 +208,6 @@ def _port(text: str) -> int:
 
 
 def _experiments() -> list[str]:
-    """Return the names of the shipped experiments."""
     from radartwin.config.compose import groups
 
     try:

@@ -196,7 +196,6 @@ def clean(options: argparse.Namespace) -> int:
 
 
 def _all_overrides(options: argparse.Namespace) -> list[str]:
-    """Return the overrides, including --output as an override."""
     from radartwin.config.compose import path_override
 
     return [*options.overrides, *([path_override("output", options.output)] if options.output else [])]

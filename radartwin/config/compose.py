@@ -190,7 +190,6 @@ def _search_path(config_dirs: Sequence[Path]) -> list[str]:
 
 
 def _register_schemas() -> None:
-    """Register the dataclasses in Hydra's ConfigStore. Every process that composes a configuration needs this."""
     from hydra.core.config_store import ConfigStore
 
     store = ConfigStore.instance()

@@ -42,5 +42,4 @@ class RadarConfig:
             raise ConfigError(f"radar.{refused[0]} is set, but radar=file takes it from {self.file}; change it there, or leave it out here")
 
     def given(self) -> dict[str, Any]:
-        """Return the fields that are not null, except `file`."""
         return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}

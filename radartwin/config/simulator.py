@@ -58,7 +58,6 @@ class AutoSimulator(SimulatorConfig):
     diffuse: bool | None = None
 
     def fixed(self) -> dict[str, Any]:
-        """Return the settings that the user fixed."""
         names = ("parts", "max_bounces", "rays_per_wavelength2", "coupling", "diffuse")
         fixed = {name: value for name in names if (value := getattr(self, name)) is not None}
         return fixed if self.elements == "auto" else {**fixed, "elements": self.elements}

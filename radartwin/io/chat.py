@@ -121,7 +121,6 @@ class Endpoint:
         return hidden(text, self._secret) if isinstance(text, str) else ""
 
     def _post(self, client: httpx.Client, body: Mapping[str, Any]) -> httpx.Response:
-        """Post the request, try again where the status allows it, and return the response."""
         import httpx
 
         problem, error_type = "", BackendError

@@ -6,7 +6,6 @@ A file is written under a temporary name beside its target, forced to the disk a
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import os
 import re
@@ -80,7 +79,7 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
     return path
 
 
-def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """Read the arrays of an .npz file by name, without unpickling.
 
     Raises:
@@ -92,16 +91,15 @@ def read_arrays(source: Path | bytes) -> dict[str, np.ndarray]:
 
     import numpy as np
 
-    label = "the archive" if isinstance(source, bytes) else str(source)
     try:
-        with io.BytesIO(source) if isinstance(source, bytes) else source.open("rb") as stream:
-            _check_archive(stream, label)
+        with path.open("rb") as stream:
+            _check_archive(stream, path)
             with np.load(stream, allow_pickle=False) as stored:
                 return dict(stored)
     except InputError:
         raise
     except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # RuntimeError: an unknown compression
-        raise InputError(f"{label} is no archive of arrays ({str(error).splitlines()[0] if str(error) else 'it ends early'})") from error
+        raise InputError(f"{path} is no archive of arrays ({str(error).splitlines()[0] if str(error) else 'it ends early'})") from error
 
 
 def read_array(path: Path) -> np.ndarray:
@@ -124,17 +122,17 @@ def read_array(path: Path) -> np.ndarray:
         raise InputError(f"{path} is not a readable .npy array ({' '.join(str(error).split())})") from error
 
 
-def _check_archive(stream: IO[bytes], label: str) -> None:
+def _check_archive(stream: IO[bytes], path: Path) -> None:
     """Check the headers of an .npz archive before memory is allocated for its arrays. Rewinds the stream."""
     import zipfile
 
     with zipfile.ZipFile(stream) as archive:
         unpacked, size = sum(member.file_size for member in archive.infolist()), stream.seek(0, os.SEEK_END)
         if unpacked > 16 * size + (64 << 20):  # radartwin writes arrays uncompressed
-            raise InputError(f"{label} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
+            raise InputError(f"{path} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
         for member in archive.infolist():
             with archive.open(member) as content:
-                _check_header(content, member.file_size, f"{label}, {member.filename},")
+                _check_header(content, member.file_size, f"{path}, {member.filename},")
     stream.seek(0)
 
 
@@ -261,7 +259,6 @@ def drop_abandoned(folder: Path) -> None:
 
 
 def alive(process: int) -> bool:
-    """Return whether a process with this id runs on this machine."""
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):

@@ -61,7 +61,6 @@ class ProcessPool:
 
 
 def in_worker() -> bool:
-    """Return whether this process is a worker of a ProcessPool."""
     return _in_worker
 
 
@@ -78,7 +77,6 @@ def _without_main() -> Iterator[None]:
 
 
 def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
-    """Prepare a new worker."""
     global _in_worker
     _in_worker = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Ctrl-C the parent ends its workers

@@ -25,7 +25,6 @@ class Progress:
         self._terminal = not quiet and sys.stderr.isatty()
 
     def say(self, line: str) -> None:
-        """Print one line."""
         if not self._quiet:
             print(line, file=sys.stderr, flush=True)
 

@@ -24,7 +24,6 @@ def loader() -> type[yaml.SafeLoader]:
 
 
 def load(text: str) -> Any:
-    """Parse one YAML document."""
     import yaml
 
     return yaml.load(text, loader())

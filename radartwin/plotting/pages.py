@@ -45,7 +45,6 @@ def _numbered(drawn: str) -> str:
 
 
 def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:
-    """Return position, scales and data of one panel."""
     box = axes.get_position()
     return {
         "box": _rounded([box.x0 * size[0], (1 - box.y1) * size[1], box.x1 * size[0], (1 - box.y0) * size[1]]),

@@ -136,7 +136,6 @@ def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
 
 
 def log_metrics(client: MlflowClient, run_id: str, metrics: Sequence[Metric]) -> None:
-    """Log the metrics in batches that MLflow accepts."""
     for first in range(0, len(metrics), BATCH):
         client.log_batch(run_id, metrics=metrics[first : first + BATCH])
 

@@ -13,13 +13,9 @@ def commit() -> tuple[str, bool]:
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return "none", False
+    questions = ("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no")
     try:
-        head = _git(root, "rev-parse", "HEAD")
-        return head, bool(_git(root, "status", "--porcelain", "--untracked-files=no"))
+        head, changed = (subprocess.check_output(["git", "-C", str(root), *words], stderr=subprocess.DEVNULL) for words in questions)
     except (OSError, subprocess.CalledProcessError):
         return "none", False
-
-
-def _git(root: Path, *arguments: str) -> str:
-    done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True)
-    return done.stdout.strip()
+    return head.decode().strip(), bool(changed)

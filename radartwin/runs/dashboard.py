@@ -10,7 +10,6 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,9 +39,9 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         raise ConfigError("tracking=off leaves no runs to show; use tracking=mlflow")
     if tracker.artifacts is None:
         raise ConfigError(f"tracking.uri={tracker.uri} is a server of its own; open it in a browser")
-    if port and not _free(port):
+    if port and not _bindable(port):
         raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
-    port = port or (USUAL_PORT if _free(USUAL_PORT) else _any_port())
+    port = port or _bindable(USUAL_PORT) or _bindable(0)
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
@@ -89,31 +88,16 @@ def _announce(server: subprocess.Popen[bytes], port: int) -> None:
     """Print the address of the experiments page once the server answers."""
     address, end = f"http://{HOST}:{port}", time.monotonic() + STARTS_WITHIN_S
     while server.poll() is None and time.monotonic() < end:
-        if _answers(f"{address}/health"):
+        with contextlib.suppress(OSError), urllib.request.urlopen(f"{address}/health", timeout=5):
             print(f"dashboard: {address}{PAGE} (Ctrl-C ends it)", flush=True)
             return
         time.sleep(0.2)
 
 
-def _answers(url: str) -> bool:
-    try:
-        with urllib.request.urlopen(url, timeout=5):
-            return True
-    except (urllib.error.URLError, ConnectionError, TimeoutError):
-        return False
-
-
-def _free(port: int) -> bool:
-    with socket.socket() as probe:
+def _bindable(port: int) -> int:
+    """Return the port if it is free, else 0. For port 0, return a free port that the system chooses."""
+    with socket.socket() as probe, contextlib.suppress(OSError):
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError:
-            return False
-    return True
-
-
-def _any_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
+        probe.bind((HOST, port))
         return probe.getsockname()[1]
+    return 0

@@ -16,7 +16,7 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
@@ -89,7 +89,7 @@ def job(composed: DictConfig) -> None:
     with _logged(folder / LOG, echo=in_parent):
         outcome = _outcome(composed, overrides)
     log = str(folder / LOG) if (folder / LOG).stat().st_size else ""
-    Outcome(**{**asdict(outcome), "seconds": round(time.monotonic() - started, 3), "log": log}).write(folder)
+    replace(outcome, seconds=round(time.monotonic() - started, 3), log=log).write(folder)
 
 
 def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:

@@ -36,13 +36,9 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
     Raises:
         UserError: the configuration cannot be run.
     """
-    with products.counting() as counts:
-        return _run_experiment(config, overrides, progress or Progress()), counts
-
-
-def _run_experiment(config: Config, overrides: Sequence[str], progress: Progress) -> Result:
     from radartwin.store import array_cache  # imports NumPy
 
+    progress = progress or Progress()
     experiment = load(config.experiment)
     store = Store(Path(config.output) / "cache", progress.say)
     tracker = Tracker(config.tracking, Path(config.output))
@@ -51,7 +47,7 @@ def _run_experiment(config: Config, overrides: Sequence[str], progress: Progress
     name, named = config.experiment.name or entries[0], naming(overrides)
     title = ",".join(f"{k}={v}" for k, v in named.items()) or name
 
-    with contextlib.ExitStack() as tracked:
+    with products.counting() as counts, contextlib.ExitStack() as tracked:
         records: list[Record] = []
 
         def track() -> None:
@@ -71,7 +67,7 @@ def _run_experiment(config: Config, overrides: Sequence[str], progress: Progress
         for record in records:
             record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
             record.rows, record.inputs = result.rows, _keys_by_kind(store, result.keys)
-    return result
+    return result, counts
 
 
 def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
@@ -84,7 +80,6 @@ def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
 
 
 def finished(config: Config) -> bool:
-    """Return whether the store holds the finished run of this configuration."""
     return Store(Path(config.output) / "cache").holds(RUN, *_identity(config))
 
 
@@ -114,7 +109,6 @@ def summary(result: Result) -> str:
 
 
 def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
-    """Run one experiment for `radartwin run`. Returns the exit status."""
     extend_path(config_dirs)
     config = compose(overrides, config_dirs)
     result, counts = run_experiment(config, overrides)

@@ -18,9 +18,9 @@ from radartwin.config.compose import Composer, parse_overrides
 from radartwin.config.config import Config
 from radartwin.errors import BackendError, ConfigError, UserError
 from radartwin.io import files
-from radartwin.runs.job import FAILED, Outcome, job_name
+from radartwin.runs.job import FAILED, Outcome
 from radartwin.runs.run import extend_path
-from radartwin.runs.sweep import Sweep, split
+from radartwin.runs.sweep import Sweep, composed, split
 from radartwin.store.digest import spec_digest
 
 if TYPE_CHECKING:
@@ -56,7 +56,8 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
     if not searched:
         raise ConfigError("--search needs a setting to search over, such as 'trajectory.height_m=interval(0.5,1.5)'")
     composer = Composer(config_dirs)
-    first = _compose(composer, [*fixed, *(f"{key}={_text(_middle(distribution))}" for key, distribution in searched.items())])
+    middle = [f"{key}={_text(_middle(distribution))}" for key, distribution in searched.items()]
+    (first,) = composed([[*fixed, *middle]], composer)
     study, place = _study(first, fixed, searched, goal)
     with Sweep(first, hydras, config_dirs, f"search {goal.direction} {goal.metric} over {', '.join(searched)}") as running:
         while (done := len(_finished(study))) < goal.trials:
@@ -111,9 +112,9 @@ def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribu
         with files.lock(place.with_name(f".{place.name}.lock")):
             storage = optuna.storages.RDBStorage(f"sqlite:///{place.as_posix()}", engine_kwargs={"connect_args": {"timeout": 60}})
             study = optuna.create_study(storage=storage, study_name=name, direction=goal.direction, load_if_exists=True)
+    except UserError:
+        raise
     except Exception as error:  # SQLAlchemy, alembic and SQLite each raise errors of their own types
-        if isinstance(error, UserError):
-            raise
         reason = " ".join(str(error).split())[:200]
         raise BackendError(f"{place}: the study cannot be opened ({reason}); move it away to start anew") from error
     study.sampler = optuna.samplers.TPESampler(seed=first.seed + len(study.trials))
@@ -125,14 +126,8 @@ def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribu
 
 def _job(composer: Composer, fixed: Sequence[str], trial: Trial) -> tuple[list[str], Config]:
     overrides = [*fixed, *(f"{key}={_text(value)}" for key, value in trial.params.items())]
-    return overrides, _compose(composer, overrides)
-
-
-def _compose(composer: Composer, overrides: list[str]) -> Config:
-    try:
-        return composer.compose(overrides)
-    except UserError as error:
-        raise ConfigError(f"{job_name(overrides)}: {error}") from error
+    (config,) = composed([overrides], composer)
+    return overrides, config
 
 
 def _report(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:

@@ -33,7 +33,7 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     extend_path(config_dirs)
     ours, hydras = split(overrides)
     jobs = combinations(ours)
-    configs = composed(jobs, config_dirs)
+    configs = composed(jobs, Composer(config_dirs))
     title = " ".join(override for override in ours if naming([override]))
     with Sweep(configs[0], hydras, config_dirs, title) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
@@ -118,14 +118,13 @@ class Sweep:
 
 
 def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Split overrides into those of the experiment and those of Hydra's own settings."""
     hydras = [o for o in overrides if o.lstrip("+~").startswith(("hydra.", "hydra/"))]
     return [o for o in overrides if o not in hydras], hydras
 
 
-def composed(jobs: Sequence[list[str]], config_dirs: Sequence[Path] = ()) -> list[Config]:
+def composed(jobs: Sequence[list[str]], composer: Composer) -> list[Config]:
     """Compose the configuration of each job. Raises a ConfigError that names the first job whose configuration is wrong."""
-    configs, composer = [], Composer(config_dirs)
+    configs = []
     for job in jobs:
         try:
             configs.append(composer.compose(job))
@@ -149,7 +148,6 @@ def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
 
 
 def table_text(outcomes: Iterable[Outcome]) -> str:
-    """Format the outcomes as one line per job, with the reason and the log file of each job that did not finish."""
     lines = []
     for outcome in sorted(outcomes, key=lambda o: STATUSES.index(o.status)):
         log = f"; log {outcome.log}" if outcome.log and not outcome.finished else ""

@@ -68,7 +68,7 @@ class ArrayCache:
                 return None
             path = self.folder / f"{key}{_SUFFIX}"
             try:
-                arrays = files.read_arrays(path.read_bytes())
+                arrays = files.read_arrays(path)
                 found = read(arrays)
                 os.utime(path)  # the least recently used entry is the first to go
             except FileNotFoundError:

@@ -150,7 +150,6 @@ def _members(name: str) -> list[str]:
 
 @functools.cache
 def _imports(name: str) -> frozenset[str]:
-    """Return the modules that one module imports, and the packages that contain them."""
     package = name if _source(name) == _init(name) else name.rpartition(".")[0]
     found: set[str] = set()
     for node in _parsed(name).imports:

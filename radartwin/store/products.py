@@ -47,7 +47,6 @@ class Product:
     reused: bool
 
     def arrays(self, name: str = "arrays") -> dict[str, np.ndarray]:
-        """Read the arrays that `save_arrays` wrote."""
         return files.read_arrays(self.path / f"{name}.npz")
 
     def read_json(self, name: str) -> Any:
@@ -181,7 +180,6 @@ class Store:
 
 
 def _build(build: Callable[[Path], object], folder: Path, final: Path, described: dict[str, Any]) -> None:
-    """Build a product in a temporary folder and rename the folder when it is complete."""
     shutil.rmtree(folder, ignore_errors=True)  # left by a killed process
     folder.mkdir()
     try:

@@ -16,7 +16,7 @@ from markdown_blocks import DOCS, ROOT, blocks, commands, follow, prose, quoted
 from experiments.validation.oracles.cases import CASES
 from radartwin.commands.arguments import parse
 from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
-from radartwin.config.compose import combinations, compose
+from radartwin.config.compose import Composer, combinations, compose
 from radartwin.runs import sweep
 from radartwin.runs.search import space
 
@@ -57,7 +57,7 @@ def accept(command: str) -> None:
         assert searched
         compose(fixed)
     elif getattr(options, "multirun", False):
-        assert len(sweep.composed(combinations(ours))) > 1
+        assert len(sweep.composed(combinations(ours), Composer())) > 1
     else:
         compose(ours)
 
