@@ -15,9 +15,8 @@ from experiments.campaign.target import on_carriage, seen
 from experiments.scans import virtual_scan
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.probe import thinned
-from radartwin.builders import auto
 from radartwin.builders.radar import build_radar
-from radartwin.builders.simulator import simulated_parts, simulator_options
+from radartwin.builders.simulator import MOTION_FAMILIES, choose_simulator, families_of, simulated_parts, simulator_options
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
@@ -89,7 +88,7 @@ def record(
     if isinstance(simulator, AutoSimulator):
         families = _families(config, case)
         probe = thinned(room, stand + Scene(target), radar, nominal.sensor_poses, motion, nominal, families, simulator.variant)
-        simulator = auto.choose_simulator(simulator, probe, Limits.shipped(case.motion, case.object), store, say)
+        simulator = choose_simulator(simulator, probe, Limits.shipped(case.motion, case.object), store, say)
     provenance = {"kind": "simulation", "model": asdict(simulator)}
     room = simulated_parts(simulator, room)
     options = simulator_options(simulator)
@@ -120,8 +119,8 @@ def _outermost(scene: Scene) -> Scene:
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:
     """Return the feature families that simulator=auto must preserve: the configured ones, or all families of a motion that lacks these."""
-    fit = set(SETS[config.features.name]) <= set(auto.MOTION_FAMILIES[case.motion])
-    return auto.families_of(config.features if fit else FeaturesConfig(), case.motion)
+    fit = set(SETS[config.features.name]) <= set(MOTION_FAMILIES[case.motion])
+    return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 
 _tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()

@@ -28,9 +28,9 @@ from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.model import DEFAULT, FINEST, Model
 from radartwin.adaptive.probe import Probe, thinned
-from radartwin.builders.auto import MOTION_FAMILIES, families_of
 from radartwin.builders.radar import build_radar
 from radartwin.builders.recording import build_setup
+from radartwin.builders.simulator import MOTION_FAMILIES, families_of
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.families import SETS

@@ -10,11 +10,9 @@ import numpy as np
 
 from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.probe import Probe, thinned
-from radartwin.builders.auto import choose_simulator, families_of
-from radartwin.builders.provenance import describe_room
 from radartwin.builders.radar import build_radar
-from radartwin.builders.scene import TARGET, add_layout, build_room, build_target, lowest_m
-from radartwin.builders.simulator import simulated_parts, simulator_options
+from radartwin.builders.scene import TARGET, add_layout, build_room, build_target, describe_room, lowest_m
+from radartwin.builders.simulator import choose_simulator, families_of, simulated_parts, simulator_options
 from radartwin.builders.trajectory import Course, build_course, check_course
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
@@ -40,7 +38,7 @@ class Setup:
         room: the scene without the target, with the objects of the layout.
         target: surfaces of the target and its stand; empty for scene.target=none.
         motion: object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest.
-        provenance: see `radartwin.builders.provenance.describe_room`.
+        provenance: see `radartwin.builders.scene.describe_room`.
     """
 
     room: Scene
@@ -62,7 +60,7 @@ class Setup:
             variant: Mitsuba variant.
             count, between: see `radartwin.adaptive.probe.thinned`.
         Raises:
-            ConfigError: see `radartwin.builders.auto.families_of`.
+            ConfigError: see `radartwin.builders.simulator.families_of`.
         """
         families = families_of(features, self.measured_motion)
         sensor, target = self.course.sensor_poses, self.course.target_poses
@@ -97,7 +95,7 @@ def simulate_scene(
     """Simulate a recording of the configured radar in the configured scene. Its provenance describes the scene and its materials.
 
     Args:
-        store, say: see `radartwin.builders.auto.choose_simulator`.
+        store, say: see `radartwin.builders.simulator.choose_simulator`.
     """
     setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed)
     simulator = config.simulator

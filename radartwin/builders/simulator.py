@@ -1,13 +1,79 @@
-"""Build the configured simulator."""
+"""Build the configured simulator. For simulator=auto, choose the cheapest sufficient settings of a recording, and store the choice."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+from radartwin.adaptive.choice import Choice, choose
+from radartwin.adaptive.limits import Limits
 from radartwin.adaptive.model import reduced
-from radartwin.config.simulator import MitsubaSimulator, SimulatorConfig
+from radartwin.adaptive.probe import Probe
+from radartwin.config.simulator import AutoSimulator, MitsubaSimulator, SimulatorConfig
+from radartwin.config.study import FeaturesConfig
+from radartwin.errors import ConfigError
+from radartwin.features.families import SETS
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.backend import backend, settings_of
+from radartwin.store.products import Store, save_json
+
+KIND = "choice"
+ROOTS = ("radartwin.adaptive.choice", "radartwin.adaptive.probe")
+_DRIVE = ("track", "multipath", "window", "extent", "brightness", "profile")
+MOTION_FAMILIES = {  # feature families of each motion with a known repeatability
+    "turntable": ("harmonics", "envelope", "multipath", "extent", "brightness", "profile"),
+    "lateral": ("harmonics", "envelope", "multipath", "window", "extent", "brightness", "profile"),
+    "depth": _DRIVE,
+    "radial": _DRIVE,  # along a rail, as diagonal
+    "diagonal": _DRIVE,
+}
+
+
+def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
+    """Return the feature families that must stay within their repeatability limits.
+
+    These are the families of the configured feature set, or for features=raw all families of the motion.
+
+    Raises:
+        ConfigError: the repeatability of features is unknown for the motion, or the feature set is for another motion.
+    """
+    if motion not in MOTION_FAMILIES:
+        known = "a turntable's whole turn, rail, depth or lateral"
+        raise ConfigError(f"simulator=auto needs a target and a motion of known repeatability, {known}; or use simulator=mitsuba")
+    available = MOTION_FAMILIES[motion]
+    families = available if config.name == "raw" else SETS[config.name]
+    if not set(families) <= set(available):
+        fitting = [name for name, of in SETS.items() if name == "raw" or set(of) <= set(available)]
+        raise ConfigError(f"simulator=auto: features={config.name} are not read from a {motion} recording; choose {' or '.join(fitting)}")
+    return tuple(family for family in families if family not in config.without)
+
+
+def choose_simulator(
+    config: AutoSimulator, probe: Probe, limits: Limits, store: Store | None, say: Callable[[str], None]
+) -> MitsubaSimulator:
+    """Choose the cheapest sufficient simulator settings for a recording.
+
+    Args:
+        store: where the choice is stored and read; None repeats the search.
+        say: called with each line of a text that states the choice and its reasons.
+    """
+    fixed = config.fixed()
+    if store is None:
+        choice, source = choose([(probe, limits)], config.tolerance, fixed), ""
+    else:
+        spec = {"probe": probe.described(), "limits": limits.of, "tolerance": config.tolerance, "pinned": fixed}
+
+        def build(folder: Path) -> None:
+            save_json(folder, KIND, choose([(probe, limits)], config.tolerance, fixed).to_dict())
+
+        product = store.fetch(KIND, spec, ROOTS, build)
+        choice, source = Choice.from_dict(product.read_json(KIND)), ", as chosen before" if product.reused else ""
+    first, *reasons = choice.lines()
+    for line in (f"simulator=auto for {', '.join(probe.families)}: {first}{source}", *reasons):
+        say(line)
+    model = choice.model
+    return MitsubaSimulator(variant=config.variant, elements=model.elements, parts=model.parts, **model.settings())
 
 
 def simulator_options(config: SimulatorConfig) -> dict[str, Any]:

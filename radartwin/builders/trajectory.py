@@ -33,7 +33,7 @@ class Course:
     """Sensor-to-world and target-to-world poses, each (F, 4, 4), or (1, 4, 4) at rest.
 
     Attributes:
-        motion: name of the motion in radartwin/builders/auto.py; "" if the repeatability of its features is unknown.
+        motion: name of the motion in radartwin/builders/simulator.py; "" if the repeatability of its features is unknown.
         angle_rad: (F,) rotation angle of the turntable over one whole revolution; None for other motions.
     """
 

@@ -32,8 +32,8 @@ def tables(options: argparse.Namespace) -> int:
 
 
 def simulate(options: argparse.Namespace) -> int:
-    from radartwin.builders.provenance import materials_line
     from radartwin.builders.recording import simulate_scene
+    from radartwin.builders.scene import materials_line
     from radartwin.config.compose import compose
     from radartwin.io import files
     from radartwin.radar.recording import recording_files

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 from disks import Disk
 from interrupts import started
+from reported import row
 
 from analysis import index, main, registry
 from radartwin.errors import OutputError
@@ -94,12 +95,6 @@ def test_tables_killed_at_random_moments_equal_those_of_a_run_without_kills(tmp_
         assert connection.execute(once, ["RUNNING"]).fetchone() == (0, 0)
 
 
-ROW = {
-    "metric": "correlation", "paper": "0.42", "value": 0.5, "low": 0.4, "high": 0.6, "n": 3, "domain": "testbed", "verdict": "holds",
-    "run_keys": "",
-}  # fmt: skip
-
-
 def test_two_concurrent_writers_of_tables_lose_no_index_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read = index.read
 
@@ -112,7 +107,7 @@ def test_two_concurrent_writers_of_tables_lose_no_index_entry(tmp_path: Path, mo
     names = ["backend_crosscheck", "stability", "validation"]
     tables = [registry.table(name) for name in names]
     with ThreadPoolExecutor(len(tables)) as pool:
-        list(pool.map(lambda table: main.write(table, Result(table.name, [ROW], {}, {}, [], "0"), "quick", tmp_path), tables))
+        list(pool.map(lambda table: main.write(table, Result(table.name, [row()], {}, {}, [], "0"), "quick", tmp_path), tables))
     assert sorted(json.loads((tmp_path / "tables" / "index.json").read_text())) == names
     assert not list(tmp_path.rglob("*.lock"))
 
@@ -124,7 +119,7 @@ def test_a_disk_that_fills_up_leaves_each_file_of_a_table_old_or_new(small_disk:
         drawing, axes = style.figure(width_in=2.0, height_in=1.0)
         axes.plot([0, value])
         style.save(drawing, tmp_path / f"{value}")
-        results[value] = Result(table.name, [ROW | {"value": value}], {"drawn": tmp_path / f"{value}"}, {}, [], f"{value:032}")
+        results[value] = Result(table.name, [row(value=value)], {"drawn": tmp_path / f"{value}"}, {}, [], f"{value:032}")
 
     def write(value: float) -> None:
         main.write(table, results[value], "quick", output)

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from disks import Disk
+from reported import curve, row
 
 from analysis import main, registry
 from radartwin.config.study import TrackingConfig
 from radartwin.label.labelling import prepare
-from radartwin.plotting import style
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.runs.experiment import Result
@@ -28,17 +28,7 @@ from radartwin.scene.scene import Scene, Surface
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")]
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-ROW = {
-    "metric": "correlation", "paper": "0.42", "value": 0.5, "low": 0.4, "high": 0.6, "n": 3, "domain": "testbed", "verdict": "holds",
-    "run_keys": "",
-}  # fmt: skip
 SMALL = ["trajectory=static", "simulator.rays=1000", "radar.num_chirps=2", "radar.num_samples=32"]
-
-
-def draw() -> object:
-    drawing, axes = style.figure(width_in=2.0, height_in=1.0)
-    axes.plot([0, 1])
-    return drawing
 
 
 def room() -> Scene:
@@ -59,7 +49,7 @@ def place(shared_disk: Disk) -> Disk:
     radar = replace(Radar.iwr1843(), num_samples=32, num_chirps=2)
     noise = np.random.default_rng(0).standard_normal((3, 2, 2, 4, 32)).astype(np.complex64)
     Recording(noise, radar).save(folder / "recording")
-    result = Result("environment", [ROW], {"environment": draw}, {}, [], "0" * 32)  # type: ignore[dict-item]
+    result = Result("environment", [row()], {"environment": curve}, {}, [], "0" * 32)
     main.write(registry.table("environment"), result, "quick", folder / "out")
     main.write_report(folder / "out", fresh=["environment"])
     with Tracker(TrackingConfig(), folder / "out").run("environment", "a" * 32, "materials=void", {}):

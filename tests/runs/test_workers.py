@@ -22,26 +22,18 @@ def product(one: int, other: int) -> tuple[int, int]:
     return one * other, os.getpid()
 
 
-def refused(one: int, other: int) -> int:
+def failing(one: int, how: str) -> int:
     if one == 3:
-        raise ConfigError(f"number {one} is refused")
-    return other
+        raise {"refused": ConfigError("number 3 is refused"), "hungry": MemoryError("unable to allocate 8 TiB")}[how]
+    return one
 
 
-def broken(one: int, other: int) -> float:
-    return one / (other - 4)
+def broken(one: int, zero: int) -> float:
+    return one / zero
 
 
-def killed(one: int, other: int) -> int:
-    if one == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return other
-
-
-def hungry(one: int, other: int) -> int:
-    if one == 2:
-        raise MemoryError("unable to allocate 8 TiB")
-    return other
+def killed(one: int, number: int) -> None:
+    os.kill(os.getpid(), number)
 
 
 def pids() -> set[int]:
@@ -130,19 +122,19 @@ def test_products_that_workers_build_are_counted_in_the_parent(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("function", "error", "message"),
+    ("function", "argument", "error", "message"),
     [
-        (refused, ConfigError, "^number 3 is refused$"),
-        (broken, ZeroDivisionError, "^division by zero$"),
-        (killed, BackendError, r"worker process ended unexpectedly, perhaps because memory ran out.*jobs=1"),
-        (hungry, BackendError, r"ran out of memory \(unable to allocate 8 TiB\).*jobs=1"),
+        (failing, "refused", ConfigError, "^number 3 is refused$"),
+        (broken, 0, ZeroDivisionError, "^division by zero$"),
+        (killed, signal.SIGKILL, BackendError, r"worker process ended unexpectedly, perhaps because memory ran out.*jobs=1"),
+        (failing, "hungry", BackendError, r"ran out of memory \(unable to allocate 8 TiB\).*jobs=1"),
     ],
 )
-def test_an_error_in_a_worker_is_raised_in_the_parent_and_ends_all_workers(function, error: type[Exception], message: str) -> None:
+def test_an_error_in_a_worker_is_raised_in_the_parent_and_ends_all_workers(function, argument, error, message: str) -> None:
     with workers.reused():
         before = pids()
         with pytest.raises(error, match=message) as raised:
-            workers.each(function, ITEMS, 2)
+            workers.each(function, [(number, argument) for number in range(6)], 2)
         if error is ZeroDivisionError:
             assert "in broken" in str(raised.value.__cause__), "the worker's traceback is lost"
         assert pids().isdisjoint(before)

@@ -112,12 +112,6 @@ def test_a_start_removes_what_a_killed_process_left(tmp_path):
     assert not left.exists()
 
 
-def test_a_place_that_cannot_be_a_folder_is_refused(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="file"):
-        ArrayCache(tmp_path / "file")
-
-
 def test_a_full_disk_costs_a_warning(tmp_path, monkeypatch):
     def full(path, content):
         raise OutputError(f"{path}: cannot write (No space left on device)")
