@@ -1,6 +1,6 @@
 """Examples at the end of `radartwin --help` and `radartwin VERB --help`: (command, its purpose).
 
-tests/config/test_help.py parses and composes each of them.
+tests/end_to_end/test_documents.py parses and composes each of them.
 """
 
 from __future__ import annotations

@@ -68,8 +68,8 @@ def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]
 
     names = []
     if isinstance(axis.get_major_formatter(), FixedFormatter | FuncFormatter):
-        told = zip(axis.get_majorticklocs(), (text.get_text() for text in axis.get_majorticklabels()), strict=False)
-        names = [[float(place), text] for place, text in told if text]
+        ticks = zip(axis.get_majorticklocs(), (text.get_text() for text in axis.get_majorticklabels()), strict=False)
+        names = [[float(place), text] for place, text in ticks if text]
     kind = axis.get_scale()
     out = {"low": float(limits[0]), "high": float(limits[1]), "log": kind == "log", "label": label, "names": names}
     if kind not in ("linear", "log"):

@@ -12,16 +12,15 @@ import numbers
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol
 
-from radartwin.config.config import Config
 from radartwin.config.study import ExperimentConfig
 from radartwin.errors import ConfigError, InputError
 from radartwin.io import files
-from radartwin.io.progress import Progress
 from radartwin.runs import study
 from radartwin.store import digest
-from radartwin.store.products import Product, Store, save_json
+from radartwin.store.products import Product, save_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,12 +74,6 @@ class Model(Protocol):
     def save(self, folder: str | Path) -> Path: ...
 
 
-class Experiment(Protocol):
-    """The interface of an experiment module."""
-
-    def run(self, config: Config, store: Store, progress: Progress) -> Result: ...
-
-
 def module_name(experiment: ExperimentConfig) -> str:
     """Return the module name of the configured experiment. Raises ConfigError if no experiment is named or its name is not valid."""
     if not experiment.module and not experiment.name:
@@ -92,7 +85,7 @@ def module_name(experiment: ExperimentConfig) -> str:
     return name
 
 
-def load(experiment: ExperimentConfig) -> Experiment:
+def load(experiment: ExperimentConfig) -> ModuleType:
     """Import and return the module of the configured experiment.
 
     Raises:
@@ -111,7 +104,7 @@ def load(experiment: ExperimentConfig) -> Experiment:
         raise ConfigError(f"experiment '{experiment.name or name}': there is no module {name}; {hint}") from None
     if not callable(getattr(module, "run", None)):
         raise ConfigError(f"experiment module {name} has no function run(config, store, progress)")
-    return cast(Experiment, module)
+    return module
 
 
 def declared(experiment: ExperimentConfig) -> Table:

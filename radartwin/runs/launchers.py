@@ -79,7 +79,7 @@ class Launcher:
         """Print a line for each outcome as soon as its file appears."""
         over, said = threading.Event(), total - len(numbers)
 
-        def look() -> None:
+        def report() -> None:
             nonlocal said
             for number in list(numbers):
                 if outcome := Outcome.read(self._place(number)):
@@ -89,7 +89,7 @@ class Launcher:
 
         def watch() -> None:
             while not over.wait(POLL_S):
-                look()
+                report()
 
         watcher = threading.Thread(target=watch, daemon=True)
         watcher.start()
@@ -98,7 +98,7 @@ class Launcher:
         finally:
             over.set()
             watcher.join()
-            look()
+            report()
 
 
 def status_line(outcome: Outcome) -> str:
