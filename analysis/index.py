@@ -24,7 +24,7 @@ from radartwin.config.compose import conf_dir
 from radartwin.errors import InputError
 from radartwin.io import files, secret, untrusted_json
 from radartwin.plotting.style import SUFFIXES
-from radartwin.runs.commit import commit
+from radartwin.runs.checkout import commit
 
 Entries = dict[str, dict[str, Any]]
 INDEX, FAILURES, STAMPS, LOCK = "index.json", "failures.json", "stamps.json", "index.lock"

@@ -13,7 +13,7 @@ from typing import Any
 
 from analysis.report.content import Section
 from experiments.speed.machine import machine
-from radartwin.runs.commit import commit
+from radartwin.runs.checkout import commit
 from radartwin.runs.dashboard import HOST, USUAL_PORT
 from radartwin.runs.tracking import DATABASE
 from radartwin.store.products import KEY_LENGTH, META, RUN

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from radartwin.io import files
-from radartwin.runs import commit
+from radartwin.runs import checkout
 
 HISTORY = Path(__file__).with_name("bench_history.csv")
 FIXED = ("date", "commit", "changed", "processor", "cores", "load", "python", "repeats", "variant")
@@ -25,7 +25,7 @@ def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: 
         ratios: measured ratios by name.
         history: the file, created if absent and replaced as a whole.
     """
-    head, changed = commit.commit()
+    head, changed = checkout.commit()
     line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}
     line |= {name: f"{value:.4g}" for name, value in ratios.items()}
     lines = [*read(history), {name: str(value) for name, value in line.items()}]

@@ -26,9 +26,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def tables(options: argparse.Namespace) -> int:
-    from radartwin.runs import study
+    from radartwin.runs import checkout
 
-    return study.module("analysis.main").tables(options.profile, options.only, options.output)
+    return checkout.module("analysis.main").tables(options.profile, options.only, options.output)
 
 
 def simulate(options: argparse.Namespace) -> int:
@@ -99,9 +99,9 @@ def import_captures(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
-    from radartwin.runs import study
+    from radartwin.runs import checkout
 
-    return study.module("experiments.campaign.export").export_verb(_all_overrides(options), options.config_dir, options.out)
+    return checkout.module("experiments.campaign.export").export_verb(_all_overrides(options), options.config_dir, options.out)
 
 
 def reconstruct(options: argparse.Namespace) -> int:
@@ -178,9 +178,9 @@ def dashboard(options: argparse.Namespace) -> int:
 
 
 def report(options: argparse.Namespace) -> int:
-    from radartwin.runs import study
+    from radartwin.runs import checkout
 
-    return study.module("analysis.main").report_verb(options.output)
+    return checkout.module("analysis.main").report_verb(options.output)
 
 
 def doctor(options: argparse.Namespace) -> int:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from radartwin.errors import BackendError
-from radartwin.runs.commit import commit
+from radartwin.runs.checkout import commit
 from radartwin.version import __version__
 
 if TYPE_CHECKING:

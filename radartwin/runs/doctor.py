@@ -14,7 +14,7 @@ from typing import Literal
 
 from radartwin.errors import OutputError
 from radartwin.io import files
-from radartwin.runs.commit import commit
+from radartwin.runs.checkout import commit
 from radartwin.store.clean import CACHE, cache_bytes
 from radartwin.version import __version__
 

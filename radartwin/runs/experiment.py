@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from radartwin.config.study import ExperimentConfig
 from radartwin.errors import ConfigError, InputError
 from radartwin.io import files
-from radartwin.runs import study
+from radartwin.runs import checkout
 from radartwin.store import digest
 from radartwin.store.products import Product, save_json
 
@@ -92,7 +92,7 @@ def load(experiment: ExperimentConfig) -> ModuleType:
         ConfigError: the module does not exist, or has no function `run`.
     """
     name = module_name(experiment)
-    study.add_to_path()
+    checkout.add_to_path()
     top = name.partition(".")[0]
     digest.include(top)
     try:

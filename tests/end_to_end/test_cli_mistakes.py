@@ -35,7 +35,7 @@ MISTAKES = {
     "port above 65535": (["dashboard", "--port", "70000"], "70000"),
     "port that is no number": (["dashboard", "--port", "http"], "http"),
     "word for a number": (["simulate", "scene=plate", "radar.num_chirps=x"], "radar.num_chirps"),
-    "tolerance of zero": (["simulate", "simulator=auto", "simulator.tolerance=0"], "simulator.tolerance=0.0 must be above zero"),
+    "tolerance of zero": (["simulate", "simulator=auto", "simulator.tolerance=0"], "simulator.tolerance=0 must be above zero"),
     "absent scan": (["simulate", "scene=scan", "scene.path=absent.glb"], "absent.glb"),
     "file as a folder": (["simulate", "scene=plate", "trajectory=static", "output=file/below"], "file"),
     "unknown material": (["simulate", "trajectory=static", "materials.material=cheese", "scene=lab"], "cheese"),

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 import pytest
-from interrupts import started
+from processes import started
 
 WITHOUT = ["materials=void", "measured.gap.solver=0", "measured.gap.clutter=0"]  # no scan, clutter or creep
 TINY = [

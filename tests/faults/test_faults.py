@@ -9,14 +9,13 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import own_experiment
 import pytest
 from disks import Disk
-from interrupts import interrupted_twice, started
+from processes import interrupted_twice, started, wait_until
 
 pytestmark = pytest.mark.slow
 SEEDS = "seed=0,1,2,3"
@@ -53,13 +52,6 @@ class Study:
 @pytest.fixture
 def study(tmp_path: Path) -> Study:
     return Study(tmp_path, tmp_path / "out")
-
-
-def until(condition: Callable[[], bool], seconds: float = 200) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s"
-        time.sleep(0.05)
 
 
 ONCE_EACH = """SELECT count(*), count(DISTINCT t.value) FROM runs r JOIN tags t USING (run_uuid)
@@ -103,7 +95,7 @@ def test_two_interrupts_keep_the_finished_runs_of_a_sweep_which_resumes(study: S
     (study.folder / "HOLD_2").touch()
     for launcher in ("basic", "joblib"):
         sweep = study.start("-m", f"hydra/launcher={launcher}", SEEDS)
-        until(lambda: bool(list((study.output / "sweeps").glob("*/2/started"))))
+        wait_until(lambda: bool(list((study.output / "sweeps").glob("*/2/started"))))
         time.sleep(1)
         assert "sweep: " in interrupted_twice(sweep)
         for path in (study.output / "sweeps").glob("*/2/started"):
@@ -166,7 +158,7 @@ def test_five_hundred_jobs_and_five_kills_give_the_right_table(study: Study) -> 
     for kill in range(kills):
         sweep = study.start(*arguments)
         goal = (kill + 1) * jobs // (kills + 2) + chance.randrange(20)
-        until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal, 900)
+        wait_until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal, 900)
         time.sleep(chance.random())
         if kill % 2:  # the parent of the sweep, and with it all
             os.killpg(sweep.pid, signal.SIGKILL)
@@ -174,7 +166,7 @@ def test_five_hundred_jobs_and_five_kills_give_the_right_table(study: Study) -> 
         else:  # one of its workers; the sweep goes on
             workers = [int(p) for p in subprocess.run(["pgrep", "-P", str(sweep.pid)], capture_output=True, text=True).stdout.split()]
             os.kill(chance.choice(workers), signal.SIGKILL)
-            until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal + 10, 900)
+            wait_until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal + 10, 900)
             os.killpg(sweep.pid, signal.SIGKILL)
             sweep.communicate()
     code, said, complained = study.run(*arguments)

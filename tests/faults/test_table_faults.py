@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from disks import Disk
-from interrupts import started
+from processes import started
 from reported import row
 
 from analysis import index, main, registry

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
-from interrupts import interrupted_twice, started
+from processes import interrupted_twice, started, wait_until
 from test_campaign_kills import MADE_UP, RECORDINGS, TINY, WITHOUT, finished, products
 
 HEAD, TAIL = MADE_UP.split("truth.record, twin.record =")
@@ -81,15 +80,11 @@ def test_a_killed_worker_loses_no_finished_recording(tmp_path: Path) -> None:
 def test_two_interrupts_end_all_workers_and_the_campaign_resumes(tmp_path: Path) -> None:
     output = tmp_path / "out"
     (tmp_path / "HOLD").touch()
-    campaign, end = start(tmp_path, output), time.monotonic() + 120
-    while not finished(output):
-        assert campaign.poll() is None, campaign.communicate()[1]
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    campaign = start(tmp_path, output)
+    wait_until(lambda: finished(output) or campaign.poll() is not None)
+    assert campaign.poll() is None, campaign.communicate()[1]
     interrupted_twice(campaign)
-    while members(campaign.pid):
-        assert time.monotonic() < end, "a worker lives on"
-        time.sleep(0.05)
+    wait_until(lambda: not members(campaign.pid))
     kept = products(output)
     (tmp_path / "HOLD").unlink()
     code, _, complained = ended(tmp_path, output)

@@ -4,29 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from processes import ROOT, runs, started, wait_until
 
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def wait_until(condition: Callable[[], bool], message: str, seconds: float = 60) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, message
-        time.sleep(0.05)
-
-
-def runs(pid: int) -> bool:
-    status = Path(f"/proc/{pid}/stat")
-    return status.exists() and " Z " not in status.read_text()
+PATHS = os.pathsep.join((str(ROOT), str(ROOT / "tests")))  # the test module itself imports processes
 
 
 def hold(folder: Path) -> None:
@@ -69,7 +56,7 @@ def test_a_dead_worker_breaks_the_pool() -> None:
 def test_a_pool_that_ends_interrupts_its_calls_which_clean_up(tmp_path: Path) -> None:
     pool = ProcessPool(2)
     calls = [pool.submit(hold, tmp_path) for _ in range(2)]
-    wait_until(lambda: len(list(tmp_path.iterdir())) == 2, "the calls do not start")
+    wait_until(lambda: len(list(tmp_path.iterdir())) == 2)
     pids = [int(path.stem) for path in tmp_path.iterdir()]
     pool.end()
     assert not any(map(runs, pids))
@@ -94,14 +81,12 @@ def test_workers_end_with_a_parent_that_is_killed_during_their_calls(tmp_path: P
     script, folder = tmp_path / "busy.py", tmp_path / "pids"
     script.write_text(BUSY)
     folder.mkdir()
-    parent = subprocess.Popen(
-        [sys.executable, str(script), str(Path(__file__).parent), str(folder)], env={**os.environ, "PYTHONPATH": str(ROOT)}
-    )
-    wait_until(lambda: len(list(folder.iterdir())) == 2, "the calls do not start")
+    parent = started([sys.executable, str(script), str(Path(__file__).parent), str(folder)], tmp_path, PYTHONPATH=PATHS)
+    wait_until(lambda: len(list(folder.iterdir())) == 2)
     pids = [int(path.stem) for path in folder.iterdir()]
     parent.kill()
-    parent.wait()
-    wait_until(lambda: not any(map(runs, pids)), "a worker outlives its parent")
+    parent.communicate()
+    wait_until(lambda: not any(map(runs, pids)))
 
 
 PLAIN = """
@@ -114,11 +99,5 @@ print(pool.submit(len, "four").result(), __file__)
 
 def test_a_script_without_main_guard_can_use_a_pool_that_does_not_import_it(tmp_path: Path) -> None:
     (tmp_path / "plain.py").write_text(PLAIN)
-    done = subprocess.run(
-        [sys.executable, str(tmp_path / "plain.py")],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stdout == f"4 {tmp_path / 'plain.py'}\n", done.stderr
+    said, complained = started([sys.executable, str(tmp_path / "plain.py")], tmp_path).communicate(timeout=60)
+    assert said == f"4 {tmp_path / 'plain.py'}\n", complained

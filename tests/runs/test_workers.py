@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import runs
 
 from radartwin.errors import BackendError, ConfigError
 from radartwin.runs import workers
@@ -59,8 +60,8 @@ def test_reused_workers_do_the_next_task_and_end_afterwards() -> None:
     with workers.reused():
         both = pids() | pids()
         assert len(both) <= 2
-        assert all(_runs(pid) for pid in both)
-    assert not any(_runs(pid) for pid in both)
+        assert all(runs(pid) for pid in both)
+    assert not any(runs(pid) for pid in both)
     assert pids().isdisjoint(both)
 
 
@@ -138,11 +139,3 @@ def test_an_error_in_a_worker_is_raised_in_the_parent_and_ends_all_workers(funct
         if error is ZeroDivisionError:
             assert "in broken" in str(raised.value.__cause__), "the worker's traceback is lost"
         assert pids().isdisjoint(before)
-
-
-def _runs(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True

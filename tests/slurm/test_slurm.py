@@ -12,6 +12,7 @@ from pathlib import Path
 import own_experiment
 import pytest
 from cluster import cluster, missing
+from processes import started
 
 pytestmark = pytest.mark.slow
 SEEDS = "seed=0,1,2,3,4"
@@ -26,10 +27,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, 
 
 
 def radartwin(arguments: list[str], environment: dict[str, str], output: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "radartwin", *arguments, "--output", str(output)]
-    return subprocess.Popen(
-        command, env=environment, cwd=output.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    return started([sys.executable, "-m", "radartwin", *arguments, "--output", str(output)], output.parent, **environment)
 
 
 def queue(environment: dict[str, str]) -> dict[str, str]:

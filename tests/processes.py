@@ -1,4 +1,4 @@
-"""Start a command in a process group of its own, and interrupt it by Ctrl-C, twice, as an impatient user presses it."""
+"""Start, interrupt and watch processes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -20,7 +21,7 @@ def started(command: list[str], folder: Path, **environment: str) -> subprocess.
 
 
 def interrupted_twice(process: subprocess.Popen[str]) -> str:
-    """Interrupt a command and all that it started, twice; what it printed, once it has ended as it should."""
+    """Interrupt a command and all that it started, twice, as an impatient user presses Ctrl-C. Returns what it printed."""
     for _ in range(2):
         os.killpg(process.pid, signal.SIGINT)
         time.sleep(0.3)
@@ -29,3 +30,16 @@ def interrupted_twice(process: subprocess.Popen[str]) -> str:
     assert "radartwin: interrupted; the same command resumes where it stopped" in complained
     assert "Traceback" not in complained
     return said
+
+
+def runs(pid: int) -> bool:
+    """Return whether a process runs; a zombie does not."""
+    status = Path(f"/proc/{pid}/stat")
+    return status.exists() and " Z " not in status.read_text()
+
+
+def wait_until(condition: Callable[[], object], seconds: float = 200) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.05)

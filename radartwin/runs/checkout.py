@@ -1,18 +1,35 @@
-"""Import experiments/ and analysis/, which are in a checkout of the repository but not in the wheel."""
+"""The checkout of the repository: its commit, and experiments/ and analysis/, which are not in the wheel."""
 
 from __future__ import annotations
 
+import functools
 import importlib
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
 from radartwin.errors import MissingError
 
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@functools.cache
+def commit() -> tuple[str, bool]:
+    """Return the commit of this package's checkout, and whether files differ from the commit; ("none", False) outside a checkout."""
+    if not (ROOT / ".git").exists():
+        return "none", False
+    questions = ("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no")
+    try:
+        head, changed = (subprocess.check_output(["git", "-C", str(ROOT), *words], stderr=subprocess.DEVNULL) for words in questions)
+    except (OSError, subprocess.CalledProcessError):
+        return "none", False
+    return head.decode().strip(), bool(changed)
+
 
 def add_to_path() -> Path | None:
     """Make experiments/ and analysis/ importable. Returns the root of their checkout, or None outside a checkout."""
-    for root in (Path(__file__).resolve().parents[2], Path.cwd()):
+    for root in (ROOT, Path.cwd()):
         if (root / "experiments" / "__init__.py").is_file() and (root / "analysis" / "__init__.py").is_file():
             if str(root) not in sys.path:
                 sys.path.insert(0, str(root))
