@@ -23,7 +23,7 @@ HOLE_M2 = np.pi * 0.4**2
 def floor(tmp_path_factory) -> Surface:
     """The floor of a red room, saved and loaded, of which a round patch of 0.8 m was never scanned."""
     room: Any = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
-    for _ in range(6):
+    for _ in range(5):
         room = room.subdivide()
     room.invert()
     x, y, z = room.triangles_center.T

@@ -59,7 +59,7 @@ def test_unknown_looks_are_refused():
 
 
 def test_a_room_round_trips_with_its_textures(tmp_path):
-    scene = rooms.room("squash_court", detail="cluttered")
+    scene = rooms.room("lab", detail="cluttered")
     scene.save(tmp_path)
     for a, b in zip(scene, Scene.load(tmp_path), strict=True):
         assert np.abs(visual(a.mesh).uv - visual(b.mesh).uv).max() < 1e-5
