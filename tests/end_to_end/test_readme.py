@@ -47,7 +47,9 @@ def folder(here: Path, shared_data: Path) -> Path:
     )
     capture = shared_data / "radar" / "iwr6843_static_room"
     (here / "layout.yaml").write_text(next(block.text for block in PAGE if block.language == "yaml"))
-    (here / "frames").symlink_to(shared_data / "scans" / "arkit_lidar_chair_scan")
+    (here / "frames").mkdir()
+    for file in (shared_data / "scans" / "arkit_lidar_chair_scan").glob("*_000[01]?.*"):  # seven of the frames
+        (here / "frames" / file.name).symlink_to(file)
     (here / "capture_adc_data.bin").symlink_to(capture / "iwr6843_frame_adc_data.bin")
     (here / "capture_adc_data.mmwave.json").symlink_to(capture / "iwr6843_mmwaveDevice.mmwave.json")
     (here / "cube.npy").symlink_to(shared_data / "radar" / "openradar_77ghz_frame" / "doppler_example_1.npy")
