@@ -1,18 +1,15 @@
 """The campaign table: every recording of both domains, simulated if it is missing, with its time and disk space.
 
-The command can be interrupted at any moment, because finished recordings stay in the store. The time of a recording is the time that one
-worker took to simulate it; parallel workers divide the time of the whole campaign. Disk space is the size of the stored files.
-
-In profiles other than `paper`, cost of the paper's campaign is extrapolated. Its disk space follows from array shapes. Its time is the sum,
-per domain and motion, of the times of set-ups (a track, or a room whose parts drift), traced states (an angle of a turntable, or a frame of
-a drive) and processed frames. The time per traced state is taken from recordings that reused a cached set-up; the rest is set-up time. If
-no recording reused a set-up, set-up time is not separated from tracing time.
+The time of a recording is the time that one worker took to simulate it; parallel workers divide the time of the whole campaign. In profiles
+other than `paper`, the paper's campaign is extrapolated. Its disk space follows from array shapes. Its time is the sum, per domain and
+motion, of the times of set-ups (a track, or a room whose parts drift), traced states (an angle of a turntable, or a frame of a drive) and
+processed frames. Recordings that reused a cached set-up give the time per traced state; the rest is set-up time.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
@@ -49,7 +46,6 @@ TABLE = Table(
 )
 
 ALL = "all"
-_COLUMNS = ("of", "motion", "made", "found", "frames", "traced", "set_ups")
 ROUNDED_S = 2.0  # rounding of the times in a product's metadata
 FRAME = Claim("a measured frame takes at most 60 ms", below=60.0, least=1)
 DISK = Claim("the paper's campaign takes at most 10 GB", below=10.0, least=1)
@@ -58,32 +54,23 @@ MINUTES = Claim("the paper's campaign is made within 60 minutes", below=60.0, le
 
 @dataclass(frozen=True)
 class Made:
-    """Time and size of one recording.
-
-    Attributes:
-        keys: store keys of the clean and the processed recording.
-        now: whether this run simulated the recording.
-        seconds, core_seconds, bytes: wall time, core time and size, each as (clean, processed).
-        frames, traced: numbers of frames and of traced states.
-        setups: number of tracks and rooms that were set up for this recording; 0 if it reused cached set-ups.
-    """
+    """Time and size of one recording."""
 
     domain: str
     case: Case
-    keys: tuple[str, ...]
-    now: bool
-    seconds: tuple[float, float]
-    core_seconds: tuple[float, float]
-    bytes: tuple[int, int]
+    keys: tuple[str, ...]  # store keys of the clean and the processed recording
+    now: bool  # whether this run simulated the recording
+    seconds: tuple[float, float]  # wall time of the clean and the processed recording
+    core_seconds: tuple[float, float]  # core time of both
+    bytes: tuple[int, int]  # size of both
     frames: int
-    traced: int
-    setups: int
+    traced: int  # number of traced states
+    setups: int  # number of tracks and rooms that were set up for this recording; 0 if it reused cached set-ups
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Simulate the missing recordings and tabulate time and size of all. Raises UserError if the campaign cannot be simulated."""
-    campaign = Campaign(config, store, progress)
-    made = make(campaign, progress)
+    made = make(Campaign(config, store, progress), progress)
     return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
 
 
@@ -100,9 +87,8 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
         f"about {size / 1e9:.2g} GB"
     )
     campaign.prepare(missing, fresh=True)
-    return _with_scans(
-        campaign, [_made(campaign, domain, case, (domain, case) in missing) for domain, case in progress.over(wanted, "recordings")]
-    )
+    made = [_made(campaign, domain, case, (domain, case) in missing) for domain, case in progress.over(wanted, "recordings")]
+    return _with_scans(campaign, made)
 
 
 def _made(campaign: Campaign, domain: str, case: Case, now: bool) -> Made:
@@ -128,26 +114,21 @@ def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
             continue  # no scan
         ours = [k for k, one in enumerate(made) if one.domain == TWIN and one.case.room == room]
         scan = virtual_scan.fetch(config, store, room, strength).read_json("meta")
-        ended = _seconds(scan["finished"])
-        began = ended - float(scan["seconds"])
-        spans = [(_seconds(meta["finished"]) - float(meta["seconds"]), _seconds(meta["finished"])) for meta in _metas(campaign, made, ours)]
+        began, ended = _span_s(scan)
+        spans = [_span_s(campaign.clean(made[k].domain, made[k].case).read_json("meta")) for k in ours]
         if not any(low - ROUNDED_S <= began and ended <= high + ROUNDED_S for low, high in spans):
             first = out[ours[0]]
-            seconds, core = (
-                (first_[0] + float(scan[name]), first_[1])
-                for first_, name in ((first.seconds, "seconds"), (first.core_seconds, "core_seconds"))
+            seconds, core_seconds = first.seconds[0] + float(scan["seconds"]), first.core_seconds[0] + float(scan["core_seconds"])
+            out[ours[0]] = replace(
+                first, seconds=(seconds, first.seconds[1]), core_seconds=(core_seconds, first.core_seconds[1]), setups=first.setups + 1
             )
-            out[ours[0]] = replace(first, seconds=seconds, core_seconds=core, setups=first.setups + 1)
     return out
 
 
-def _metas(campaign: Campaign, made: Sequence[Made], some: Sequence[int]) -> list[dict[str, Any]]:
-    """Return the metadata of the clean recordings with these indices."""
-    return [campaign.clean(made[k].domain, made[k].case).read_json("meta") for k in some]
-
-
-def _seconds(time: str) -> float:
-    return datetime.fromisoformat(time).timestamp()
+def _span_s(meta: dict[str, Any]) -> tuple[float, float]:
+    """Return the times at which the computation of a product began and ended, in seconds."""
+    ended = datetime.fromisoformat(meta["finished"]).timestamp()
+    return ended - float(meta["seconds"]), ended
 
 
 def _size(product: Product) -> int:
@@ -204,10 +185,11 @@ def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
     if own:
         minutes, disk = sum(sum(one.seconds) for one in made) / 60, sum(sum(one.bytes) for one in made) / 1e9
     elif all(group in recorded for group in wanted):
-        minutes = sum(extrapolated(recorded[domain, motion], domain, cases, paper) for (domain, motion), cases in wanted.items()) / 60
+        counts = {group: _states(group[0], cases, paper) for group, cases in wanted.items()}
+        rooms = {group: len({case.room for case in cases}) for group, cases in wanted.items()}
+        minutes = sum(extrapolated(recorded[group], counts[group], rooms[group]) for group in wanted) / 60
         radar = build_radar(config.radar)
-        counts = [count for (domain, _), cases in wanted.items() for count in _states(domain, cases, paper)]
-        disk = sum(expected_bytes(radar, *count) for count in counts) / 1e9
+        disk = sum(expected_bytes(radar, *count) for some in counts.values() for count in some) / 1e9
     count = workers.worker_count(config.jobs, sum(len(cases) for cases in wanted.values()))
     keys = [one.keys[0] for one in made]
     case = _case("both", ALL, made)
@@ -221,22 +203,21 @@ def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> lis
     return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
 
 
-def extrapolated(some: Sequence[Made], domain: str, cases: Sequence[Case], paper: CampaignConfig) -> float:
-    """Extrapolate the seconds for `cases` of one domain and motion from the recordings `some` of that domain and motion."""
-    frames, traced = np.sum(_states(domain, cases, paper), axis=0)
+def extrapolated(some: Sequence[Made], counts: Sequence[tuple[int, int]], rooms: int) -> float:
+    """Extrapolate the seconds for recordings with these numbers (frames, traced states) from the recordings `some` of the same kind."""
+    frames, traced = np.sum(counts, axis=0)
     without = [one for one in some if not one.setups]
     plain = without or some
     each_state = sum(one.seconds[0] for one in plain) / sum(one.traced for one in plain)
     setups = [one.seconds[0] - each_state * one.traced for one in some if one.setups]
-    places = len({case.room for case in cases})
-    seconds = each_state * traced + (places * float(np.mean(setups)) if without and setups else 0.0)
+    seconds = each_state * traced + (rooms * float(np.mean(setups)) if without and setups else 0.0)
     read = sum(one.frames for one in some)
     return seconds + sum(one.seconds[1] for one in some) / read * frames
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
     """Return (number of frames, number of traced states) of a recording of `frames` frames."""
-    return frames, min(frames, truth.aspects(case, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
+    return frames, min(frames, truth.aspects(case.object, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 
 def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
@@ -262,25 +243,3 @@ def _ratio(above: np.ndarray, below: np.ndarray, config: Config) -> Estimate:
     """Estimate the ratio of two sums, with a bootstrap over recordings."""
     chosen = np.random.default_rng(config.seed).integers(len(above), size=(config.profile.resamples, len(above)))
     return resampled(float(above.sum() / below.sum()), above[chosen].sum(axis=1) / below[chosen].sum(axis=1), len(above))
-
-
-def page(found: Iterable[dict[str, Any]]) -> str:
-    """Format the rows as a text table: a line per domain and motion, then the claims."""
-    found = list(found)
-    values_of: dict[tuple[str, ...], dict[str, Any]] = defaultdict(dict)
-    for one in found:
-        if one["of"] != "both":
-            values_of[tuple(_text(one[column]) for column in _COLUMNS)][one["metric"]] = one["value"]
-    metrics = list(dict.fromkeys(metric for values in values_of.values() for metric in values))
-    lines = [(*(column.replace("_", "-") for column in _COLUMNS), *metrics)]
-    lines += [(*key, *(_text(values.get(metric)) for metric in metrics)) for key, values in values_of.items()]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    text = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
-    text += [f"{one['metric']}: {_text(one['value'])} ({one['claim']}: {one['verdict']}; n {one['n']})" for one in found if one["claim"]]
-    return "\n".join(text)
-
-
-def _text(value: float | str | None) -> str:
-    if value is None or isinstance(value, str):
-        return value or "-"
-    return f"{value:,.0f}" if abs(value) >= 100 or value == round(value) else f"{value:.3g}"

@@ -7,6 +7,7 @@ from the recording's name.
 
 from __future__ import annotations
 
+import functools
 from collections import OrderedDict
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -93,7 +94,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}
     creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
-    if case.motion == "turntable" and nominal.frames > aspects(case, gaps):
+    if case.motion == "turntable" and nominal.frames > aspects(case.object, gaps):
         traced, angles = _turned(case, place, seed, config.seed)
         return Turned(traced, angles, radar, creep, provenance)
     iq = _moved(case, place, seed, config.seed)
@@ -102,13 +103,14 @@ def record(case: Case, config: Config) -> Recording | Turned:
     return Recording(iq, radar, None, provenance=provenance)
 
 
-def aspects(case: Case, gaps: testbed.Gaps) -> int:
-    """Return the number of aspects (target angles) to trace per revolution; recordings with more frames are interpolated."""
-    surfaces = catalogue()[case.object].surfaces()
+@functools.cache
+def aspects(target: str, gaps: testbed.Gaps) -> int:
+    """Return the number of aspects (angles of an object) to trace per revolution; recordings with more frames are interpolated."""
+    surfaces = catalogue()[target].surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
     beyond = OFF_AXIS * float(np.hypot(errors.PlacementErrors().eccentric_m * gaps.placement, tilt * height))
-    return needed(surfaces, beyond, case.object.startswith(ROUND))
+    return needed(surfaces, beyond, target.startswith(ROUND))
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
@@ -180,7 +182,7 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
         there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
         return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
 
-    traced = Aspects.traced(chirp, aspects(case, gaps))
+    traced = Aspects.traced(chirp, aspects(case.object, gaps))
     times = Hardware().scaled(gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
     assert nominal.angle_rad is not None
     speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz

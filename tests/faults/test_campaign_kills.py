@@ -50,7 +50,7 @@ def record(case, config, measured):
     def noise(*shape):
         return (1e-6 * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))).astype(np.complex64)
     frames = log(case, config.profile.campaign, measured).frames
-    if case.motion == "turntable" and frames > truth.aspects(case, truth.gaps_of(config)) and measured:
+    if case.motion == "turntable" and frames > truth.aspects(case.object, truth.gaps_of(config)) and measured:
         return Turned(Aspects(noise(64, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
     return Recording(noise(frames, 16, 2, 4, 256), radar)
 
