@@ -44,7 +44,7 @@ docs: setup-test llvm
 	@$(PY) docs/reference.py
 
 bench: llvm
-	@$(PY) experiments/speed/bench.py --history
+	@$(PY) -m experiments.speed.bench --history
 
 clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache

@@ -1,14 +1,10 @@
 """Run time, feature error and recognition error of methods on the campaign: each method simulates the twin's turntable recordings.
 
 Feature error: the difference between a simulated revolution's rotation features and the mean over the measured revolutions of the same
-object, as a root mean square over features, in standard deviations of each feature over the measured recordings. Brightness is compared
-after one common gain (which a measured corner reflector would give), so that methods without an absolute level are not at a disadvantage.
-
-Recognition error: a linear classifier on feature ranks, trained on the simulated revolutions only, separates symmetric from asymmetric
-objects. The error is the share of measured revolutions that it gets wrong (as in turntable_label_free, without an encoder).
-
-Run times are processor seconds of the simulations. The value is the median over the recordings that reused a finished set-up (the traced
-room), plus the shortest set-up time divided among all frames. Each method runs in fresh processes. Every profile uses the quick campaign.
+object, as a root mean square over features. Brightness is compared after one common gain (which a measured corner reflector would give), so
+that methods without an absolute level are not at a disadvantage. Recognition error: a linear classifier on feature ranks, trained on the
+simulated revolutions only, separates symmetric from asymmetric objects. Each method runs in fresh processes. Every profile uses the quick
+campaign.
 """
 
 from __future__ import annotations
@@ -44,18 +40,12 @@ BRIGHTNESS = "brightness_db"
 
 @dataclass(frozen=True)
 class Twin:
-    """How one method simulates the twin.
+    """How one method simulates the twin."""
 
-    Attributes:
-        family, setting: names of the method and of its setting.
-        simulator: command-line options that select the simulator.
-        changed: parts of the configuration that are replaced.
-    """
-
-    family: str
+    family: str  # name of the method
     setting: str
-    simulator: tuple[str, ...] = ()
-    changed: Mapping[str, Any] = field(default_factory=dict)
+    simulator: tuple[str, ...] = ()  # command-line options that select the simulator
+    changed: Mapping[str, Any] = field(default_factory=dict)  # parts of the configuration that are replaced
 
 
 def twins(full: bool) -> list[Twin]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.speed.labels_on_axes import place
 from experiments.speed.methods import DEFAULT, FAMILIES, OURS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 
@@ -17,9 +16,9 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 LOOKS = dict(zip(FAMILIES, (("o", PALETTE[0]), ("s", PALETTE[1]), ("^", PALETTE[2]), ("v", PALETTE[3]), ("D", "#595959")), strict=True))
-AXES = {
-    "profile_error_db": ("error of the range profile (dB, rms)", 0.01, 60.0),
-    "signal_error": ("error of the signal, |a - b| / |b|", 1e-3, 30.0),
+AXES = {  # label, limits, and the column that marks the Pareto front
+    "profile_error_db": ("error of the range profile (dB, rms)", 0.01, 60.0, "front"),
+    "signal_error": ("error of the signal, |a - b| / |b|", 1e-3, 30.0, "front of the signal"),
 }
 SHORT = {
     "room by tubes, by the width rule": "room by tubes",
@@ -28,6 +27,10 @@ SHORT = {
     "corrected, 128": "mended", "corrected,": "mended", "in one place": "Sionna, one place",
     "3 cm apart": "Sionna", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
 }  # fmt: skip
+OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
+    (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 13), (5, -13), (-5, 13), (-5, -13), (0, 16), (0, -16),
+)  # fmt: skip
+LABEL_SIZE = 5.5  # font size
 
 
 def short(setting: str) -> str:
@@ -40,21 +43,16 @@ def short(setting: str) -> str:
 def chart(rows: Sequence[Row], error: str) -> Figure:
     """Draw seconds per frame against error, one panel per problem. A line joins the Pareto front, and a star marks the default."""
     measured = [row for row in rows if not row["claim"] and row[error] is not None]
-    names = list(dict.fromkeys(row["problem"] for row in measured))
+    problems = {name: [row for row in measured if row["problem"] == name] for name in dict.fromkeys(row["problem"] for row in measured)}
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
-    label, low, high = AXES[error]
+    label, low, high, front = AXES[error]
     seconds = [row["seconds_frame"] for row in measured]
-    for panel, name in zip(panels.flat, names, strict=False):
-        mine = [row for row in measured if row["problem"] == name]
+    for panel, mine in zip(panels.flat, problems.values(), strict=False):
         panel.set(xscale="log", yscale="log", ylim=(low, high), xlim=(min(seconds) / 2, max(seconds) * 4))
-        panel.grid(which="major", color="0.92", lw=0.5)
-        panel.set_axisbelow(True)
         panel.set_title(mine[0]["title"].replace(" in the ", "\nin the ").replace(", moving", ",\nmoving"), fontsize=7.5)
-        _front(panel, [row for row in mine if row["front" if error == "profile_error_db" else "front of the signal"]], error, high)
         answer = panel.text(0.02, 0.02, _answer(mine[0]["domain"]), fontsize=5.5, color="0.4", transform=panel.transAxes)
         answer.set_in_layout(False)
-        for row in mine:
-            _point(panel, row, row[error], low)
+        _points(panel, mine, error, front, high, low)
     for panel in panels[:, 0]:
         panel.set_ylabel(label)
     for panel in [*panels[-1, :2], panels[0, 2]]:
@@ -62,47 +60,48 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     panels[0, 2].tick_params(labelbottom=True)
     _legend(panels.flat[-1], measured)
     drawing.draw_without_rendering()
-    for panel, name in zip(panels.flat, names, strict=False):
-        mine = [row for row in measured if row["problem"] == name]
-        places = [(row["seconds_frame"], float(np.clip(row[error], low, high))) for row in mine]
-        named = _named(mine, error)
-        place(panel, places, [_label(row) if row in named else "" for row in mine], [LOOKS[row["family"]][1] for row in mine])
+    for panel, mine in zip(panels.flat, problems.values(), strict=False):
+        # labelled: the front, the default, RF-Genesis as published, and the most accurate of each family
+        named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
+        families = dict.fromkeys(row["family"] for row in mine)
+        named += [min((row for row in mine if row["family"] == family), key=lambda row: row[error]) for family in families]
+        _labels(panel, mine, named, [float(np.clip(row[error], low, high)) for row in mine])
     return drawing
-
-
-def _named(mine: Sequence[Row], error: str) -> list[Row]:
-    """Return the rows that get a label: on the front, the default, RF-Genesis as published, and the most accurate of each family."""
-    front = "front" if error == "profile_error_db" else "front of the signal"
-    named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
-    families = dict.fromkeys(row["family"] for row in mine)
-    return named + [min((row for row in mine if row["family"] == family), key=lambda row: row[error]) for family in families]
 
 
 def campaign(rows: Sequence[Row]) -> Figure:
     """Draw seconds per frame on the campaign against feature error and against recognition error."""
     mine = [row for row in rows if not row["claim"] and row["feature_error"] is not None]
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharex=True)
-    shown = (
-        (panels[0], "feature error (std of the measured)", "front of features", [row["feature_error"] for row in mine]),
-        (panels[1], "symmetry not recognised (share)", "front of recognition", [row["recognition_error"] for row in mine]),
-    )
-    for panel, label, on_front, values in shown:
-        panel.set(xscale="log", xlabel="processor seconds per frame", ylabel=label)
-        panel.grid(which="major", color="0.92", lw=0.5)
-        panel.set_axisbelow(True)
-        best = sorted((row["seconds_frame"], value) for row, value in zip(mine, values, strict=True) if row[on_front])
-        x, y = zip(*best, strict=True)
-        panel.step([x[0], *x, 1e6], [10 * max(values), *y, y[-1]], where="post", color="0.6", lw=1.0, zorder=1)
-        for row, value in zip(mine, values, strict=True):
-            _point(panel, row, value, 0.0)
+    features, missed = ([row[error] for row in mine] for error in ("feature_error", "recognition_error"))
+    for panel in panels:
+        panel.set(xscale="log", xlabel="processor seconds per frame")
         panel.set_xlim(min(row["least_s_frame"] for row in mine) / 2, max(row["most_s_frame"] for row in mine) * 2)
-    panels[0].set(yscale="log", ylim=(min(shown[0][3]) / 2, max(shown[0][3]) * 2))
-    panels[1].set_ylim(0, min(1.0, 2 * max(shown[1][3]) + 0.1))
+    panels[0].set(yscale="log", ylim=(min(features) / 2, max(features) * 2), ylabel="feature error (std of the measured)")
+    panels[1].set(ylim=(0, min(1.0, 2 * max(missed) + 0.1)), ylabel="symmetry not recognised (share)")
+    _points(panels[0], mine, "feature_error", "front of features", max(features), 0.0)
+    _points(panels[1], mine, "recognition_error", "front of recognition", max(missed), 0.0)
     drawing.draw_without_rendering()
-    for panel, _, _, values in shown:
-        places = [(row["seconds_frame"], value) for row, value in zip(mine, values, strict=True)]
-        place(panel, places, [_label(row) for row in mine], [LOOKS[row["family"]][1] for row in mine])
+    _labels(panels[0], mine, mine, features)
+    _labels(panels[1], mine, mine, missed)
     return drawing
+
+
+def _points(panel: Any, mine: Sequence[Row], error: str, front: str, high: float, low: float) -> None:
+    """Draw the points of one panel and the line of the Pareto front, which is the column `front`."""
+    panel.grid(which="major", color="0.92", lw=0.5)
+    panel.set_axisbelow(True)
+    ordered = sorted((row["seconds_frame"], row[error]) for row in mine if row[front])
+    if ordered:
+        x, y = zip(*ordered, strict=True)
+        panel.step([x[0], *x, 1e6], [high * 10, *y, y[-1]], where="post", color="0.6", lw=1.0, zorder=1)
+    for row in mine:
+        _point(panel, row, row[error], low)
+
+
+def _labels(panel: Any, mine: Sequence[Row], named: Sequence[Row], values: Sequence[float]) -> None:
+    places = [(row["seconds_frame"], value) for row, value in zip(mine, values, strict=True)]
+    place(panel, places, [_label(row) if row in named else "" for row in mine], [LOOKS[row["family"]][1] for row in mine])
 
 
 def _answer(truth: str) -> str:
@@ -130,13 +129,6 @@ def _point(panel: Any, row: Row, value: float, low: float) -> None:
     )  # fmt: skip
 
 
-def _front(panel: Any, chosen: Sequence[Row], error: str, high: float) -> None:
-    ordered = sorted((row["seconds_frame"], row[error]) for row in chosen)
-    if ordered:
-        x, y = zip(*ordered, strict=True)
-        panel.step([x[0], *x, 1e6], [high * 10, *y, y[-1]], where="post", color="0.6", lw=1.0, zorder=1)
-
-
 def _legend(panel: Any, measured: Sequence[Row]) -> None:
     from matplotlib.lines import Line2D
 
@@ -152,10 +144,44 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
     handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc="white", mec=colour, label="RF-Genesis style, as published"))
     handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: no method beats these in both"))
     panel.legend(handles=handles, loc="upper left", fontsize=6.5, borderaxespad=0)
-    lines = ["Left is fast, low is accurate. Bars: range over rounds.", "Profiles count within 40 dB of their peak."]
-    lines += [
+    lines = [
+        "Left is fast, low is accurate. Bars: range over rounds.",
+        "Profiles count within 40 dB of their peak.",
         "(n x): time relative to the default.",
         "Without a label: other settings; the table lists all.",
         *measured[0]["machine"].split("; "),
     ]
     panel.text(0, 0.0, "\n".join(lines), fontsize=5.5, color="0.35", va="bottom", transform=panel.transAxes)
+
+
+def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
+    """Write `texts` beside `points` (data coordinates) at the best of OFFSETS; an empty text writes nothing.
+
+    Set the limits of the axes before the call, because label sizes are compared in pixels.
+    """
+    from matplotlib.patheffects import withStroke
+
+    scale = axes.figure.dpi / 72
+    spots = axes.transData.transform(np.array(points))
+    frame = axes.get_window_extent()
+    occupied: list[tuple[float, float, float, float]] = [(x - 3 * scale, y - 3 * scale, x + 3 * scale, y + 3 * scale) for x, y in spots]
+    for (x, y), point, text, colour in zip(spots, points, texts, colours, strict=True):
+        if not text:
+            continue
+        width, height = 0.5 * LABEL_SIZE * len(text) * scale, 1.05 * LABEL_SIZE * scale
+        best, chosen, offset = np.inf, occupied[0], OFFSETS[0]
+        for rank, (right, up) in enumerate(OFFSETS):
+            left = x + right * scale - (0.0 if right > 0 else width if right < 0 else width / 2)
+            box = (left, y + up * scale - height / 2, left + width, y + up * scale + height / 2)
+            outside = max(0.0, frame.x0 - box[0]) + max(0.0, box[2] - frame.x1) + max(0.0, frame.y0 - box[1]) + max(0.0, box[3] - frame.y1)
+            cost = sum(_overlap(box, other) for other in occupied) + 200 * outside * height + 0.4 * rank
+            if cost < best:
+                best, chosen, offset = cost, box, (right, up)
+        occupied.append(chosen)
+        side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
+        label = axes.annotate(text, point, offset, textcoords="offset points", color=colour, ha=side, va="center_baseline")
+        label.set(fontsize=LABEL_SIZE, zorder=2.5, in_layout=False, path_effects=[withStroke(linewidth=1.8, foreground="white")])
+
+
+def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
+    return max(0.0, min(one[2], other[2]) - max(one[0], other[0])) * max(0.0, min(one[3], other[3]) - max(one[1], other[1]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from experiments.speed.chart import LOOKS
@@ -39,7 +40,7 @@ def page(rows: Sequence[Row]) -> str:
         "VIEWS": json.dumps(views).replace("<", "\\u003c"),
         "PLOT": figure.to_html(full_html=False, include_plotlyjs=True, div_id=PLOT_ID, config={"responsive": True, "displaylogo": False}),
     }  # fmt: skip
-    text = _PAGE
+    text = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
     for name, part in parts.items():
         text = text.replace(f"/*{name}*/", part, 1)
     return text
@@ -107,23 +108,3 @@ def _details(row: Row) -> str:
 
 def _options(names: Mapping[str, str]) -> str:
     return "".join(f'<option value="{name}">{html.escape(words)}</option>' for name, words in names.items())
-
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>Speed against accuracy</title>
-<style>body { font: 14px/1.45 system-ui, sans-serif; margin: 1.5rem auto; max-width: 84rem; padding: 0 1rem; color: #1b1b1b; }</style>
-</head><body>
-<h1>Speed against accuracy</h1>
-<p>Left is fast, low is accurate. The line joins the methods that no other method beats on both axes. The star is the default. A
-hollow mark is a method that knows the exact answer; it is on no line. Times belong to this machine: /*MACHINE*/.</p>
-<p><label>horizontal axis <select id="cost">/*COSTS*/</select></label>
-<label>vertical axis <select id="error">/*ERRORS*/</select></label></p>
-/*PLOT*/
-<script>
-const views = /*VIEWS*/;
-const show = () => Plotly.update("chart", ...views[cost.value + " " + error.value]);
-const cost = document.getElementById("cost"), error = document.getElementById("error");
-cost.onchange = error.onchange = show;
-show().then(() => { document.body.dataset.ready = "yes"; });
-</script></body></html>
-"""

@@ -11,19 +11,21 @@ a GPU traces the rays, these replace processor seconds.
 from __future__ import annotations
 
 import gc
+import itertools
 import os
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.speed import signal_error
-from experiments.speed.methods import OURS, Method, counted_rays, published_seconds, rays_of, worker_pids
+from experiments.speed.methods import OURS, Method, counted_rays, published_seconds, rays_of
 from experiments.speed.problems import RADAR, Problem
 from radartwin.simulation import variant
+from radartwin.simulation.backends import sionna_process
 from radartwin.store import array_cache
 
 ASIDE_M = 1e-6  # shift of the radar between calls that must not reuse cached paths
@@ -34,14 +36,14 @@ class Peak:
 
     def __init__(self) -> None:
         gc.collect()
-        self._before = {pid: _reset(pid) for pid in ("self", *map(str, worker_pids()))}
+        self._before = {pid: _reset(pid) for pid in ("self", *map(str, sionna_process.process_ids()))}
 
     def mib(self) -> float | None:
         """Return the peak memory above the starting value in MiB, or None outside Linux."""
         if None in self._before.values():
             return None
         total = 0
-        for pid in ("self", *map(str, worker_pids())):
+        for pid in ("self", *map(str, sionna_process.process_ids())):
             total += (_status(pid, "VmHWM") or 0) - (self._before.get(pid) or 0)
         return total / 1024
 
@@ -51,7 +53,7 @@ def clock() -> float:
     if variant.activate("auto").startswith("cuda"):
         return time.perf_counter()
     total = time.process_time()
-    for pid in worker_pids():
+    for pid in sionna_process.process_ids():
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split() if Path(f"/proc/{pid}/stat").is_file() else []
         total += sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK") if fields else 0.0
     return total
@@ -77,12 +79,11 @@ def _status(pid: str, name: str) -> int | None:
 class Timed:
     """Errors, run times and memory of one method on one problem."""
 
-    def __init__(self, problem: Problem, method: Method, count: Callable[[], int]) -> None:
-        self.problem, self.method, self._count = problem, method, count
+    def __init__(self, problem: Problem, method: Method, calls: Iterator[int]) -> None:
+        self.problem, self.method, self._calls = problem, method, calls
         self.frames = min(part.scored for part in problem.parts)
         self.seconds: list[float] = []
         self.wall: list[float] = []
-        self._last_wall = 0.0
         self.setup_s = 0.0
         self.memory_mib: float | None = None
         self.rays: float | None = None
@@ -92,30 +93,25 @@ class Timed:
         pairs = [(self.method.iq(part, part.scored, part.radar), self.problem.reference(part)) for part in self.problem.parts]
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
-    def once(self, moved: bool = False) -> float:
-        """Simulate all recordings once and return the seconds per frame. `moved` shifts the radar so that no cached path is reused."""
+    def once(self, moved: bool = False) -> tuple[float, float]:
+        """Simulate all recordings once; `moved` avoids cached paths by a shift of the radar. Returns (seconds, wall seconds) per frame."""
         if self.method.published:
             settings = self.method.simulator.settings
             seconds = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
-            self._last_wall = float(np.mean(seconds))  # one thread does the work, so processor time is close to wall-clock time
-            return self._last_wall
-        aside = ASIDE_M * self._count() if moved or not self.problem.resting else 0.0
+            return float(np.mean(seconds)), float(np.mean(seconds))  # one thread works, so processor time is close to wall-clock time
+        aside = ASIDE_M * next(self._calls) if moved or not self.problem.resting else 0.0
         began, wall = clock(), time.perf_counter()
         for part in self.problem.parts:
             self.method.iq(part, self.frames, RADAR, aside)
         frames = self.frames * len(self.problem.parts)
-        self._last_wall = (time.perf_counter() - wall) / frames
-        return (clock() - began) / frames
+        wall_s = (time.perf_counter() - wall) / frames
+        return (clock() - began) / frames, wall_s
 
     def prepare(self, budget_s: float, most: int) -> None:
         """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition.
 
-        This tracer simulates all frames, because its frames share work. Each frame of another method takes the same time, so a repetition
-        has as many frames as fit into `budget_s`.
-
-        Args:
-            budget_s: time of one repetition.
-            most: number of frames that the problem has.
+        This tracer simulates all frames (`most`), because its frames share work. Each frame of another method takes the same time, so a
+        repetition has as many frames as fit into `budget_s`.
         """
         own = self.method.family == OURS
         if own and not self.problem.resting:
@@ -126,13 +122,13 @@ class Timed:
             first = self.once()
         self.memory_mib = peak.mib()
         if self.method.published or (own and not self.problem.resting):
-            self._note(first)
+            self.note(first)
             self.rays = self._rays(sum(launched) / frames, 0.0)
             return
         with counted_rays() as again:
-            warm = self.once()
+            warm, _ = self.once()
         self.rays = self._rays(sum(again) / frames, sum(launched) - sum(again))
-        self.setup_s = max(0.0, first - warm) * self.frames if self.problem.resting else 0.0
+        self.setup_s = max(0.0, first[0] - warm) * self.frames if self.problem.resting else 0.0
         self.frames = most if own else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
@@ -144,13 +140,10 @@ class Timed:
         from_settings = rays_of(self.method.simulator)
         return each + once / self.problem.frames if from_settings is None else float(from_settings)
 
-    def again(self) -> None:
-        """Time one more repetition."""
-        self._note(self.once())
-
-    def _note(self, frame_s: float) -> None:
-        self.seconds.append(frame_s)
-        self.wall.append(self._last_wall)
+    def note(self, frame_s: tuple[float, float]) -> None:
+        """Keep the result of `once` as a repetition."""
+        self.seconds.append(frame_s[0])
+        self.wall.append(frame_s[1])
 
     def row(self) -> dict[str, Any]:
         """Return the errors, the run time and its repetitions as a row."""
@@ -181,20 +174,12 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Time all methods on a problem, in turns, and return one row per method.
 
-    The first method runs once beforehand without timing, so that the kernels that methods share are compiled.
-
-    Args:
-        rounds: repetitions after the first two.
-        budget_s: time that a repetition may take; it holds as many frames as fit.
-        slow_s: a method whose repetition takes longer than this is timed only once.
-        say: prints a line of progress.
+    The first method runs once beforehand without timing, so that the kernels that methods share are compiled. After the first two
+    repetitions there are `rounds` more, each with as many frames as fit into `budget_s`. A method with a repetition longer than `slow_s` is
+    timed once.
     """
-    calls = iter(range(1, 1_000_000))
-
-    def count() -> int:
-        return next(calls)
-
-    timed = [Timed(problem, method, count) for method in methods]
+    calls = itertools.count(1)
+    timed = [Timed(problem, method, calls) for method in methods]
     most = min(len(next(iter(part.motion.values()), part.sensor)) for part in problem.parts)
     with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         timed[0].once(moved=True)
@@ -204,7 +189,7 @@ def measure(
             for one in timed:
                 length_s = (one.seconds[-1] if one.seconds else 0.0) * one.frames * len(problem.parts)
                 if not one.seconds or (length_s < slow_s and not one.method.published):
-                    one.again()
+                    one.note(one.once())
         rows = [one.row() for one in timed]
     for one in timed:
         say(f"  {problem.name}: {one.method.name}: {np.median(one.seconds) * 1e3:.3g} ms a frame")

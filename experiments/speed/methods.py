@@ -34,21 +34,14 @@ DEFAULT = "default"
 
 @dataclass(frozen=True)
 class Method:
-    """One setting of one method.
+    """One setting of one method."""
 
-    Attributes:
-        family, setting: names of the method and of its setting.
-        backend, settings: name of a simulator of radartwin and its settings; "" selects the exact image sources of a box (`ExactImages`).
-        elements: as in `simulate`.
-        published: RF-Genesis's published signal generator computes the samples.
-    """
-
-    family: str
+    family: str  # name of the method
     setting: str
-    backend: str = "mitsuba"
+    backend: str = "mitsuba"  # name of a simulator of radartwin; "" selects the exact image sources of a box (`ExactImages`)
     settings: tuple[tuple[str, Any], ...] = ()
-    elements: str = "exact"
-    published: bool = False
+    elements: str = "exact"  # as in `simulate`
+    published: bool = False  # RF-Genesis's published signal generator computes the samples
 
     @property
     def name(self) -> str:
@@ -195,10 +188,3 @@ def quiet() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "sionna:")
         yield
-
-
-def worker_pids() -> list[int]:
-    """Return the ids of the processes that run other simulators."""
-    from radartwin.simulation.backends import sionna_process
-
-    return sionna_process.process_ids()

@@ -42,22 +42,15 @@ CONVERGED = TraceSettings(max_bounces=5, rays_per_wavelength2=16.0)
 
 @dataclass(frozen=True)
 class Part:
-    """One recording of a problem.
-
-    Attributes:
-        scene, sensor, motion: as `simulate` takes them, for every frame that may be timed.
-        scored: number of frames, from the first, that are compared with the reference.
-        radar: the radar of the comparison.
-        reference: samples (scored, chirps, tx, rx, samples) of that radar.
-    """
+    """One recording of a problem."""
 
     name: str
-    scene: Scene
+    scene: Scene  # scene, sensor and motion are arguments of `simulate`, for every frame that may be timed
     sensor: np.ndarray
     motion: Mapping[str, np.ndarray]
-    scored: int
-    radar: Radar
-    reference: Callable[[], np.ndarray]
+    scored: int  # number of frames, from the first, that are compared with the reference
+    radar: Radar  # the radar of the comparison
+    reference: Callable[[], np.ndarray]  # samples (scored, chirps, tx, rx, samples) of that radar
 
     def iq(self, frames: int, radar: Radar, simulator: object, elements: str = "exact", aside_m: float = 0.0) -> np.ndarray:
         """Simulate the first `frames` frames and return their samples. `aside_m` moves the radar so that no cached path is reused."""
@@ -69,24 +62,16 @@ class Part:
 
 @dataclass(frozen=True)
 class Problem:
-    """Recordings whose errors are averaged.
-
-    Attributes:
-        truth: description of the reference.
-        frames: number of frames of a whole recording.
-        resting: the radar does not move, so a room is traced once for all frames.
-        room: the scene has a room.
-        exact: the reference does not come from this tracer.
-    """
+    """Recordings whose errors are averaged."""
 
     name: str
     title: str
-    truth: str
+    truth: str  # description of the reference
     parts: Sequence[Part]
-    frames: int
-    resting: bool
-    room: bool
-    exact: bool
+    frames: int  # number of frames of a whole recording
+    resting: bool  # the radar does not move, so a room is traced once for all frames
+    room: bool  # the scene has a room
+    exact: bool  # the reference does not come from this tracer
     cache: dict[str, np.ndarray] = field(default_factory=dict)
 
     def reference(self, part: Part) -> np.ndarray:
@@ -97,11 +82,7 @@ class Problem:
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """Return samples (1, 1, 1, samples) of an echo; its path is about twice `distance_m` long.
-
-    Args:
-        echo: maps frequencies (F,) to the echo's complex amplitudes (F,).
-    """
+    """Return samples (1, 1, 1, samples) of an echo, a function of frequencies (F,); its path is about twice `distance_m` long."""
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)

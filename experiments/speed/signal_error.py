@@ -24,21 +24,13 @@ GAINS_DB = np.arange(-120.0, 120.5, 0.5)  # search grid of the common gain
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors over all recordings.
+    """Errors over all recordings."""
 
-    Attributes:
-        signal: norm of the difference over norm of the reference, |a - b|/|b|.
-        profile_db: rms difference of the range profiles.
-        offset_db: mean level of the profiles relative to the reference.
-        free_db: rms difference of the profiles after the gain that minimises it.
-        gain_db: that gain.
-    """
-
-    signal: float
-    profile_db: float
-    offset_db: float
-    free_db: float
-    gain_db: float
+    signal: float  # norm of the difference over norm of the reference, |a - b|/|b|
+    profile_db: float  # rms difference of the range profiles
+    offset_db: float  # mean level of the profiles relative to the reference
+    free_db: float  # rms difference of the profiles after the gain that minimises it
+    gain_db: float  # that gain
 
 
 def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:

@@ -1,24 +1,22 @@
 """Speed against accuracy: run time and error of each simulation method, problem by problem.
 
-`problems` holds the problems with their references, `methods` the methods, `measuring` the timing and `signal_error` the errors. A method
-is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. Methods that only
-know the exact answer of one problem are not on the front. The claim about the default holds if no other method is both faster and more
-accurate by more than the factor NEAR. Run times depend on the machine and its load, so methods take turns and the table gives ratios within
-one run.
-
-A further problem, the campaign (`campaign_methods`), compares run time with feature error and recognition error.
+A method is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. The claim
+about the default holds if no other method is both faster and more accurate by more than the factor NEAR. Run times depend on the machine
+and its load, so methods take turns and the table gives ratios within one run. A further problem, the campaign (`campaign_methods`),
+compares run time with feature error and recognition error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import claims
-from experiments.speed import campaign_methods, chart_page, measuring
+from experiments.speed import campaign_methods, chart, chart_page, measuring
 from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
 from experiments.speed.pareto import front, shortfall
@@ -27,9 +25,6 @@ from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store, save_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="speed_accuracy",
@@ -69,9 +64,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     full = config.profile.name != "quick"
     measured, keys = [], []
     for problem in progress.over(problems(full), "problems"):
-        product = store.fetch(
-            "timing", {"problem": problem.name, "full": full, **identity()}, SOURCES, _measurement(problem, full, progress)
-        )
+        spec = {"problem": problem.name, "full": full, **identity()}
+        product = store.fetch("timing", spec, SOURCES, partial(_measure, problem, full, progress))
         measured += product.read_json("rows")
         keys.append(product.key)
     on_campaign = campaign_methods.measure(config, store, progress, full)
@@ -83,26 +77,17 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         for row in rows
         if row["claim"] and row["value"] is not None
     }
-    return Result(TABLE.name, rows, _figures(rows), metrics, keys)
-
-
-def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
-    from experiments.speed import chart
-
-    return {
+    figures = {
         "speed_accuracy": lambda: chart.chart(rows, "profile_error_db"),
         "speed_accuracy_signal": lambda: chart.chart(rows, "signal_error"),
         "speed_accuracy_campaign": lambda: chart.campaign(rows),
     }
+    return Result(TABLE.name, rows, figures, metrics, keys)
 
 
-def _measurement(problem: Problem, full: bool, progress: Progress) -> Callable[[Path], None]:
-    def build(folder: Path) -> None:
-        rounds, budget_s, slow_s = PAPER if full else QUICK
-        rows = measuring.measure(problem, of_problem(problem, full), rounds, budget_s, slow_s, progress.say)
-        save_json(folder, "rows", rows)
-
-    return build
+def _measure(problem: Problem, full: bool, progress: Progress, folder: Path) -> None:
+    rounds, budget_s, slow_s = PAPER if full else QUICK
+    save_json(folder, "rows", measuring.measure(problem, of_problem(problem, full), rounds, budget_s, slow_s, progress.say))
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
@@ -180,14 +165,8 @@ def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[flo
     return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
 
 
-def points(rows: Sequence[Mapping[str, Any]], error: str) -> list[tuple[float, float]]:
-    """Return (seconds per frame, error) of each row."""
-    return [(row["seconds_frame"], row[error]) for row in rows]
-
-
 def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
-    real = [one for one in mine if not one["exact"]]
-    marks = iter(front(points(real, error)))
+    marks = iter(front([(one["seconds_frame"], one[error]) for one in mine if not one["exact"]]))
     return [not one["exact"] and next(marks) for one in mine]
 
 
@@ -205,8 +184,8 @@ def _claims(
         })  # fmt: skip
 
     for error, words in ERRORS.items():
-        others = [one for one in mine if not one["exact"] and one is not default]
-        far = shortfall(points([default], error)[0], points(others, error))
+        others = [(one["seconds_frame"], one[error]) for one in mine if not one["exact"] and one is not default]
+        far = shortfall((default["seconds_frame"], default[error]), others)
         claim = f"no other is more than {100 * (NEAR - 1):.0f} % better in both time and {words}"
         add(default, f"factor from the front, {words}", claim, (far, far, far), len(mine), far <= NEAR)
     naive = next((one for one in mine if (one["family"], one["setting"]) == (RFGENESIS, PUBLISHED)), None)

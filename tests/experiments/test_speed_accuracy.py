@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import miepython
@@ -11,9 +13,8 @@ import numpy as np
 import pytest
 
 from analysis.figures import choosing
-from experiments.speed import chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
+from experiments.speed import bench, chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
-from experiments.speed.pareto import front, shortfall
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import corner_faces, cylinder_rcs
@@ -92,16 +93,6 @@ def test_signal_profile_and_gain_errors_are_separate() -> None:
     assert (turned.signal, turned.profile_db) == pytest.approx((np.sqrt(2), 0.0), abs=1e-9)
     elsewhere = signal_error.compare([(tone(3.0), tone(2.0))], RADAR)
     assert elsewhere.free_db > 10  # no gain mends a wrong range
-
-
-def test_front_holds_points_that_no_other_beats() -> None:
-    drawn = np.random.default_rng(0).integers(1, 6, (40, 2)).astype(float)
-    points = [tuple(point) for point in drawn]
-    for point, on in zip(points, front(points), strict=True):
-        better = any((other <= point).all() and (other < point).any() for other in drawn)  # type: ignore[operator]
-        assert on == (not better)
-    assert shortfall((2.0, 2.0), [(1.0, 1.5)]) == pytest.approx(4 / 3)
-    assert shortfall((2.0, 2.0), [(1.0, 2.5), (2.5, 1.0)]) == 1
 
 
 def measured(family: str, setting: str, seconds: list[float], error: float, **changes: Any) -> dict[str, Any]:
@@ -231,3 +222,12 @@ def test_options_in_choosing_make_the_measured_setting(problem: problems.Problem
 
 def test_choosing_page_follows_from_committed_results() -> None:
     assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text(*(choosing.read(name) for name in choosing.NAMES))
+
+
+def test_benchmark_history_gets_a_line_and_a_column_for_a_new_ratio(tmp_path: Path) -> None:
+    history, machine = tmp_path / "history.csv", {"processor": "a, b", "cores": 2, "variant": "llvm"}
+    bench.append(machine, {"direct sum to gridding": 812.345}, history)
+    bench.append(machine | {"variant": "cuda"}, {"moving, tubes alone to panel images": 12.0}, history)
+    first, second = csv.DictReader(history.read_text().splitlines())
+    assert (first["processor"], first["direct sum to gridding"], first["moving, tubes alone to panel images"]) == ("a, b", "812.3", "")
+    assert (second["variant"], second["moving, tubes alone to panel images"]) == ("cuda", "12")

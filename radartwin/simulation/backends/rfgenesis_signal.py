@@ -5,29 +5,11 @@ and mixes them with the transmitted chirp: s = tx conj(sum of echoes). Unlike th
 S L^2/(2 c^2).
 """
 
-import time
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.scene.scene import Scene
 from radartwin.simulation.backends import rfgenesis
-
-
-@dataclass(frozen=True)
-class FrameSeconds:
-    """Hold the number of hits and the wall-clock seconds of one frame."""
-
-    hits: int
-    trace_s: float
-    synthesis_s: float
-
-    @property
-    def total_s(self) -> float:
-        return self.trace_s + self.synthesis_s
 
 
 def direct_frame(start_m: np.ndarray, stop_m: np.ndarray, weight: np.ndarray, radar: Radar) -> np.ndarray:
@@ -57,27 +39,3 @@ def direct_frame(start_m: np.ndarray, stop_m: np.ndarray, weight: np.ndarray, ra
 def _chirp(t: np.ndarray, radar: Radar) -> np.ndarray:
     phase = 2 * np.pi * (radar.start_frequency_hz * t + 0.5 * radar.slope_hz_per_s * t * t)
     return np.cos(phase) + 1j * np.sin(phase)
-
-
-def whole_frame_seconds(
-    scene: Scene,
-    radar: Radar,
-    sensor_pose: np.ndarray,
-    motion: Mapping[str, np.ndarray] | None = None,
-    settings: rfgenesis.RFGenesisSettings | None = None,
-) -> FrameSeconds:
-    """Measure the time to trace and synthesise one frame with the shipped version, without the compilation of kernels.
-
-    Args:
-        sensor_pose: (4, 4). motion: (1, 4, 4) poses by surface name.
-    """
-    poses, motion, settings = sensor_pose[None], dict(motion or {}), settings or rfgenesis.RFGenesisSettings()
-    rfgenesis.trace(scene, radar, poses, motion, settings)
-    began = time.perf_counter()
-    hits = rfgenesis.trace(scene, radar, poses, motion, settings)
-    traced = time.perf_counter()
-    seen = hits.distance[0] > rfgenesis.MIN_VISIBLE
-    distance = hits.distance[0, seen]
-    points = distance[:, None] * hits.directions[seen]
-    direct_frame(points, points, distance, radar)
-    return FrameSeconds(int(seen.sum()), traced - began, time.perf_counter() - traced)
