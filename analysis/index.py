@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import radartwin
-from analysis.report.origin import mlflow_pages
+from analysis.report.origin import mlflow_pages, read_json
 from analysis.tables import FORMATS
 from experiments.speed.machine import machine
 from radartwin.config.compose import conf_dir
@@ -28,10 +28,7 @@ from radartwin.runs.checkout import commit
 
 Entries = dict[str, dict[str, Any]]
 INDEX, FAILURES, STAMPS, LOCK = "index.json", "failures.json", "stamps.json", "index.lock"
-FORMS = {
-    INDEX: {"run_key": str, "profile": str, "figures": list},
-    FAILURES: {"run_key": str, "profile": str, "error": str},
-}
+FORMS = {INDEX: {"run_key": str, "profile": str, "figures": list}, FAILURES: {"run_key": str, "profile": str, "error": str}}
 ERROR_LENGTH = 500
 _FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # matches the name of a file in the figures folder, but no path
 
@@ -42,11 +39,7 @@ def lock(output: Path) -> AbstractContextManager[None]:
 
 
 def read(output: Path, name: str) -> Entries:
-    """Read the entries of INDEX or FAILURES by table; an empty dictionary if the file does not exist.
-
-    Raises:
-        InputError: the file is damaged.
-    """
+    """Read the entries of INDEX or FAILURES by table; empty if there is no file. Raises InputError if the file is damaged."""
     path = output / "tables" / name
     if not path.is_file():
         return {}
@@ -99,12 +92,8 @@ def report_unchanged(output: Path) -> bool:
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """Read the stamps by table; an empty dictionary if the file is absent or damaged, because then the tables are simply made again."""
-    try:
-        stamps = untrusted_json.read(output / "tables" / STAMPS)
-    except (OSError, ValueError):
-        return {}
-    return stamps if isinstance(stamps, dict) else {}
+    """Read the stamps by table; empty if the file is absent or damaged, because then the tables are simply made again."""
+    return read_json(output / "tables" / STAMPS)
 
 
 def _stamp(output: Path, table: str, entry: dict[str, Any]) -> str:

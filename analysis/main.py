@@ -45,10 +45,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 
 
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
-    """Run the experiments of these tables and write the tables.
-
-    Returns: names of the tables that succeeded, and numbers of the products that the runs computed or reused.
-    """
+    """Run these experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused products."""
     made: list[str] = []
     progress, counts = Progress(), Counts()
     if not names:

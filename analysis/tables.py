@@ -37,12 +37,7 @@ def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
         InputError: a row lacks a score column, has an unknown verdict, or has a value outside its confidence interval.
     """
     check_rows(table.name, list(rows))
-    texts = {
-        "csv": to_csv(rows),
-        "md": to_markdown(table, rows),
-        "tex": to_latex(table, rows),
-        "html": to_html(table, rows),
-    }
+    texts = {"csv": to_csv(rows), "md": to_markdown(table, rows), "tex": to_latex(table, rows), "html": to_html(table, rows)}
     return [files.write_atomically(folder / f"{table.name}.{suffix}", texts[suffix]) for suffix in FORMATS]
 
 

@@ -19,23 +19,15 @@ SHOWN_KEYS = 12  # store keys that a table cell shows; the run's result holds al
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper about one table row, with the condition that our result must meet for the claim to hold.
+    """A claim of the paper about one table row, with the condition that our result must meet for the claim to hold."""
 
-    Attributes:
-        text: the claim in words. paper: the value in the paper.
-        above, below: bounds between which our whole confidence interval must lie.
-        contains: value that our interval must contain; used for a claim of no effect.
-        p_below: our p value must be smaller than this.
-        least: smallest number of items for a verdict; the default is 2, because a single item has no interval.
-    """
-
-    text: str = ""
-    paper: str = ""
-    above: float = -math.inf
-    below: float = math.inf
-    contains: float | None = None
-    p_below: float | None = None
-    least: int = 2
+    text: str = ""  # the claim in words
+    paper: str = ""  # the value in the paper
+    above: float = -math.inf  # lower bound of our whole confidence interval
+    below: float = math.inf  # upper bound of our whole confidence interval
+    contains: float | None = None  # value that our interval must contain; used for a claim of no effect
+    p_below: float | None = None  # our p value must be smaller than this
+    least: int = 2  # smallest number of items for a verdict; the default is 2, because a single item has no interval
 
     def verdict(self, low: float, high: float, n: int, p: float = math.nan) -> str:
         """Return whether the claim "holds", "fails" or is "untestable" for an interval (low, high) over n items."""

@@ -1,13 +1,10 @@
 """Estimates with confidence intervals, p values and numbers of items, as the tables print them.
 
-Libraries compute the permutation tests (scipy), the bootstrap of a mean (scipy) and SSIM (scikit-image); radartwin.recognize.score computes
-exact binomial intervals. The Mantel test is our own permutation test over objects. Every random draw uses the given seed. Intervals are
-95 % confidence intervals.
+Every random draw uses the given seed. Intervals are 95 % confidence intervals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -17,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from radartwin.errors import InputError
 from radartwin.recognize import score
 
-LEVEL = 0.95
 Alternative = Literal["greater", "less", "two-sided"]
 
 
@@ -63,40 +59,34 @@ def exact(value: float, n: int) -> Estimate:
 
 
 def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
-    """Return a value of n items with the interval of its resampled values `drawn`.
-
-    The interval is the 2.5 % and 97.5 % quantiles of the finite resampled values, extended to contain the value.
-    """
-    drawn = np.asarray(drawn, float)
-    drawn = drawn[np.isfinite(drawn)]
-    low, high = np.quantile(drawn, [0.025, 0.975]) if len(drawn) else (value, value)
-    return Estimate(value, min(float(low), value), max(float(high), value), n)
+    """Return a value of n items with the percentile interval of its resampled values `drawn`."""
+    return Estimate(value, *_interval(np.asarray(drawn, float), value, 0.025), n)
 
 
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
     """Compute the rank correlation over items, with a bootstrap interval over items and a permutation p value.
 
-    p is exact over all pairings if there are few, else it uses 9,999 random pairings.
-
-    Raises:
-        InputError: fewer than three items, or constant values.
+    p is exact over all pairings if there are few, else it uses 9,999 random pairings. With alternative=None no p value is computed. Raises
+    InputError for fewer than three items, or constant values.
     """
-    from scipy.stats import rankdata
+    from scipy.stats import permutation_test, rankdata
 
-    first, second = _pair(first, second)
-    return _correlation(first, second, lambda x: rankdata(x, axis=-1), resamples, seed, alternative)
-
-
-def pearson(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Compute Pearson's correlation over items; the interval and p are computed as in `spearman`.
-
-    If the items are neighbouring frames, pass alternative=None to skip the test, because such frames are not independent.
-
-    Raises:
-        InputError: fewer than three items, or constant values.
-    """
-    first, second = _pair(first, second)
-    return _correlation(first, second, lambda x: x, resamples, seed, alternative)
+    first, second = np.asarray(first, float), np.asarray(second, float)
+    if first.shape != second.shape or first.ndim != 1 or len(first) < 3 or not (np.isfinite(first).all() and np.isfinite(second).all()):
+        raise InputError(f"a correlation needs three or more finite pairs, not {first.shape} and {second.shape}")
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        raise InputError("a correlation needs values that differ; one of the two is constant")
+    rng = np.random.default_rng(seed)
+    ranks = rankdata(second)
+    value = float(_r(rankdata(first), ranks))
+    chosen = rng.integers(len(first), size=(resamples, len(first)))
+    low, high = _interval(_r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), value)
+    if alternative is None:
+        return Estimate(value, low, high, len(first))
+    tested: Any = permutation_test(
+        (rankdata(first),), lambda x, axis: _r(x, ranks), permutation_type="pairings", vectorized=True, alternative=alternative, rng=rng
+    )
+    return Estimate(value, low, high, len(first), float(tested.pvalue))
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -105,15 +95,11 @@ def correlation(first: NDArray, second: NDArray) -> float:
 
 
 def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:
-    """Mantel test: correlation of two distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
+    """Mantel test: correlation of two (n, n) distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    p is the share of random permutations of the objects whose correlation is at least as high. The identity counts as one permutation, so
-    p is at least 1 / (permutations + 1). The interval is a bootstrap over objects; pairs of an object with itself are left out.
-
-    Args:
-        first, second: (n, n) symmetric distance matrices.
-    Raises:
-        InputError: the matrices are not distance matrices of the same three or more objects, or all distances of one matrix are equal.
+    p is the share of random permutations of the objects whose correlation is at least as high. The identity counts as one permutation, so p
+    is at least 1 / (permutations + 1). The interval is a bootstrap over objects; pairs of an object with itself are left out. Raises
+    InputError if the matrices are not distance matrices of the same three or more objects, or all distances of one matrix are equal.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -134,7 +120,7 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         a, b = chosen[upper[0]], chosen[upper[1]]
         if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    low, high = _quantiles(np.array(drawn), value)
+    low, high = _interval(np.array(drawn), value)
     return Estimate(value, low, high, count, (as_good + 1) / (permutations + 1))
 
 
@@ -159,8 +145,7 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
         raise InputError("a coefficient of variation needs two or more positive values")
     value = float(samples.std(ddof=1) / samples.mean())
     drawn = samples[np.random.default_rng(seed).integers(len(samples), size=(resamples, len(samples)))]
-    low, high = _quantiles(drawn.std(axis=1, ddof=1) / drawn.mean(axis=1), value)
-    return Estimate(value, low, high, len(samples))
+    return Estimate(value, *_interval(drawn.std(axis=1, ddof=1) / drawn.mean(axis=1), value), len(samples))
 
 
 def ssim(first: NDArray, second: NDArray) -> float:
@@ -172,31 +157,6 @@ def ssim(first: NDArray, second: NDArray) -> float:
     return float(similarity)
 
 
-def _pair(first: ArrayLike, second: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    first, second = np.asarray(first, float), np.asarray(second, float)
-    if first.shape != second.shape or first.ndim != 1 or len(first) < 3 or not (np.isfinite(first).all() and np.isfinite(second).all()):
-        raise InputError(f"a correlation needs three or more finite pairs, not {first.shape} and {second.shape}")
-    if np.ptp(first) == 0 or np.ptp(second) == 0:
-        raise InputError("a correlation needs values that differ; one of the two is constant")
-    return first, second
-
-
-def _correlation(first: NDArray, second: NDArray, change: Callable, resamples: int, seed: int, alternative: Alternative | None) -> Estimate:
-    from scipy.stats import permutation_test
-
-    rng = np.random.default_rng(seed)
-    value = float(_r(change(first), change(second)))
-    chosen = rng.integers(len(first), size=(resamples, len(first)))
-    low, high = _quantiles(_r(change(first[chosen]), change(second[chosen])), value)
-    if alternative is None:
-        return Estimate(value, low, high, len(first))
-    fixed = change(second)
-    tested: Any = permutation_test(
-        (change(first),), lambda x, axis: _r(x, fixed), permutation_type="pairings", vectorized=True, alternative=alternative, rng=rng
-    )
-    return Estimate(value, low, high, len(first), float(tested.pvalue))
-
-
 def _r(first: NDArray, second: NDArray) -> NDArray:
     """Compute Pearson's r along the last axis; NaN for constant values."""
     first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
@@ -204,10 +164,13 @@ def _r(first: NDArray, second: NDArray) -> NDArray:
     return np.divide(np.sum(first * second, axis=-1), norm, out=np.full(np.shape(norm), np.nan), where=norm > 0)[()]
 
 
-def _quantiles(drawn: NDArray, value: float) -> tuple[float, float]:
-    """Compute the percentile interval of the finite resampled values, extended to contain the value."""
+def _interval(drawn: NDArray, value: float, tail: float = (1 - 0.95) / 2) -> tuple[float, float]:
+    """Compute the percentile interval of the finite resampled values, extended to contain the value.
+
+    The default tail differs from 0.025 by rounding; both give the last digits of the committed tables.
+    """
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):
         return value, value
-    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    low, high = np.quantile(drawn, [tail, 0.975])
     return min(float(low), value), max(float(high), value)

@@ -42,22 +42,15 @@ class Claim:
 
 @dataclass(frozen=True)
 class Section:
-    """One table of the report, or the reason why it is absent.
-
-    Attributes:
-        output: root folder of all output.
-        figures: names of the table's figures.
-        absent: why the table is absent, a key of ABSENT; "" if the table is present.
-        error: error of a failed run, as one line.
-    """
+    """One table of the report, or the reason why it is absent."""
 
     table: Table
-    output: Path
+    output: Path  # root folder of all output
     profile: str
     run_key: str = ""
-    figures: Sequence[str] = ()
-    absent: str = ""
-    error: str = ""
+    figures: Sequence[str] = ()  # names of the table's figures
+    absent: str = ""  # why the table is absent, a key of ABSENT; "" if the table is present
+    error: str = ""  # error of a failed run, as one line
 
     @property
     def command(self) -> str:
@@ -65,11 +58,7 @@ class Section:
         return f"radartwin tables --profile {self.profile} --only {self.table.name}"
 
     def file(self, suffix: str) -> Path:
-        """Return the path of the table's file with this suffix.
-
-        Raises:
-            MissingError: the file does not exist.
-        """
+        """Return the path of the table's file with this suffix. Raises MissingError if the file does not exist."""
         return self._there(self.output / "tables" / f"{self.table.name}.{suffix}")
 
     def figure(self, name: str, suffix: str = ".png") -> Path:
@@ -106,11 +95,7 @@ class Section:
 
     @cached_property
     def rows(self) -> list[dict[str, str]]:
-        """Read the rows of the CSV; an empty list for an absent table.
-
-        Raises:
-            MissingError: the CSV is missing or damaged.
-        """
+        """Read the rows of the CSV; an empty list for an absent table. Raises MissingError if the CSV is missing or damaged."""
         if self.absent:
             return []
         path = self.file("csv")

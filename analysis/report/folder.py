@@ -61,11 +61,7 @@ class Stage:
 
 @contextlib.contextmanager
 def staged(root: Path) -> Iterator[Stage]:
-    """Within the `with`, yield an empty stage and hold the folder's lock, so that a second report waits for the first.
-
-    Raises:
-        OutputError: the folder cannot be created or written.
-    """
+    """Yield an empty stage and hold the folder's lock. Raises OutputError if the folder cannot be created or written."""
     files.make_folder(root)
     with files.lock(root / LOCK):
         shutil.rmtree(root / STAGE, ignore_errors=True)  # left by a killed process

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import html
 import json
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +20,6 @@ from radartwin.plotting.style import SEQUENTIAL
 TABLE = "gallery"
 PAGE = Path(__file__).with_name("page") / "compare.html"
 _DATA = re.compile(r"^const data = (\{.*\});$", re.MULTILINE)
-_SAME = 1e-3  # largest horizontal offset of two panels that count as one above the other, as a fraction of the figure's width
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,7 @@ class Compared:
 def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
     """Write a page for each gallery figure that has two pictures of the same extent, one above the other.
 
-    Raises:
-        MissingError: the page of a figure is missing or damaged.
+    Raises MissingError if the page of a figure is missing or damaged.
     """
     compared = []
     for section in sections:
@@ -61,28 +58,14 @@ def drawn(path: Path, command: str) -> dict[str, Any]:
 
 
 def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Find each picture panel with another picture of the same columns and extent below.
-
-    Returns: for each pair title, label and extent, and values and marks of both pictures.
-    """
+    """Return title, label, extent, values and marks of each picture panel of the upper row and the panel below, of equal extent."""
     pictured = [axes for axes in data["axes"] if len(axes["pictures"]) == 1]
-    found = []
-    for upper in pictured:
-        for lower in pictured:
-            if _beneath(upper, lower, _SAME * data["size"][0]):
-                extent, values = upper["pictures"][0]["extent"], [one["pictures"][0]["values"] for one in (upper, lower)]
-                marks = [[series["points"] for series in one["series"]] for one in (upper, lower)]
-                found.append({"title": upper["title"], "x": lower["x"]["label"], "extent": extent, "values": values, "marks": marks})
+    half, found = len(pictured) // 2, []
+    for upper, lower in zip(pictured[:half], pictured[half:], strict=False):
+        extent, values = upper["pictures"][0]["extent"], [one["pictures"][0]["values"] for one in (upper, lower)]
+        marks = [[series["points"] for series in one["series"]] for one in (upper, lower)]
+        found.append({"title": upper["title"], "x": lower["x"]["label"], "extent": extent, "values": values, "marks": marks})
     return found
-
-
-def _beneath(upper: dict[str, Any], lower: dict[str, Any], near: float) -> bool:
-    """Return whether two panels show the same extent, one above the other."""
-    same = all(abs(upper["box"][k] - lower["box"][k]) <= near for k in (0, 2)) and upper["box"][3] <= lower["box"][1]
-    first, second = (one["pictures"][0] for one in (upper, lower))
-    close = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(first["extent"], second["extent"], strict=True))
-    shape = [(len(one["values"]), len(one["values"][0])) for one in (first, second)]
-    return same and close and shape[0] == shape[1]
 
 
 def page(name: str, panels: Sequence[dict[str, Any]]) -> str:

@@ -24,35 +24,24 @@ _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the report. A value is None if the cache no longer holds it.
-
-    Attributes:
-        core_seconds: processor time of the run, including the products that it computed.
-        made: core-seconds of the products (recordings, scans) that the run uses, by key; another run may have computed them.
-        mlflow: address of the run's page while `radartwin dashboard` runs, or "".
-    """
+    """One run of the report. A value is None if the cache no longer holds it."""
 
     section: Section
     seed: int | None = None
     finished: str = ""
-    version: str = ""
-    core_seconds: float | None = None
+    core_seconds: float | None = None  # processor time of the run, including the products that it computed
+    # core-seconds of the products (recordings, scans) that the run uses, by key; another run may have computed them
     made: dict[str, float] = field(default_factory=dict)
-    mlflow: str = ""
+    mlflow: str = ""  # address of the run's page while `radartwin dashboard` runs, or ""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Origin of the whole report.
+    """Origin of the whole report."""
 
-    Attributes:
-        written_by: name and value of each line about code and machine.
-        tracking: why no run is linked to MLflow, or "".
-    """
-
-    written_by: list[tuple[str, str]]
+    written_by: list[tuple[str, str]]  # name and value of each line about code and machine
     runs: list[Run]
-    tracking: str = ""
+    tracking: str = ""  # why no run is linked to MLflow, or ""
 
     @property
     def core_seconds(self) -> float:
@@ -70,20 +59,16 @@ def of(sections: Sequence[Section], output: Path) -> Origin:
     present = [section for section in sections if not section.absent]
     pages, why = mlflow_pages(output)
     runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in present]
-    return Origin(_written_by(), runs, why)
-
-
-def _written_by() -> list[tuple[str, str]]:
     head, dirty = commit()
     code = f"commit {head[:12]}{' with local changes' if dirty else ''}" if head != "none" else "no repository"
-    return [("radartwin", f"{__version__}, {code}"), *machine().items()]
+    return Origin([("radartwin", f"{__version__}, {code}"), *machine().items()], runs, why)
 
 
 def _run(section: Section, cache: Path, page: str) -> Run:
     if not _KEY.fullmatch(section.run_key):
         return Run(section, mlflow=page)
     folder = cache / RUN / section.run_key
-    meta, result = _json(folder / META), _json(folder / "result.json")
+    meta, result = read_json(folder / META), read_json(folder / "result.json")
     spec = meta.get("spec")
     config = spec.get("config") if isinstance(spec, dict) else None
     seed = config.get("seed") if isinstance(config, dict) else None
@@ -92,7 +77,6 @@ def _run(section: Section, cache: Path, page: str) -> Run:
         section,
         seed if isinstance(seed, int) else None,
         str(meta.get("finished", "")),
-        str(meta.get("radartwin", "")),
         _number(meta.get("core_seconds")),
         _costs(cache, keys if isinstance(keys, list) else []),
         page,
@@ -105,7 +89,7 @@ def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
     found = {}
     for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
         for kind in kinds:
-            seconds = _number(_json(kind / key / META).get("core_seconds"))
+            seconds = _number(read_json(kind / key / META).get("core_seconds"))
             if seconds is not None:
                 found[key] = seconds
     return found
@@ -129,7 +113,7 @@ def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
     return {str(key): f"http://{HOST}:{USUAL_PORT}/#/experiments/{experiment}/runs/{run}" for key, experiment, run in rows}, ""
 
 
-def _json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
     """Read the JSON object in a file; empty if the file is absent or damaged, for instance in a cleared cache."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))

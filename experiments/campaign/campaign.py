@@ -26,36 +26,25 @@ from radartwin.radar.recording import Recording
 from radartwin.runs import workers
 from radartwin.store.products import Product, Store
 
+Materials = str | MaterialsConfig | None  # material source of the twin's room; None is the configured source
 CLEAN, PROCESSED = "clean", "processed"
 _FILE = "recording"
 
 
 class Campaign:
-    """List, simulate and read the recordings of a configuration.
+    """List, simulate and read the recordings of a configuration; the store keeps them.
 
-    Args:
-        config: its profile, gaps between testbed and twin, materials, simulator, radar and seed decide the recordings.
-        store: keeps the recordings.
-    Raises:
-        UserError: the recording set cannot be used, or its radar differs from the configured radar.
+    Raises UserError if the recording set cannot be used, or its radar differs from the configured radar.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress):
         self.config, self.store, self.progress = config, store, progress
         self._recorded = Recorded(config, progress) if config.measured.provider == "recordings" else None
 
-    @property
-    def domain(self) -> str:
-        """Provider of the measured recordings: "testbed" or "recordings"."""
-        return self.config.measured.provider
-
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
         """Return the recordings of a domain that meet conditions such as motion="turntable", room="lab", object="mug", distance_m=1.0.
 
-        The twin of a recording set has one recording per condition, without repetitions.
-
-        Raises:
-            InputError: an unknown domain.
+        The twin of a recording set has one recording per condition, without repetitions. Raises InputError for an unknown domain.
         """
         self._check(domain)
         if self._recorded is None:
@@ -73,17 +62,13 @@ class Campaign:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
 
-    def processed(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> tuple[str, Processed]:
-        """Return (store key, processed recording); the recording is simulated if it is not in the store.
-
-        Args:
-            materials: material source of the twin's room; None uses the configured source.
-        """
+    def processed(self, domain: str, case: Case, materials: Materials = None) -> tuple[str, Processed]:
+        """Return (store key, processed recording); the recording is simulated if it is not in the store."""
         product = self.process(domain, case, materials)
         return product.key, Processed.load(product.path)
 
-    def process(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
-        """Return the processed recording as a product of the store; arguments as in `processed`."""
+    def process(self, domain: str, case: Case, materials: Materials = None) -> Product:
+        """Return the processed recording as a product of the store."""
         key, recording, spec = self._source(domain, case, materials)
         doppler = case.motion != "turntable"
 
@@ -94,26 +79,26 @@ class Campaign:
 
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
-    def recording(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Recording:
+    def recording(self, domain: str, case: Case) -> Recording:
         """Return the recording with receiver effects (for the twin: thermal noise)."""
-        return self._source(domain, case, materials)[1]()
+        return self._source(domain, case, None)[1]()
 
-    def clean(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> Product:
+    def clean(self, domain: str, case: Case, materials: Materials = None) -> Product:
         """Return the simulated recording before receiver effects as a product of the store; `load_clean` reads the product."""
         spec, make, roots = self._clean(domain, case, materials)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
-    def holds(self, domain: str, case: Case, materials: str | MaterialsConfig | None = None) -> bool:
+    def holds(self, domain: str, case: Case) -> bool:
         """Return whether the recording before receiver effects is in the store."""
-        spec, _, roots = self._clean(domain, case, materials)
+        spec, _, roots = self._clean(domain, case, None)
         return self.store.holds(CLEAN, spec, roots)
 
-    def prepare(self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, fresh: bool = False) -> None:
+    def prepare(self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, fresh: bool = False) -> None:
         """Simulate the missing recordings of the (domain, case) pairs in config.jobs workers; `fresh` is passed to workers.run."""
         make_together(self.missing(wanted, materials), self.progress, fresh)
 
     def missing(
-        self, wanted: Iterable[tuple[str, Case]], materials: str | MaterialsConfig | None = None, clean: bool = False, setup: str = ""
+        self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, clean: bool = False, setup: str = ""
     ) -> dict[str, RecordingTask]:
         """Return {store key: task} of the missing simulated recordings, for `make_together`; `clean` and `setup` as in RecordingTask."""
         config, found = replace(self.config, materials=self._materials(TWIN, materials)), {}
@@ -124,16 +109,14 @@ class Campaign:
                     found[self.store.key(CLEAN, spec, roots)] = RecordingTask(config, self.store.root, domain, case, clean, setup)
         return found
 
-    def plan(self, *domains: str) -> list[tuple[str, Case]]:
+    def plan(self) -> list[tuple[str, Case]]:
         """Return the (domain, case) pairs that the campaign simulates: cheap motions first, recordings of one track together."""
-        chosen = domains or (COMPARED if self._recorded is None else (TWIN,))
+        chosen = COMPARED if self._recorded is None else (TWIN,)
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
         found = [(domain, case) for domain in chosen for case in self.cases(domain)]
         return sorted(found, key=lambda one: (order[one[1].motion] > 2, one[1].room, order[one[1].motion], chosen.index(one[0])))
 
-    def _clean(
-        self, domain: str, case: Case, materials: str | MaterialsConfig | None
-    ) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
+    def _clean(self, domain: str, case: Case, materials: Materials) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
         """Return (specification, function that simulates the recording, modules whose code decides the result) of a clean recording."""
         self._check(domain)
         if domain == MEASURED:
@@ -146,9 +129,7 @@ class Campaign:
         spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, chosen, self.store)}
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
 
-    def _source(
-        self, domain: str, case: Case, materials: str | MaterialsConfig | None
-    ) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
+    def _source(self, domain: str, case: Case, materials: Materials) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
         """Return (store key of the source, function that returns the recording, additions to the specification) of a recording."""
         self._check(domain)
         if domain == MEASURED and self._recorded is not None:
@@ -160,7 +141,7 @@ class Campaign:
             return product.key, lambda: truth.receive(load_clean(product), case, self.config), spec
         return product.key, lambda: twin.noisy(load_clean(product), replace(case, repetition=0), self.config), {"seed": self.config.seed}
 
-    def _materials(self, domain: str, materials: str | MaterialsConfig | None) -> MaterialsConfig:
+    def _materials(self, domain: str, materials: Materials) -> MaterialsConfig:
         if domain == VOID:
             return VoidMaterials()
         if materials is None:
@@ -174,14 +155,9 @@ class Campaign:
 
 
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
-    """Simulate the missing recordings of one or more campaigns in several workers (config.jobs).
+    """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
 
     If workers.worker_count gives a single worker, nothing is simulated here: each recording is simulated when it is first read.
-
-    Args:
-        fresh: passed to workers.run.
-    Raises:
-        as workers.run.
     """
     tasks = list(missing.values())
     count = workers.worker_count(tasks[0].config.jobs, len(tasks)) if tasks else 1
@@ -190,7 +166,7 @@ def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fres
 
         def next_call(worker: int) -> tuple[RecordingTask] | None:
             task = schedule.next_task(worker)
-            return None if task is None else (task,)
+            return (task,) if task else None
 
         with progress.task("recordings", len(tasks)) as made:
             workers.run(_make, next_call, lambda _: made(), count, fresh)

@@ -39,15 +39,12 @@ FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
 
 @dataclass(frozen=True, order=True)
 class Case:
-    """One recording of the campaign.
-
-    `distance_m` is the distance from the radar to the target's axis: at the start, or for a lateral drive the smallest distance.
-    """
+    """One recording of the campaign."""
 
     object: str
     room: str
     motion: Motion
-    distance_m: float
+    distance_m: float  # from the radar to the target's axis: at the start, or for a lateral drive the smallest distance
     repetition: int = 0
 
     @property
@@ -57,18 +54,12 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The nominal motion of a recording. The twin simulates this motion; the measured recording deviates from it.
-
-    Attributes:
-        sensor_poses: (F, 4, 4) or (1, 4, 4), radar to world.
-        target_poses: (F, 4, 4) or (1, 4, 4), object to world.
-        angle_rad: (F,) angle of the turntable, or None without a turntable.
-    """
+    """The nominal motion of a recording. The twin simulates this motion; the measured recording deviates from it."""
 
     frame_rate_hz: float
-    sensor_poses: np.ndarray
-    target_poses: np.ndarray
-    angle_rad: np.ndarray | None = None
+    sensor_poses: np.ndarray  # (F, 4, 4) or (1, 4, 4), radar to world
+    target_poses: np.ndarray  # (F, 4, 4) or (1, 4, 4), object to world
+    angle_rad: np.ndarray | None = None  # (F,) angle of the turntable, or None without a turntable
 
     @property
     def frames(self) -> int:
@@ -82,11 +73,7 @@ class Log:
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """List all recordings of a campaign, turntables first. Only measured recordings have repetitions.
-
-    Raises:
-        ConfigError: an unknown object.
-    """
+    """List all recordings of a campaign; only measured ones have repetitions. Raises ConfigError for an unknown object."""
     known = catalogue()
     for name in (*config.turntable_objects, *config.rover_objects):
         if name not in known:

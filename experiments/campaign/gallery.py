@@ -66,19 +66,12 @@ _PADDING = 8  # factor of zero padding in the Doppler transform; 16 chirps resol
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One recording as three maps of power.
+    """One recording as three maps of power."""
 
-    Attributes:
-        range_m: (B,) range of each bin.
-        across: for each panel its other axis (X,): time, Doppler or azimuth.
-        maps: for each panel the power (X, B).
-        truth: for each panel the logged target as (position on the other axis, range): a line (K,) or a point (1,); an unknown position is
-        NaN.
-    """
-
-    range_m: Real
-    across: dict[str, Real]
-    maps: dict[str, Real]
+    range_m: Real  # (B,) range of each bin
+    across: dict[str, Real]  # for each panel its other axis (X,): time, Doppler or azimuth
+    maps: dict[str, Real]  # for each panel the power (X, B)
+    # for each panel the logged target as (position on the other axis, range): a line (K,) or a point (1,); an unknown position is NaN
     truth: dict[str, tuple[Real, Real]]
 
 
@@ -95,7 +88,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         views = {domain: view(found[domain][1], logs[domain], partial(campaign.recording, domain, case)) for domain in LABELS}
         _add_rows(rows, case, found, logs)
         name = f"gallery_{case.object}_{case.room}_{case.motion}_{case.distance_m:g}m"
-        figures[name] = partial(draw, views, _title(case), campaign.domain)
+        figures[name] = partial(draw, views, _title(case), config.measured.provider)
         keys += [key for key, _ in found.values()]
     metrics = {f"correlation_{r['pair'].replace('/', '_')}": r["value"] for r in rows if r["metric"] == "profile correlation"}
     return Result(TABLE.name, rows, figures, metrics, keys)
@@ -109,11 +102,7 @@ def chosen(config: Config, campaign: Campaign) -> list[Case]:
 
 
 def parse(pair: str) -> Case:
-    """Return the case that a text OBJECT/ROOM/MOTION/DISTANCE_M describes.
-
-    Raises:
-        ConfigError: the text has another form, or no campaign contains such a recording.
-    """
+    """Return the case that OBJECT/ROOM/MOTION/DISTANCE_M describes. Raises ConfigError if no campaign contains such a recording."""
     parts = pair.split("/")
     where = f"experiment.pairs: {pair!r}"
     if len(parts) != 4:

@@ -33,11 +33,8 @@ _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_
 class Recorded:
     """Read the recordings of a recording set.
 
-    Attributes:
-        cases: the recordings that the twin can simulate; a message gives the number of the others.
-        conditions: the cases without repetitions.
-    Raises:
-        UserError: the set cannot be used, has no recording for a campaign, or its radar differs from the twin's radar.
+    `cases` are the recordings that the twin can simulate; a message gives the number of the others. `conditions` are the cases without
+    repetitions. Raises UserError if the set cannot be used, has no recording for a campaign, or its radar differs from the twin's radar.
     """
 
     def __init__(self, config: Config, progress: Progress):

@@ -19,20 +19,14 @@ Track = tuple[str, str, str, str]  # setup, domain, room, motion
 
 @dataclass(frozen=True)
 class RecordingTask:
-    """A recording that is missing in the store and must be simulated.
-
-    Attributes:
-        root: folder of the store.
-        clean: make only the recording before receiver effects, not the processed recording.
-        setup: name of a set-up that several configurations share; an empty name gives each configuration its own set-up.
-    """
+    """A recording that is missing in the store and must be simulated."""
 
     config: Config
-    root: Path
+    root: Path  # folder of the store
     domain: str
     case: Case
-    clean: bool = False
-    setup: str = ""
+    clean: bool = False  # make only the recording before receiver effects, not the processed recording
+    setup: str = ""  # name of a set-up that several configurations share; an empty name gives each configuration its own set-up
 
 
 class Schedule:

@@ -1,10 +1,4 @@
-"""Cache the set-ups that several recordings share, such as a track, and count how many set-ups were built.
-
->>> with counted() as counts:
-...     count(SETUPS)
->>> counts == {SETUPS: 1}
-True
-"""
+"""Cache the set-ups that several recordings share, such as a track, and count how many set-ups were built."""
 
 from __future__ import annotations
 

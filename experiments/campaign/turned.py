@@ -23,18 +23,12 @@ _NAME = "turned"
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """A turntable recording in compact form; `recording` computes its samples.
+    """A turntable recording in compact form; `recording` computes its samples."""
 
-    Attributes:
-        aspects: signals of the scene at each traced target angle, with the surroundings at rest.
-        angles: (F, C, T) angle of the table at each chirp, radians.
-        drift: slow change of the surroundings, or None.
-    """
-
-    aspects: Aspects
-    angles: np.ndarray
+    aspects: Aspects  # signals of the scene at each traced target angle, with the surroundings at rest
+    angles: np.ndarray  # (F, C, T) angle of the table at each chirp, radians
     radar: Radar
-    drift: Drift | None = None
+    drift: Drift | None = None  # slow change of the surroundings, or None
     provenance: dict[str, Any] = field(default_factory=dict)
 
     @property

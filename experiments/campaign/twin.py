@@ -57,11 +57,7 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
-    """Return the twin's model of the room of a case.
-
-    Raises:
-        UserError: the material source has no stored answers for the room.
-    """
+    """Return the twin's model of a room. Raises UserError if the material source has no stored answers for the room."""
     if materials.source == VOID:
         return rooms.void()
     scanned = virtual_scan.scene_of(virtual_scan.fetch(config, store, case.room, config.measured.gap.geometry))
@@ -129,8 +125,7 @@ _tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str, elements: str) -> tuple[Drives, np.ndarray]:
     """Return the track of a case, and the signal (F or 1, C, T, R, N) of the room alone. The last tracks are cached for other objects.
 
-    Args:
-        known: text of all settings that change the room's model or signal.
+    `known` is the text of all settings that change the room's model or signal.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"

@@ -1,11 +1,8 @@
 """The cheapest model whose features stay within their repeatability limits, for each scene, object and feature set.
 
-This is the choice of simulator=auto (radartwin/adaptive), case by case. The choice starts from the finest model and leaves out one part
-after another that the features do not need. The fixed default is one setting for all cases: the choice for all cases together, or the
-shipped default if that is cheaper and sufficient. The error is the difference of the worst feature from the finest model, in units of the
-feature's repeatability limit. The error is reported on the frames of the choice, and judged on an equal number of held-out frames between
-them. Run times are of whole recordings (`timing`). Rooms are the procedural ones without scan errors, and a scan if the configuration has
-one.
+simulator=auto (radartwin/adaptive) starts from the finest model and leaves out one part after another that the features do not need. The
+fixed default is the choice for all cases together, or the shipped default if that is cheaper and sufficient. Run times are of whole
+recordings (`timing`). Rooms are the procedural ones without scan errors, and a scan if the configuration has one.
 """
 
 from __future__ import annotations
@@ -15,13 +12,13 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments.campaign.cases import Case, Log, log, stand_top
-from experiments.complexity import figure, timing
-from experiments.complexity.rows import AUTO, EVERYTHING, FIXED, MULTIPATH, REFLECTOR, SHAPE, SHIPPED, Found, table
+from experiments.complexity import timing
+from experiments.complexity.rows import AUTO, EVERYTHING, FIXED, MULTIPATH, REFLECTOR, SHAPE, SHIPPED, Found, chart, table
 from experiments.speed.machine import machine
 from radartwin.adaptive import limits as limits_module
 from radartwin.adaptive.choice import Choice, choose
@@ -44,9 +41,6 @@ from radartwin.scene.scene import Scene
 from radartwin.store import array_cache
 from radartwin.store.digest import path_digest
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="complexity",
@@ -113,21 +107,13 @@ ProbeOf = Callable[[int | None, bool], Probe]  # (number of frames or None for t
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A feature set of a case.
+    """A feature set of a case."""
 
-    Attributes:
-        name: name of the case.
-        words: name of the feature set.
-        kept: frames on which the model is chosen.
-        between: held-out frames between these.
-        limits: repeatability limits of the features.
-    """
-
-    name: str
-    words: str
-    kept: Kept
-    between: Kept
-    limits: Limits
+    name: str  # name of the case
+    words: str  # name of the feature set
+    kept: Kept  # frames on which the model is chosen
+    between: Kept  # held-out frames between these
+    limits: Limits  # repeatability limits of the features
     probe_of: ProbeOf
 
     def error(self, model: Model, between: bool = False, finest: Model = FINEST) -> tuple[float, str]:
@@ -145,8 +131,7 @@ def identity() -> dict[str, Any]:
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Choose a model for every case alone and for all cases together, then time the chosen models.
 
-    Raises:
-        ConfigError: the scan has no object under test, or a motion without repeatability limits.
+    Raises ConfigError if the scan has no object under test, or a motion without repeatability limits.
     """
     cases = CASES.get(config.profile.name, CASES["paper"])
     if workers.worker_count(config.jobs, len(cases)) > 1:
@@ -173,10 +158,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     pairs = list(zip(asked, alone, strict=True))
     found = [_found(one, choice, fixed.model, seconds[one.name]) for one, choice in progress.over(pairs, "errors")]
     rows = table(config, found, fixed)
-    figures: dict[str, Callable[[], Figure]] = {"complexity": lambda: figure.chart(rows)}
     claimed = [r for r in rows if r["claim"] and r["value"] is not None]
-    metrics = {_plain(f"{r['metric']} {r['case']} {r['features']}"): r["value"] for r in claimed}
-    return Result(TABLE.name, rows, figures, metrics, [])
+    # metric names must not contain other characters
+    metrics = {re.sub(r"[^\w .:/-]", "", f"{r['metric']} {r['case']} {r['features']}"): r["value"] for r in claimed}
+    return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows)}, metrics)
 
 
 def _recorded(case: Case, config: Config) -> None:
@@ -187,11 +172,6 @@ def _recorded(case: Case, config: Config) -> None:
             for model in (chosen, DEFAULT):
                 one.error(model, between=True)
             one.error(replace(DEFAULT, layered=False))
-
-
-def _plain(name: str) -> str:
-    """Remove the characters that metric names must not contain."""
-    return re.sub(r"[^\w .:/-]", "", name)
 
 
 def _of_case(case: Case, config: Config, store: Store) -> list[Asked]:

@@ -1,21 +1,25 @@
-"""Rows of the complexity table: the chosen model of each case, the run time it saves, and the claims about all cases."""
+"""Rows and figure of the complexity table: the chosen model of each case, the run time it saves, and the claims about all cases."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.campaign.cases import Case
 from experiments.claims import NONE, Claim, row
 from experiments.complexity import timing
-from experiments.statistics import Estimate
+from experiments.statistics import Estimate, exact, resampled
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.model import LADDER, Model
 from radartwin.config.config import Config
 from radartwin.features.families import SETS
+from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CHEAPER = 3.0  # claimed median of the run time of the fixed default over that of auto
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"
@@ -24,32 +28,27 @@ REFLECTOR = Case("corner_reflector", "lab", "turntable", 2.0)
 AUTO, FIXED, SHIPPED = "auto", "fixed", "shipped"
 SAVED = "cost of the fixed default over auto's"
 NEEDED = "parts of the room that are needed (0 none, 1 large, 2 whole)"
+HEADS = {
+    "parts": "room", "max_bounces": "bounces", "rays_per_wavelength2": "tubes\nper λ²", "coupling": "ways over\nthe room",
+    "elements": "elements", "diffuse": "diffuse\ncloud",
+}  # fmt: skip
+TICKS = [factor * 10.0**power for power in range(-3, 3) for factor in (1, 3)]
+WORDS = {True: "yes", False: "no"}
 
 
 @dataclass(frozen=True)
 class Found:
-    """The result for one scene, object and feature set.
+    """The result for one scene, object and feature set."""
 
-    Attributes:
-        name, asked: names of the case and of the feature set.
-        choice: the choice of simulator=auto.
-        models: models by the names AUTO, FIXED and SHIPPED.
-        errors: (error in repeatability limits, worst feature) of each model, on the frames of the choice.
-        between: the same on the held-out frames.
-        layers: error of the shipped default without layered materials, on the frames of the choice.
-        seconds: core seconds per frame of each model, one value per round.
-        choosing_s: core seconds of all recordings that the choice needed.
-    """
-
-    name: str
-    asked: str
-    choice: Choice
-    models: dict[str, Model]
-    errors: dict[str, tuple[float, str]]
-    between: dict[str, tuple[float, str]]
-    layers: tuple[float, str]
-    seconds: dict[str, list[float]]
-    choosing_s: float
+    name: str  # of the case
+    asked: str  # name of the feature set
+    choice: Choice  # the choice of simulator=auto
+    models: dict[str, Model]  # models by the names AUTO, FIXED and SHIPPED
+    errors: dict[str, tuple[float, str]]  # (error in repeatability limits, worst feature) of each model, on the frames of the choice
+    between: dict[str, tuple[float, str]]  # the same on the held-out frames
+    layers: tuple[float, str]  # error of the shipped default without layered materials, on the frames of the choice
+    seconds: dict[str, list[float]]  # core seconds per frame of each model, one value per round
+    choosing_s: float  # core seconds of all recordings that the choice needed
 
     @property
     def saved(self) -> float:
@@ -63,26 +62,25 @@ def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[st
     for one in found:
         case = {"case": one.name, "features": one.asked} | columns_of(one)
         ratios = np.array(one.seconds[FIXED]) / np.array(one.seconds[AUTO])
-        rows.append(_row(config, case, SAVED, (one.saved, ratios.min(), ratios.max()), len(ratios)))
-        error = one.between[AUTO][0]
-        rows.append(_row(config, case, "error between the frames of the choice (limits)", _alone(error), 1, SUFFICIENT))
+        rows.append(_row(config, case, SAVED, Estimate(one.saved, float(ratios.min()), float(ratios.max()), len(ratios))))
+        rows.append(_row(config, case, "error between the frames of the choice (limits)", exact(one.between[AUTO][0], 1), SUFFICIENT))
         if REFLECTOR.object in one.name and "lab" in one.name and one.asked in ROOM_CLAIMS:
             parts = float(LADDER["parts"].index(one.choice.model.parts))
-            rows.append(_row(config, case, NEEDED, _alone(parts), 1, ROOM_CLAIMS[one.asked]))
+            rows.append(_row(config, case, NEEDED, exact(parts, 1), ROOM_CLAIMS[one.asked]))
     every = {"case": "all", "features": "own sets"} | dict.fromkeys(columns_of(found[0]))
     own = [one for one in found if one.asked in OWN]
     claim = Claim(f"auto is at least {CHEAPER:g} times cheaper in the median", above=CHEAPER)
-    rows.append(_row(config, every, f"{SAVED}, median", _median([one.saved for one in own], config), len(own), claim))
+    rows.append(_row(config, every, f"{SAVED}, median", _median([one.saved for one in own], config), claim))
     every["features"] = "all sets"
     for who, name in ((SHIPPED, "shipped"), (FIXED, "fixed")):
         worst = max(found, key=lambda one, who=who: one.between[who][0])
         case = every | {"model": worst.models[who].told, "worst feature": worst.between[who][1], "why": _why(fixed) if who == FIXED else ""}
         metric = f"error of the {name} default between the frames of the choice, worst of all (limits)"
-        rows.append(_row(config, case, metric, _alone(worst.between[who][0]), len(found), SUFFICIENT))
+        rows.append(_row(config, case, metric, exact(worst.between[who][0], len(found)), SUFFICIENT))
     dearer = [timing.ratio(one.seconds[SHIPPED], one.seconds[FIXED]) for one in own]
     claim = Claim("no setting that is known to do for all is more than 10 % cheaper than the shipped default", below=1.1)
     case = every | {"model": fixed.model.told}
-    rows.append(_row(config, case, "cost of the shipped default over the fixed one's, median", _median(dearer, config), len(dearer), claim))
+    rows.append(_row(config, case, "cost of the shipped default over the fixed one's, median", _median(dearer, config), claim))
     return rows
 
 
@@ -114,25 +112,55 @@ def _why(choice: Choice) -> str:
     return "; ".join(told for what, told in refused.items() if what not in taken)
 
 
-def _alone(value: float) -> tuple[float, float, float]:
-    return value, value, value
-
-
-def _median(values: Sequence[float], config: Config) -> tuple[float, float, float]:
+def _median(values: Sequence[float], config: Config) -> Estimate:
     """Return the median over cases with its 95 % interval from a bootstrap over cases."""
     drawn = np.median(np.random.default_rng(config.seed).choice(values, (config.profile.resamples, len(values))), axis=1)
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return float(np.median(values)), float(low), float(high)
+    return resampled(float(np.median(values)), drawn, len(values))
 
 
-def _row(
-    config: Config, case: Mapping[str, Any], metric: str, value: tuple[float, float, float], n: int, claim: Claim = NONE
-) -> dict[str, Any]:
-    """Return a row of the table.
+def _row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, claim: Claim = NONE) -> dict[str, Any]:
+    return row(config, case, metric, found, [], claim) | {"domain": "this tracer, finest"}
 
-    Args:
-        value: (value, low, high).
+
+def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw a map with one row per case and feature set and one column per setting of the model; dark cells take more run time.
+
+    The bars beside the map are the run times of auto and of the shipped default, divided by that of the fixed default.
     """
-    return row(config, case, metric, Estimate(float(value[0]), float(value[1]), float(value[2]), n), [], claim) | {
-        "domain": "this tracer, finest"
-    }
+    cases = [row for row in rows if row["metric"] == SAVED]
+    level = np.array([[_level(case, name) for name in HEADS] for case in cases])
+    drawing, (table, bars) = figure(
+        1, 2, width_in=PAGE_WIDTH_IN, height_in=1.2 + 0.24 * len(cases), sharey=True, gridspec_kw={"width_ratios": (2, 1)}
+    )
+    table.imshow(level, cmap="Blues", vmin=0, vmax=1.6, aspect="auto")
+    for y, case in enumerate(cases):
+        for x, name in enumerate(HEADS):
+            value = case[name]
+            words = WORDS[value] if isinstance(value, bool) else f"{value:g}" if isinstance(value, (int, float)) else str(value)
+            if name == "coupling" and case["parts"] == "none":
+                words = "–"
+            table.text(x, y, words, ha="center", va="center", fontsize=7)
+    table.set_xticks(range(len(HEADS)), HEADS.values(), fontsize=6.5)
+    table.xaxis.tick_top()
+    table.set_yticks(range(len(cases)), [f"{case['case']}: {case['features']}" for case in cases], fontsize=6.5)
+    table.tick_params(length=0)
+    auto, shipped = ([case[f"{who} (s/frame)"] / case["fixed (s/frame)"] for case in cases] for who in ("auto", "shipped"))
+    bars.barh(range(len(cases)), auto, color=PALETTE[0], height=0.6, label="auto")
+    bars.plot(shipped, range(len(cases)), "k|", ms=7, label="shipped default")
+    bars.axvline(1.0, color="0.5", lw=0.8)
+    bars.set(xscale="log", xlabel="cost over the\nfixed default's")
+    low, high = min(*auto, *shipped) / 1.5, max(*auto, *shipped) * 1.5
+    ticks = [tick for tick in TICKS if low <= tick <= high]
+    bars.set_xlim(low, high)
+    bars.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    bars.minorticks_off()
+    bars.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=6.5, ncols=2)
+    return drawing
+
+
+def _level(row: Mapping[str, Any], name: str) -> float:
+    """Return 0 for the cheapest value of a setting and 1 for the most expensive. Without a room, paths between object and room count 0."""
+    if name == "coupling" and row["parts"] == "none":
+        return 0.0
+    values = LADDER[name]
+    return values.index(row[name]) / (len(values) - 1)

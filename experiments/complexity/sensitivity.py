@@ -1,11 +1,8 @@
 """Run time and effect of each simulator setting: the twin's features against those of the finest setting, and every fidelity result.
 
-Each setting is the default with one parameter changed; only the finest setting changes two, rays and bounces. The feature error of a
-recording is the root mean square, over the features of its motion, of the difference from the finest twin, in units of the feature's
-standard deviation over the finest twin's recordings of that motion. For comparison, recordings of different objects, distances and rooms
-differ by 1.4 of these units. The measured recordings stay the same. A drive computes some quantities only at steps along its track. These
-steps are equally coarse in the finest setting, so the feature error is underestimated. Run times are those of recordings that reused the
-set-up of their track; set-up times are given separately. docs/sweeps.md shows the same comparison as a parameter sweep.
+The measured recordings stay the same. A drive computes some quantities only at steps along its track; these steps are equally coarse in the
+finest setting, so the feature error of a drive is underestimated. Recordings of different objects, distances and rooms differ by 1.4
+standard deviations. docs/sweeps.md shows the same comparison as a parameter sweep.
 """
 
 from __future__ import annotations
@@ -65,16 +62,11 @@ MIN_RECORDINGS = 3  # per motion; fewer do not give a usable standard deviation 
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting.
-
-    Attributes:
-        simulator: changed fields of the simulator's configuration.
-        materials: source of the twin's materials, if it differs from the default.
-    """
+    """One setting."""
 
     name: str
-    simulator: dict[str, Any] = field(default_factory=dict)
-    materials: str = ""
+    simulator: dict[str, Any] = field(default_factory=dict)  # changed fields of the simulator's configuration
+    materials: str = ""  # source of the twin's materials, if it differs from the default
 
 
 SETTINGS = (
@@ -94,23 +86,14 @@ SETTINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """The twin's recordings under one setting.
+    """The twin's recordings under one setting."""
 
-    Attributes:
-        values: {motion: (recordings, features)}.
-        keys: {motion: keys of the recordings}.
-        frame_s: {motion: (recordings,) core seconds per frame}.
-        setups: {motion: (recordings,) number of set-ups that each recording computed}.
-        frames: {motion: number of frames of one recording}.
-        figures: {(table, metric): (value, keys of the recordings)} of the fidelity tables.
-    """
-
-    values: dict[str, np.ndarray]
-    keys: dict[str, list[str]]
-    frame_s: dict[str, np.ndarray]
-    setups: dict[str, np.ndarray]
-    frames: dict[str, int]
-    figures: dict[tuple[str, str], tuple[float, list[str]]]
+    values: dict[str, np.ndarray]  # {motion: (recordings, features)}
+    keys: dict[str, list[str]]  # {motion: keys of the recordings}
+    frame_s: dict[str, np.ndarray]  # {motion: (recordings,) core seconds per frame}
+    setups: dict[str, np.ndarray]  # {motion: (recordings,) number of set-ups that each recording computed}
+    frames: dict[str, int]  # {motion: number of frames of one recording}
+    figures: dict[tuple[str, str], tuple[float, list[str]]]  # {(table, metric): (value, keys of the recordings)} of the fidelity tables
 
 
 def identity() -> dict[str, Any]:
@@ -127,12 +110,7 @@ def _own(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the twin's recordings of the campaign with every setting.
-
-    Raises:
-        ConfigError: the configured twin equals one of the settings.
-        UserError: the campaign cannot be simulated.
-    """
+    """Simulate the twin's recordings of the campaign with every setting. Raises ConfigError if the configured twin equals a setting."""
     if config.materials.source in {setting.materials for setting in SETTINGS}:
         raise ConfigError(
             f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
@@ -217,10 +195,7 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
 def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
     """Return the feature error (recordings,): the root mean square over features of the difference, in standard deviations.
 
-    Features that are constant over the finest twin's recordings do not count.
-
-    Args:
-        values, finest: feature values (recordings, features) of a setting and of the finest setting.
+    `values` and `finest` have the shape (recordings, features). Features that are constant over the finest twin's recordings do not count.
     """
     spread = finest.std(axis=0)
     tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)

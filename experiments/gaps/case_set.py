@@ -6,6 +6,7 @@ holds the features of the study (target gate +-3 bins, range 0.3 to 5.5 m) and t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case
 from radartwin.config.config import Config
-from radartwin.config.materials import TrueMaterials
+from radartwin.config.materials import MaterialsConfig, TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
 from radartwin.features import envelope, track
@@ -41,28 +42,24 @@ LOWEST_DB = -200.0  # level that stands for zero power
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
     """Return the configuration with one gap at a strength and all other gaps off; `gap=None` switches all gaps off.
 
-    Args:
-        turns: revolutions of a measured turntable. If it has more frames than aspects, frames are interpolated
-        (experiments/campaign/truth.py).
-    Raises:
-        ConfigError: the gap is unknown.
+    A measured turntable makes `turns` revolutions; frames beyond the number of aspects are interpolated (experiments/campaign/truth.py).
+    Raises ConfigError for an unknown gap.
     """
     if gap is not None and gap not in GAPS:
         raise ConfigError(f"measured.gap.{gap}: unknown gap; choose {', '.join(GAPS)}")
-    frames = {"frames_per_turn": FRAMES, "rover_every": EVERY, "turns": turns}
-    strengths = GapConfig(**{name: strength if name == gap else 0.0 for name in GAPS})
-    return replace(
-        config, materials=TrueMaterials(), measured=replace(config.measured, gap=strengths),
-        profile=replace(config.profile, campaign=replace(config.profile.campaign, **frames)),
-    )  # fmt: skip
+    strengths = {} if gap is None else {gap: strength}
+    return with_gaps(config, strengths, TrueMaterials(), frames_per_turn=FRAMES, rover_every=EVERY, turns=turns)
+
+
+def with_gaps(config: Config, strengths: Mapping[str, float], materials: MaterialsConfig, **campaign: int) -> Config:
+    """Return the configuration with these strengths (all other gaps off), materials of the twin, and settings of the campaign."""
+    measured = replace(config.measured, gap=GapConfig(**{**dict.fromkeys(GAPS, 0.0), **strengths}))
+    profile = replace(config.profile, campaign=replace(config.profile.campaign, **campaign))
+    return replace(config, materials=materials, measured=measured, profile=profile)
 
 
 def check_untouched(config: Config) -> None:
-    """Raise an error for settings that a study of gaps sets itself.
-
-    Raises:
-        ConfigError: the measured recordings come from a recording set, or measured.gap is configured.
-    """
+    """Raise ConfigError if the measured recordings come from a recording set, or if measured.gap is configured."""
     if config.measured.provider != "testbed":
         raise ConfigError("measured=recordings has no gaps that could be switched; use measured=testbed")
     if config.measured.gap != GapConfig():
@@ -71,45 +68,26 @@ def check_untouched(config: Config) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Features of one recording. All but zero_db are computed over ranges from NEAR_M to FAR_M.
+    """Features of one recording. All but zero_db are computed over ranges from NEAR_M to FAR_M."""
 
-    Attributes:
-        key: store key of the product that was read.
-        range_m: (B,) range of each bin.
-        channels: (F, A, B) complex range profiles.
-        target, room: (F, B) masks of the target gate, and of the bins more than ROOM_BINS from the target.
-        profile: (B,) mean power.
-        brightness_db: energy in the target gate, corrected for the range law.
-        room_db: energy in the cells of `room`.
-        multipath: multipath share.
-        harmonic_ratio: angular harmonic ratio of a revolution; NaN for a drive.
-        track_m: (F,) range of the target's peak.
-        energy: (F,) energy in the target gate.
-        noise_db: median noise of a range bin. zero_db: mean power of the bins within ZERO_M.
-    """
-
-    key: str
-    range_m: NDArray[np.float64]
-    channels: NDArray[np.complex64]
-    target: NDArray[np.bool_]
-    room: NDArray[np.bool_]
-    profile: NDArray[np.float64]
-    brightness_db: float
-    room_db: float
-    multipath: float
-    harmonic_ratio: float
-    track_m: NDArray[np.floating]
-    energy: NDArray[np.float64]
-    noise_db: float
-    zero_db: float
+    key: str  # store key of the product that was read
+    range_m: NDArray[np.float64]  # (B,) range of each bin
+    channels: NDArray[np.complex64]  # (F, A, B) complex range profiles
+    target: NDArray[np.bool_]  # (F, B) mask of the target gate
+    room: NDArray[np.bool_]  # (F, B) mask of the bins more than ROOM_BINS from the target
+    profile: NDArray[np.float64]  # (B,) mean power
+    brightness_db: float  # energy in the target gate, corrected for the range law
+    room_db: float  # energy in the cells of `room`
+    multipath: float  # multipath share
+    harmonic_ratio: float  # angular harmonic ratio of a revolution; NaN for a drive
+    track_m: NDArray[np.floating]  # (F,) range of the target's peak
+    energy: NDArray[np.float64]  # (F,) energy in the target gate
+    noise_db: float  # median noise of a range bin
+    zero_db: float  # mean power of the bins within ZERO_M
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """Read a case; it is simulated if it is not in the store. The twin is read without noise.
-
-    Args:
-        frames: number of frames to read; None reads all.
-    """
+    """Read a case, or its first `frames` frames; it is simulated if it is not in the store. The twin is read without noise."""
     campaign = Campaign(config, store, progress)
     log = campaign.log(case, domain)
     if domain == "measured":

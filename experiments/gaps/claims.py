@@ -6,7 +6,6 @@ A brightness that "stays" changes by at most 0.5 dB for a metal target, or by 1 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,105 +22,77 @@ THERMAL_DB = -103.8 + 10 * float(np.log10(1.5 / 256 / 16))
 
 def expected(gap: str, strength: float) -> list[Expected]:
     """Return the predictions for one gap at a strength."""
-    return [(group, feature, replace(claim, least=1)) for group, feature, claim in _EXPECTED[gap](strength)]
+    return [(group, feature, replace(claim, least=1)) for group, feature, claim in [*EXPECTED.get(gap, ()), *_scaled(gap, strength)]]
 
 
-def _materials(s: float) -> list[Expected]:
-    return [
+EXPECTED: dict[str, tuple[Expected, ...]] = {
+    "geometry": (
+        ("turntable", "room change (dB)", Claim("a wall off by a quarter of a wavelength is off by half a turn", above=-3.0)),
+        ("drive", "room change (dB)", Claim("a wall off by a quarter of a wavelength is off by half a turn", above=-3.0)),
+        ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
+        ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
+    ),
+    "materials": (
         ("turntable", "room change (dB)", Claim("layers of other thickness return another room", above=-20.0)),
         ("turntable", "track rms (mm)", Claim("nothing stands elsewhere", below=10.0)),
         ("turntable", "profile correlation", Claim("peaks stay where they were", above=0.9)),
         ("turntable, metal", "target brightness (dB)", Claim("metal stays as it was", above=-0.5, below=0.5)),
-    ]
-
-
-def _roughness(s: float) -> list[Expected]:
-    return [
-        (
-            "turntable",
-            "room level (dB)",
-            Claim("heights drawn about a median are rougher in the mean square: specular walls darken", below=0.0),
-        ),
+    ),
+    "roughness": (
+        ("turntable", "room level (dB)",
+         Claim("heights drawn about a median are rougher in the mean square: specular walls darken", below=0.0)),
         ("turntable", "track rms (mm)", Claim("nothing stands elsewhere", below=10.0)),
         # Ament: at 0.1 mm a surface loses 0.45 dB at normal incidence and the reflector 3 x 0.15 dB; less roughness cannot gain more
         ("turntable, metal", "target brightness (dB)", Claim("metal gains no more than its own loss", below=0.5)),
-    ]
-
-
-def _contents(s: float) -> list[Expected]:
-    return [
+    ),
+    "contents": (
         ("turntable, metal", "target change (dB)", Claim("what holds no liquid is the same", below=-80.0)),
         ("drive", "target change (dB)", Claim("what holds no liquid is the same", below=-80.0)),
         ("turntable, filled bottle", "target change (dB)", Claim("a bottle that is not full is another", above=-40.0)),
         # only the upper tenth of the bottle is empty, and the radar sees the middle
         ("turntable, filled bottle", "target brightness (dB)", Claim("most of the bottle is still full", above=-6.0, below=3.0)),
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
-    ]
-
-
-def _clutter(s: float) -> list[Expected]:
-    return [
+    ),
+    "clutter": (
         ("turntable", "room level (dB)", Claim("more things return more", above=0.0)),
         ("drive", "room level (dB)", Claim("more things return more", above=0.0)),
         ("turntable", "multipath share", Claim("more of the energy is not the target's", above=0.0)),
         ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-    ]
-
-
-def _hardware(s: float) -> list[Expected]:
-    level = s * LINES_DB + FILTER_DB
-    return [
-        ("turntable, metal", "target brightness (dB)", Claim(f"lines and filter take {-level:.1f} dB", above=level - 1, below=level + 1)),
-        (
-            "turntable",
-            "noise floor (dB)",
-            Claim(f"thermal noise, {THERMAL_DB:.1f} dB, or more", above=THERMAL_DB - 1, below=THERMAL_DB + 6),
-        ),
-        ("turntable", "level at zero range, risen by (dB)", Claim("antennas couple", above=20.0)),
-        ("turntable, metal", "track rms (mm)", Claim("bright targets stay in their bin", below=10.0)),
-        ("turntable", "profile correlation", Claim("peaks stay where they were", above=0.9)),
-    ]
-
-
-def _trajectory(s: float) -> list[Expected]:
-    return [
-        ("drive", "track rms (mm)", Claim("the start is off by a centimetre, and wheels slip", above=1.0, below=100.0 * s)),
-        ("drive", "target change (dB)", Claim("phases turn by more than a radian", above=-3.0)),
-        ("drive", "target brightness (dB)", Claim("levels stay", above=-1.0, below=1.0)),
-        ("drive", "room level (dB)", Claim("levels stay", above=-1.0, below=1.0)),
-        ("turntable", "target change (dB)", Claim("phases turn by more than a radian", above=-3.0)),
-        ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
-    ]
-
-
-def _placement(s: float) -> list[Expected]:
-    return [
-        ("turntable", "track rms (mm)", Claim("the target stands millimetres off", above=0.3, below=20.0 * s)),
-        ("drive", "track rms (mm)", Claim("the target stands millimetres off", above=0.3, below=20.0 * s)),
-        ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-        ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
-    ]
-
-
-def _solver(s: float) -> list[Expected]:
-    return [
+    ),
+    "solver": (
         ("turntable", "target brightness (dB)", Claim("converged to a tenth of a decibel or three", above=-0.3, below=0.3)),
         ("turntable", "room level (dB)", Claim("converged to a tenth of a decibel or three", above=-0.3, below=0.3)),
         ("drive", "target brightness (dB)", Claim("a bounce more, and carried from other places", above=-0.3, below=0.3)),
         ("drive", "room level (dB)", Claim("a bounce more, and carried from other places", above=-0.3, below=0.3)),
-    ]
-
-
-def _geometry(s: float) -> list[Expected]:
-    return [
-        ("turntable", "room change (dB)", Claim("a wall off by a quarter of a wavelength is off by half a turn", above=-3.0)),
-        ("drive", "room change (dB)", Claim("a wall off by a quarter of a wavelength is off by half a turn", above=-3.0)),
-        ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-        ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-    ]
-
-
-_EXPECTED: dict[str, Callable[[float], list[Expected]]] = {
-    "geometry": _geometry, "materials": _materials, "roughness": _roughness, "contents": _contents, "clutter": _clutter,
-    "hardware": _hardware, "trajectory": _trajectory, "placement": _placement, "solver": _solver,
+    ),
 }  # fmt: skip
+
+
+def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
+    """Return the predictions of the gaps whose bounds depend on the strength."""
+    level = s * LINES_DB + FILTER_DB
+    return {
+        "hardware": (
+            ("turntable, metal", "target brightness (dB)",
+             Claim(f"lines and filter take {-level:.1f} dB", above=level - 1, below=level + 1)),
+            ("turntable", "noise floor (dB)",
+             Claim(f"thermal noise, {THERMAL_DB:.1f} dB, or more", above=THERMAL_DB - 1, below=THERMAL_DB + 6)),
+            ("turntable", "level at zero range, risen by (dB)", Claim("antennas couple", above=20.0)),
+            ("turntable, metal", "track rms (mm)", Claim("bright targets stay in their bin", below=10.0)),
+            ("turntable", "profile correlation", Claim("peaks stay where they were", above=0.9)),
+        ),
+        "trajectory": (
+            ("drive", "track rms (mm)", Claim("the start is off by a centimetre, and wheels slip", above=1.0, below=100.0 * s)),
+            ("drive", "target change (dB)", Claim("phases turn by more than a radian", above=-3.0)),
+            ("drive", "target brightness (dB)", Claim("levels stay", above=-1.0, below=1.0)),
+            ("drive", "room level (dB)", Claim("levels stay", above=-1.0, below=1.0)),
+            ("turntable", "target change (dB)", Claim("phases turn by more than a radian", above=-3.0)),
+            ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
+        ),
+        "placement": (
+            ("turntable", "track rms (mm)", Claim("the target stands millimetres off", above=0.3, below=20.0 * s)),
+            ("drive", "track rms (mm)", Claim("the target stands millimetres off", above=0.3, below=20.0 * s)),
+            ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
+            ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
+        ),
+    }.get(gap, ())  # fmt: skip

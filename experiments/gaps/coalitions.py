@@ -10,8 +10,7 @@ change it; about twenty sides are enough for dozens of coalitions. `contents` do
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +18,15 @@ from numpy.typing import NDArray
 from experiments.campaign.campaign import Campaign, load_clean, make_together
 from experiments.campaign.cases import Case
 from experiments.campaign.schedule import RecordingTask
+from experiments.gaps import case_set
 from experiments.gaps.shapley import Coalition
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import correct
 from experiments.recognition.readings import recording_name
 from radartwin.config.config import Config
 from radartwin.config.materials import TrueMaterials
-from radartwin.config.study import GapConfig
 from radartwin.features import sets
+from radartwin.features.log import Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import profile_correlation
 from radartwin.io.progress import Progress
@@ -37,8 +37,7 @@ from radartwin.store.products import Store
 
 LABELS = "labels"  # gap: the twin has materials of the configured source instead of the true materials
 TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the twin is simulated or read
-TESTBED = tuple(f.name for f in fields(GapConfig) if f.name != "geometry")
-GAPS = ("geometry", LABELS, *TESTBED)
+TESTBED = tuple(gap for gap in case_set.GAPS if gap != "geometry")
 # Gaps that need a new set-up of the testbed's room
 SETS_UP = ("clutter", "solver", "materials", "roughness", "contents", "hardware")
 FEATURES = "rotation"
@@ -59,12 +58,8 @@ def cases(objects: Iterable[str]) -> list[Case]:
 
 def configured(config: Config, on: Collection[str]) -> Config:
     """Return the configuration with these gaps on, all others off, and one revolution of FRAMES frames."""
-    gap = GapConfig(**{f.name: float(f.name in on) for f in fields(GapConfig)})
-    campaign = replace(config.profile.campaign, frames_per_turn=FRAMES, turns=1)
-    materials = config.materials if LABELS in on else TrueMaterials()
-    return replace(
-        config, materials=materials, measured=replace(config.measured, gap=gap), profile=replace(config.profile, campaign=campaign)
-    )
+    strengths = {gap: 1.0 for gap in on if gap != LABELS}
+    return case_set.with_gaps(config, strengths, config.materials if LABELS in on else TrueMaterials(), frames_per_turn=FRAMES, turns=1)
 
 
 def side(domain: str, on: Coalition) -> Coalition:
@@ -74,20 +69,13 @@ def side(domain: str, on: Coalition) -> Coalition:
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """Features of the recordings of one side, sorted as the cases.
+    """Features of the recordings of one side, sorted as the cases."""
 
-    Attributes:
-        keys: store keys of the recordings before receiver effects.
-        values: (N, features) values that the feature error compares.
-        profiles: N mean power profiles (B,). range_m: (B,) their range axis.
-        frames: feature rows per frame.
-    """
-
-    keys: tuple[str, ...]
-    values: NDArray[np.float64]
-    profiles: Sequence[NDArray[np.float64]]
-    range_m: NDArray[np.float64]
-    frames: Samples
+    keys: tuple[str, ...]  # store keys of the recordings before receiver effects
+    values: NDArray[np.float64]  # (N, features) values that the feature error compares
+    profiles: Sequence[NDArray[np.float64]]  # N mean power profiles (B,)
+    range_m: NDArray[np.float64]  # (B,) range axis of the profiles
+    frames: Samples  # feature rows per frame
 
 
 class Sides:
@@ -138,8 +126,7 @@ class Sides:
             return product.key, campaign.processed(domain, case)[1]
         return product.key, process(load_clean(product), doppler=False)
 
-    def log(self, domain: str, case: Case) -> Any:
-        """Return the log of a case."""
+    def log(self, domain: str, case: Case) -> Log:
         return self._campaign(frozenset(), case).log(case, domain)
 
     def _campaign(self, on: Coalition, case: Case) -> Campaign:
@@ -167,15 +154,11 @@ def _setup(domain: str, on: Coalition) -> str:
 
 
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:
-    """Compute three losses per recording for each coalition of gaps.
+    """Compute three losses per recording for each coalition of gaps: [loss][coalition], array (recordings,).
 
-    ERROR: rms of simulated minus measured features, each in units of its standard deviation over the twin's recordings without gaps.
-    PROFILE: one minus the correlation of mean range profiles in decibels, 0.3 to 5.5 m.
-    RECOGNITION: share of seeds in which a forest trained on the twin's frames classifies a measured recording wrongly. Features are ranked
-    within domain and distance.
-
-    Returns:
-        [loss][coalition]: array (recordings,).
+    ERROR is the rms of simulated minus measured features, each in units of its standard deviation over the twin's recordings without gaps.
+    PROFILE is one minus the correlation of mean range profiles in decibels, 0.3 to 5.5 m. RECOGNITION is the share of seeds in which a
+    forest trained on the twin's frames classifies a measured recording wrongly; features are ranked within domain and distance.
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)

@@ -3,19 +3,13 @@
 A gap is one kind of difference between testbed and twin. Three losses (experiments/gaps/coalitions.py) are computed for sets of gaps that
 are on, and three measures describe each gap. Alone: the loss that the gap causes with all others off. Left out: the decrease of the loss if
 the gap is switched off with all others on. Share: the gap's Shapley value, exact over groups of gaps; shares sum to the total loss
-(experiments/gaps/shapley.py). The three measures are equal for gaps that do not interact. If a gap causes a large loss alone and none when
-left out, other gaps hide it. Losses are per recording; intervals are bootstraps over recordings. Each gap is one random draw of the seed.
-
-Claims were written before the first run: walls and their materials decide the room's profile; transmission lines and IF filter lower the
-target's brightness by 8 dB; ranks do not depend on levels; a liquid affects its bottle only.
-
-The quick profile takes 86 core seconds on a busy machine, of which 28 set up the scanned laboratory. It has four objects, no clutter, no
-finer solver and true labels. The paper profile has every gap.
+(experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide it. The claims were written before
+the first run. The quick profile takes 86 core seconds on a busy machine, of which 28 set up the scanned laboratory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -59,15 +53,11 @@ ROOM = "geometry and materials"
 
 @dataclass(frozen=True)
 class Plan:
-    """Groups of gaps, and the recorded objects. A gap that is in no group stays off.
-
-    Attributes:
-        singly: whether each gap of a group is also switched by itself.
-    """
+    """Groups of gaps, and the recorded objects. A gap that is in no group stays off."""
 
     groups: Mapping[str, tuple[str, ...]]
     objects: tuple[str, ...]
-    singly: bool = True
+    singly: bool = True  # whether each gap of a group is also switched by itself
 
     @property
     def everything(self) -> Coalition:
@@ -129,16 +119,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     filled = np.array([catalogue()[case.object].contents is not None for case in sides.cases])
     rows = table(config, plan, found, filled, sides.keys)
     metrics = {f"share_{r['score']}_{r['gap']}".replace(" ", "_"): r["value"] for r in rows if (r["metric"], r["objects"]) == (SHARE, ALL)}
-    figures: dict[str, Callable[[], Figure]] = {"gap_attribution": lambda: chart(rows, tuple(plan.groups))}
-    return Result(TABLE.name, rows, figures, metrics, sides.keys)
+    return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows, tuple(plan.groups))}, metrics, sides.keys)
 
 
 def check(config: Config) -> None:
-    """Raise an error for settings that the table would override.
-
-    Raises:
-        ConfigError: the configuration sets measured recordings, gaps or materials that the table sets itself.
-    """
+    """Raise ConfigError for measured recordings, gaps or materials in the configuration, because the table sets these itself."""
     case_set.check_untouched(config)
     if config.materials.source in ("true", "void"):
         raise ConfigError(
@@ -149,8 +134,7 @@ def check(config: Config) -> None:
 def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
     """Build the rows of each loss: without gaps, with all gaps, then per gap alone, left out and share; also for filled bottles only.
 
-    Args:
-        filled: (recordings,) mask of the filled bottles.
+    `filled` is the mask (recordings,) of the filled bottles.
     """
     rows = RowList(config)
     for score in SCORES:

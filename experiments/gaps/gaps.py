@@ -1,24 +1,17 @@
 """Single gaps: agreement of testbed and twin with all gaps off, and the effect of each gap alone.
 
-A gap is one kind of difference between testbed and twin (measured.gap). (a) With all gaps off, and true materials and the exact room in the
-twin, simulated and measured recordings of a case differ only because the room is stored in single precision. The table gives this
-difference for the complex signal and for the mean range profile, in decibels. The solver's own error is given for comparison: the change
-due to finer tracing with one more bounce. (b) Each gap is switched on alone at strength 1, in the paper profile also at strength 2. The
-table gives the change of the features beside a prediction from physics (experiments/gaps/claims.py, written before the first run). The
-geometry gap changes the twin; all other gaps change the testbed.
+A gap is one kind of difference between testbed and twin (measured.gap). Each gap is switched on alone at strength 1, in the paper profile
+also at strength 2, and its predictions are in experiments/gaps/claims.py.
 
-Limitations: a row is one random draw of the gap (measured.gap, seed), not a mean over testbeds. The roughness gap multiplies the nominal
-roughness heights of the rooms by random factors. The power that roughness takes from specular reflection returns as diffuse scatter, so a
-room can also become brighter. The turntable's motor and gear are clutter inside the target gate. For the geometry gap the room is scanned
-with its clutter, but the testbed recordings of these rows have no clutter.
-
-The quick profile simulates recordings for 270 core seconds, and scans both rooms in 150 more if the scans are not in the store.
+A row is one random draw of the gap (measured.gap, seed), not a mean over testbeds. The power that roughness takes from specular reflection
+returns as diffuse scatter, so a rougher room can become brighter. The turntable's motor and gear are clutter inside the target gate. For
+the geometry gap the room is scanned with its clutter, but the testbed recordings of these rows have no clutter. The quick profile simulates
+recordings for 270 core seconds, and scans both rooms in 150 more if the scans are not in the store.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +23,7 @@ from experiments.drawing import legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gaps.claims import expected
+from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
@@ -86,18 +80,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         _add_interpolated(rows, case, base[case], blended)
     for step in moves:
         add_rows(rows, step, moves[step], keys[step])
-    figures: dict[str, Callable[[], Figure]] = {"gaps": lambda: _figure(moves, rows)}
     metrics = {f"{gap}_{strength:g}_{group}_room_change_dB": _mean(moves[gap, strength], group, "room change (dB)")
                for gap, strength in moves for group in SHOWN if strength == 1}  # fmt: skip
-    return Result(TABLE.name, rows, figures, metrics, sorted({key for some in keys.values() for key in some}))
+    used = sorted({key for some in keys.values() for key in some})
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(moves, rows)}, metrics, used)
 
 
 def check(config: Config) -> None:
-    """Raise an error for settings that the table would override.
-
-    Raises:
-        ConfigError: the configuration sets measured recordings, gaps or materials that the table sets itself.
-    """
+    """Raise ConfigError for measured recordings, gaps or materials in the configuration, because the table sets these itself."""
     case_set.check_untouched(config)
     if config.materials.source != "true":
         raise ConfigError(f"experiment=gaps gives the twin the true materials itself; leave materials={config.materials.source} out")
@@ -150,7 +140,7 @@ def _add(rows: RowList, where: tuple[str, float, str], metric: str, values: list
     found = statistics.mean(samples, config.profile.resamples, config.seed)
     if ratios:
         value, low, high = (20 * float(np.log10(one)) for one in (found.value, found.low, found.high))
-        found = replace(found, value=value, low=low, high=high)
+        found = Estimate(value, low, high, found.n)
     rows.add(dict(zip(("gap", "strength", "cases"), where, strict=True)), metric, found, keys, claim)
 
 

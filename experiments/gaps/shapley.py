@@ -15,8 +15,6 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import InputError
-
 Coalition = frozenset[str]
 Game = Mapping[Coalition, NDArray[np.float64]]
 
@@ -33,8 +31,6 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
         value: maps every coalition to its value, an array of one common shape (...).
     Returns:
         For each player its share, an array of that shape (...).
-    Raises:
-        InputError: a coalition has no value.
 
     >>> glove = {s: np.array(float("left" in s and len(s) > 1)) for s in coalitions(["left", "right", "other right"])}
     >>> {player: round(float(share), 3) for player, share in shares(["left", "right", "other right"], glove).items()}
@@ -47,22 +43,16 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
         parts = []
         for before in coalitions(others):
             weight = factorial(len(before)) * factorial(count - len(before) - 1) / factorial(count)
-            parts.append(weight * (_of(value, before | {player}) - _of(value, before)))
+            parts.append(weight * (value[before | {player}] - value[before]))
         found[player] = np.sum(parts, axis=0)
     return found
 
 
 def alone(value: Game, player: Coalition) -> NDArray[np.float64]:
     """Return the value of these players alone minus the value of no player."""
-    return _of(value, player) - _of(value, frozenset())
+    return value[player] - value[frozenset()]
 
 
 def left_out(value: Game, player: Coalition, all_players: Coalition) -> NDArray[np.float64]:
     """Return the decrease of the value if these players leave the coalition of all players."""
-    return _of(value, all_players) - _of(value, all_players - player)
-
-
-def _of(value: Game, coalition: Coalition) -> NDArray[np.float64]:
-    if coalition not in value:
-        raise InputError(f"the game has no value for {', '.join(sorted(coalition)) or 'no player'}; give one for every coalition")
-    return value[coalition]
+    return value[all_players] - value[all_players - player]

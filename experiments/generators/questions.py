@@ -28,11 +28,7 @@ DATA = Path("../shared/data/scans") / CHAIR
 
 
 def asked(room: str, data: Path = DATA) -> list[Question]:
-    """Return the questions of a room's scan, or of both forms of the chair scan (frames and exported mesh).
-
-    Args:
-        data: folder of the chair scan.
-    """
+    """Return the questions of a room's scan, or of both forms of the chair scan in the folder `data` (frames and exported mesh)."""
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
         sources = [data, data / "export.obj"]

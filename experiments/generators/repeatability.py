@@ -66,11 +66,7 @@ def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
 
 
 def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
-    """Return the content of the file of limits.
-
-    Args:
-        groups: {motion: {object: (feature names, values (recordings, features))}}.
-    """
+    """Return the content of the file of limits from {motion: {object: (feature names, values (recordings, features))}}."""
 
     def rounded(some: Sequence[Read]) -> dict[str, float]:
         return {name: float(f"{limit:.3g}") for name, limit in limits.measured(some).items()}

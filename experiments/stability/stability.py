@@ -1,19 +1,18 @@
-"""Where methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py), shown as a map.
-
-The safe region of a method on a sweep starts at the easiest value and ends before the first value with an error above LIMIT_DB. The value
-of a row is the number of swept values in that region.
-"""
+"""Where methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py), shown as a map."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
+from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.runs import workers
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
@@ -31,14 +30,19 @@ TABLE = Table(
 )
 
 LIMIT_DB = 3.0
+DOMAIN = "closed forms, series, quadrature, image sources"
 CLAIM = "the largest safe region of all methods"
 FINITE = "no method crashes or returns what is no number"
+COLUMNS = 2  # of the figure
+STEPS_DB = (0.0, 0.5, 1.0, 3.0, 6.0, 12.0, 40.0)
+COLOURS = ("#08519c", "#4292c6", "#9ecae1", "#fdd0a2", "#fd8d3c", "#a63603")  # blue is safe, brown is not; readable with colour blindness
+NAMES = {"this tracer": "this tracer", "points": "points, RCS table", "Sionna RT": "Sionna RT"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Run all sweeps. The quick and the paper profile compute the same sweeps."""
     rows: list[dict[str, Any]] = []
-    parts = [(number, method) for number in range(len(SWEEPS)) for method in METHODS]
+    parts = [(sweep, method) for sweep in SWEEPS for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
         found = iter(workers.each(_errors, parts, config.jobs, done))
     for sweep in SWEEPS:
@@ -51,21 +55,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         "verdict": "fails" if broken else "holds",
     })  # fmt: skip
     metrics = {f"safe values of {row['sweep']}": row["value"] for row in rows if row["family"] == OURS} | {"broken": float(broken)}
-    return Result(TABLE.name, rows, _figures(rows), metrics)
+    return Result(TABLE.name, rows, {TABLE.name: lambda: map_of(rows)}, metrics)
 
 
-DOMAIN = "closed forms, series, quadrature, image sources"
-
-
-def _figures(rows: list[dict[str, Any]]) -> dict[str, Callable[[], Figure]]:
-    from experiments.stability import map
-
-    return {"stability": lambda: map.map_of(rows)}
-
-
-def _errors(number: int, method: Method) -> list[float]:
+def _errors(sweep: Sweep, method: Method) -> list[float]:
     """Return the errors of a method at all values of one sweep, in dB."""
-    return [error(SWEEPS[number], method, value) for value in SWEEPS[number].values]
+    return [error(sweep, method, value) for value in sweep.values]
 
 
 def error(sweep: Sweep, method: Method, value: float) -> float:
@@ -99,13 +94,10 @@ def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) ->
             "safe": safe_words(sweep, count), "fails at": f"{sweep.values[count]:g} {sweep.unit}" if count < len(errors) else "",
             "why": sweep.why if mine else "", "claim": CLAIM if mine else "", "run_keys": "",
             "metric": f"values before the error passes {LIMIT_DB:g} dB", "paper": None, "value": float(count), "low": float(count),
-            "high": float(count), "n": len(errors), "domain": DOMAIN, "verdict": _verdict(count, best) if mine else "untestable",
+            "high": float(count), "n": len(errors), "domain": DOMAIN,
+            "verdict": "untestable" if not mine else "holds" if count == best else "fails",
         })  # fmt: skip
     return rows
-
-
-def _verdict(count: int, best: int) -> str:
-    return "holds" if count == best else "fails"
 
 
 def safe_words(sweep: Sweep, count: int) -> str:
@@ -114,3 +106,56 @@ def safe_words(sweep: Sweep, count: int) -> str:
         return "none"
     first, last = sweep.values[0], sweep.values[count - 1]
     return f"{first:g} {sweep.unit}" if count == 1 else f"{first:g} to {last:g} {sweep.unit}"
+
+
+def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw the error of every method at every value, with the first unsafe value on the right."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    rows = [row for row in rows if row["family"]]
+    names = list(dict.fromkeys(row["sweep"] for row in rows))
+    lines = -(-len(names) // COLUMNS)
+    drawing, panels = figure(lines, COLUMNS, width_in=PAGE_WIDTH_IN * 1.25, height_in=1.16 * lines + 0.5)
+    colours, norm = ListedColormap(COLOURS), BoundaryNorm(STEPS_DB, len(COLOURS))
+    for panel, name in zip(panels.T.flat, names, strict=False):
+        _block(panel, [row for row in rows if row["sweep"] == name], colours, norm)
+    for panel in panels.T.flat[len(names) :]:
+        panel.set_axis_off()
+    images = [panel.images[0] for panel in panels.flat if panel.images]
+    free = panels.T.flat[len(names)] if len(names) < panels.size else None
+    bar = drawing.colorbar(images[0], ax=free or panels, orientation="horizontal", fraction=0.5 if free else 0.02, pad=0.05, aspect=30)
+    bar.set_label("error against the reference (dB); a safe region ends at the first error above 3 dB", fontsize=6.5)
+    bar.ax.tick_params(labelsize=6)
+    return drawing
+
+
+def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: Any) -> None:
+    errors = np.array([[float(one) for one in row["errors_db"].split()] for row in mine])
+    values = mine[0]["values"].split()
+    panel.imshow(np.nan_to_num(errors, nan=40.0), cmap=colours, norm=norm, aspect="auto")
+    panel.set_xticks(range(len(values)), values)
+    panel.set_yticks(range(len(mine)), [NAMES.get(row["family"], f"{row['family'].split()[0]}, {row['setting']}") for row in mine])
+    panel.tick_params(length=0, labelsize=5.8, pad=2)
+    for side in panel.spines.values():
+        side.set_visible(False)
+    panel.set_title(f"{mine[0]['title']}, {mine[0]['unit']} ({mine[0]['kind']})", fontsize=7, pad=3, loc="left")
+    for line, row in enumerate(errors):
+        for column, one in enumerate(row):
+            text = "40+" if one >= 40 else f"{one:.1f}" if one < 9.95 else f"{one:.0f}"
+            panel.text(column, line, text, ha="center", va="center", fontsize=5.3, color="white" if one < 1 or one >= 12 else "black")
+        words = mine[line]["fails at"]
+        panel.text(len(row) - 0.42, line, verdict(mine[line]), fontsize=5.8, va="center")
+        if words:
+            first = words.split()[0]
+            panel.add_patch(_frame(values.index(first), line))
+
+
+def verdict(row: Mapping[str, Any]) -> str:
+    """Return where a method fails, as text."""
+    return "safe throughout" if not row["fails at"] else "never safe" if not row["value"] else f"fails at {row['fails at']}"
+
+
+def _frame(column: int, line: int) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((column - 0.48, line - 0.46), 0.96, 0.92, fill=False, ec="black", lw=0.9)

@@ -48,31 +48,19 @@ METHODS = (
 
 @dataclass(frozen=True)
 class Sweep:
-    """One sweep, which is one block of the map.
-
-    Attributes:
-        title, unit: shown in tables and figures.
-        kind: kind of the failure: "physical", "numerical", "a setting" or "knowledge".
-        values: values of the sweep, easiest first.
-        error_db: function (method, value) -> error in dB.
-        why: reason of the failure, one sentence.
-    """
+    """One sweep, which is one block of the map."""
 
     name: str
     title: str
     unit: str
-    kind: str
-    values: tuple[float, ...]
-    error_db: Callable[[Method, float], float]
-    why: str
+    kind: str  # kind of the failure: "physical", "numerical", "a setting" or "knowledge"
+    values: tuple[float, ...]  # values of the sweep, easiest first
+    error_db: Callable[[Method, float], float]  # function (method, value) -> error in dB
+    why: str  # reason of the failure, one sentence
 
 
 def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion: Any = None, **settings: Any) -> np.ndarray:
-    """Simulate one frame with a method and return its samples; `settings` are passed to the simulator.
-
-    Raises:
-        FloatingPointError: the samples are not finite.
-    """
+    """Simulate one frame with a method and simulator settings. Raises FloatingPointError if a sample is not finite."""
     simulator = backend(method.backend, **(dict(method.settings) | settings))
     with quiet():
         iq = simulate(scene, RADAR, np.eye(4)[None] if pose is None else pose[None], motion=motion, simulator=simulator).iq
@@ -142,24 +130,25 @@ def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _holes(method: Method, value: float) -> float:
+def _damaged(method: Method, holes: float = 0.0, noise_m: float = 0.0) -> float:
+    """Return the rms level error of a scanned plate over three random draws of missing faces (a share) and height noise."""
     errors = []
     for seed in range(3):
-        mesh = sheet(0.2, 20)
-        keep = np.random.default_rng(seed).random(len(mesh.faces)) >= value / 100
-        mesh.update_faces(keep)
+        mesh, rng = sheet(0.2, 20), np.random.default_rng(seed)
+        if holes:
+            mesh.update_faces(rng.random(len(mesh.faces)) >= holes)
+        if noise_m:
+            mesh = trimesh.Trimesh(mesh.vertices + rng.normal(size=mesh.vertices.shape) * [noise_m, 0, 0], mesh.faces, process=False)
         errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing(objects.plate(0.2, 0.2), 2.0)))
     return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def _holes(method: Method, value: float) -> float:
+    return _damaged(method, holes=value / 100)
 
 
 def _noise(method: Method, value: float) -> float:
-    errors = []
-    for seed in range(3):
-        mesh = sheet(0.2, 20)
-        moved = mesh.vertices + np.random.default_rng(seed).normal(size=mesh.vertices.shape) * [value / 1e3, 0, 0]
-        mesh = trimesh.Trimesh(moved, mesh.faces, process=False)
-        errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing(objects.plate(0.2, 0.2), 2.0)))
-    return float(np.sqrt(np.mean(np.square(errors))))
+    return _damaged(method, noise_m=value / 1e3)
 
 
 def _tilt(method: Method, value: float) -> float:
@@ -229,9 +218,8 @@ def _thickness(method: Method, value: float) -> float:
     te, _ = stack.stack([("plasterboard", BOARD_M)], "air", 0.0, MIDDLE_HZ)
     wall = objects.plate(6.0, 6.0).apply_translation((1.5, 0, 0))
     scene = Scene([Surface(wall, Layered([("plasterboard", BOARD_M + value / 1e3)]), "wall", role="room")])
-    bandless = replace(RADAR, num_samples=8, sample_rate_hz=RADAR.sample_rate_hz)
-    start = (RADAR.num_samples - bandless.num_samples) / 2 / RADAR.sample_rate_hz
-    radar = replace(bandless, start_frequency_hz=RADAR.start_frequency_hz + RADAR.slope_hz_per_s * start)
+    start = (RADAR.num_samples - 8) / 2 / RADAR.sample_rate_hz
+    radar = replace(RADAR, num_samples=8, start_frequency_hz=RADAR.start_frequency_hz + RADAR.slope_hz_per_s * start)
     with quiet():
         iq = simulate(scene, radar, np.eye(4)[None], simulator=method.simulator).iq
     return off(method, iq, WAVELENGTH_M / (8 * np.pi * 1.5) * abs(te))

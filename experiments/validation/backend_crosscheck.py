@@ -1,19 +1,14 @@
 """Panel images of this tracer against Sionna RT and against exact image sources, path by path, in the procedural rooms.
 
-Both references treat every wall as an infinite mirror. The tracer's images include the Fresnel factor of openings and obstacles. An echo
-from a corner of m walls is the sum over the sequences in which a path can hit the walls. Paths with equal directions and length are
-therefore added first. Levels are judged for paths with a clear first Fresnel zone. For the other paths the level difference is only
-reported, because an infinite mirror is wrong there.
+Both references treat every wall as an infinite mirror, so levels are judged for paths with a clear first Fresnel zone only. The image
+sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the sequences in which
+a path can hit the walls; paths with equal directions and length are therefore added first. Sionna RT searches paths from a point back to
+itself ("co-located"), where it misses corners, because their mirror points lie on edges. With the receiver moved aside by APART_M ("apart")
+it finds one sequence of walls for each corner. In the co-located case the path lengths are Sionna's own, in single precision. In the apart
+case only the facets of Sionna's paths are used, and each path is computed again for one point.
 
-Sionna RT searches paths from a point back to itself ("co-located"), where it misses corners, because their mirror points lie on edges. With
-the receiver moved aside by APART_M ("apart") it finds one sequence of walls for each corner. In the co-located case the path lengths are
-Sionna's own, in single precision. In the apart case only the facets of Sionna's paths are used, and each path is computed again for one
-point.
-
-A reference path within DYNAMIC_DB of the strongest is matched to a path of ours with equal length and directions, within the tolerances of
-`path_match`. These are wider than the errors of either method and narrower than the differences between paths. Paths that reflect at small
-or curved surfaces are traced by tubes here and are counted separately. The metric "share of ours it has" is the share of our images within
-DYNAMIC_DB that the reference has too. The image sources are those of the room's six planes and contain no furniture.
+The matching tolerances of `path_match` are wider than the errors of either method and narrower than the differences between paths. Paths
+that reflect at small or curved surfaces are traced by tubes here and are counted separately.
 """
 
 from __future__ import annotations
@@ -75,23 +70,14 @@ CLAIMS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """Comparison of one reference's paths with ours at one place. Only strong paths, within DYNAMIC_DB of the strongest, are compared.
+    """Comparison of one reference's paths with ours at one place. Only strong paths, within DYNAMIC_DB of the strongest, are compared."""
 
-    Attributes:
-        matched: (N,) whether each path of the reference has a partner among ours.
-        length_mm: (M,) length errors of the matched paths.
-        level_db: level errors of the matched paths with a clear first Fresnel zone.
-        cut_level_db: level errors of the other matched paths.
-        ours_matched: whether each of our paths has a partner in the reference.
-        small: number of the reference's paths that reflect at small surfaces.
-    """
-
-    matched: np.ndarray
-    length_mm: np.ndarray
-    level_db: np.ndarray
-    cut_level_db: np.ndarray
-    ours_matched: np.ndarray
-    small: int
+    matched: np.ndarray  # (N,) whether each path of the reference has a partner among ours
+    length_mm: np.ndarray  # (M,) length errors of the matched paths
+    level_db: np.ndarray  # level errors of the matched paths with a clear first Fresnel zone
+    cut_level_db: np.ndarray  # level errors of the other matched paths
+    ours_matched: np.ndarray  # whether each of our paths has a partner in the reference
+    small: int  # number of the reference's paths that reflect at small surfaces
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -107,13 +93,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         for name in REFERENCES:
             compared.setdefault((room, detail, name), []).append(compare(found[name], found["ours"]))
     rows = [row for key, each in compared.items() for row in _rows(key, each, config)]
-    figures: dict[str, Callable[[], Figure]] = {"backend_crosscheck": lambda: _figure(shown)}
     metrics = {
         f"{what} {name}".replace(",", ""): float(of([row["value"] for row in rows if row["metric"] == metric and row["reference"] == name]))
         for what, metric, of in (("least matched share", METRICS[0], min), ("worst mean level error dB", METRICS[1], max))
         for name in REFERENCES
     }
-    return Result(TABLE.name, rows, figures, metrics)
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(shown)}, metrics)
 
 
 def _found(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
@@ -142,26 +127,25 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
     """Return the paths of the reference `name`, one of REFERENCES."""
     if name == "image sources":
         return _images(scene, pose)
-    if name == "Sionna, apart":
-        backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES, separation_m=APART_M))
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "sionna:")  # the table shows the paths that it misses
-            (paths,) = backend.paths(scene, RADAR, pose[None])
-        mesh = sionna.merged(scene.surfaces, {})
-        answer = backend.found(scene, mesh, RADAR, pose[None])
-        return together(_of_paths(paths, _small(scene, mesh, answer["face"])))
-    backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES))
+    apart = name == "Sionna, apart"
+    backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES, separation_m=APART_M if apart else 0.0))
     mesh = sionna.merged(scene.surfaces, {})
-    return together(_of_answer(scene, mesh, backend.found(scene, mesh, RADAR, pose[None]), pose))
+    answer = backend.found(scene, mesh, RADAR, pose[None])
+    small = _small(scene, mesh, answer["face"])
+    if not apart:
+        return together(_of_answer(answer, small, pose))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "sionna:")  # the table shows the paths that Sionna RT misses
+        (paths,) = backend.paths(scene, RADAR, pose[None])
+    return together(_of_paths(paths, small))
 
 
 def _images(scene: Scene, pose: np.ndarray) -> PathSet:
     images = list(Room(scene, frequency_hz(scene)).images(pose[:3, 3], pose[:3, 2], BOUNCES))
-    departure, arrival = (np.array([getattr(image, end) for image in images]) @ pose[:3, :3] for end in ("departure", "arrival"))
-    amplitude = np.array([image.amplitude for image in images])
-    clear = np.array([image.clear for image in images])
-    length = np.array([image.length_m for image in images])
-    return PathSet(length, departure, arrival, amplitude, np.zeros(len(images), bool), clear)
+    length, departure, arrival, amplitude, clear = (
+        np.array([getattr(image, name) for image in images]) for name in ("length_m", "departure", "arrival", "amplitude", "clear")
+    )
+    return PathSet(length, departure @ pose[:3, :3], arrival @ pose[:3, :3], amplitude, np.zeros(len(images), bool), clear)
 
 
 def _of_paths(paths: Paths, small: np.ndarray | None = None) -> PathSet:
@@ -169,14 +153,14 @@ def _of_paths(paths: Paths, small: np.ndarray | None = None) -> PathSet:
     return PathSet(paths.length_m, paths.departure, paths.arrival, amplitude, unknown if small is None else small, unknown)
 
 
-def _of_answer(scene: Scene, mesh: sionna.Mesh, answer: dict[str, np.ndarray], pose: np.ndarray) -> PathSet:
+def _of_answer(answer: dict[str, np.ndarray], small: np.ndarray, pose: np.ndarray) -> PathSet:
     """Return the paths with Sionna's own lengths and hit points."""
     vertex, count = answer["vertex"], (answer["face"] >= 0).sum(axis=1)
     ends = (vertex[:, 0], vertex[np.arange(len(vertex)), count - 1])
     lines = [(end - pose[:3, 3]) @ pose[:3, :3] for end in ends]
     departure, arrival = (line / np.linalg.norm(line, axis=1, keepdims=True) for line in lines)
     amplitude = _middle(answer["amplitude"].conj(), answer["frequencies_hz"])
-    return PathSet(answer["length_m"], departure, arrival, amplitude, _small(scene, mesh, answer["face"]), np.zeros(len(vertex), bool))
+    return PathSet(answer["length_m"], departure, arrival, amplitude, small, np.zeros(len(vertex), bool))
 
 
 def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
@@ -205,9 +189,8 @@ def cleared(found: PathSet, images: PathSet) -> PathSet:
 
 def compare(theirs: PathSet, mine: PathSet) -> Compared:
     """Match the strong paths of a reference with all of our paths, and our strong paths with all paths of the reference."""
-    strong = theirs.strong(DYNAMIC_DB)
-    small = int(strong.small.sum())
-    strong = strong.where(~strong.small)
+    every = theirs.strong(DYNAMIC_DB)
+    strong = every.where(~every.small)
     index = partners(strong, mine)
     there = index >= 0
     matched, partner = strong.where(there), mine.where(index[there])
@@ -218,19 +201,18 @@ def compare(theirs: PathSet, mine: PathSet) -> Compared:
         level_db[matched.clear],
         level_db[~matched.clear],
         partners(mine.strong(DYNAMIC_DB), theirs) >= 0,
-        small,
+        int(every.small.sum()),
     )
 
 
 def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> list[dict[str, Any]]:
     """Return the rows of one room and reference: shares of matched paths, and mean absolute errors over paths."""
-    low_high = config.profile.resamples, config.seed
+    room, detail, name = key
 
     def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
         n = len(samples)
-        low, value, high = bootstrap_mean(samples, *low_high) if n else (None, None, None)
+        low, value, high = bootstrap_mean(samples, config.profile.resamples, config.seed) if n else (None, None, None)
         verdict = "untestable" if holds is None or low is None or high is None else "holds" if holds(low, high) else "fails"
-        room, detail, name = key
         return {
             "room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else "", "metric": metric, "run_keys": "",
             "paper": None, "value": value, "low": low, "high": high, "n": n, "domain": "simulation", "verdict": verdict,
@@ -245,7 +227,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
         row("level error (dB)", np.abs(joined("level_db")), lambda _, high: high <= LEVEL_DB),
         row("level difference where an edge cuts the zone (dB)", np.abs(joined("cut_level_db")), None),
     ]
-    if key[2] != "Sionna, apart":
+    if name != "Sionna, apart":
         found.insert(2, row("length error (mm)", np.abs(joined("length_mm")), lambda _, high: high <= DELAY_MM))
     if (small := np.array([float(one.small) for one in each])).any():
         found.append(row("paths over small things", small, None))
@@ -263,16 +245,8 @@ def _figure(shown: dict[str, dict[str, PathSet]]) -> Figure:
         for name, images in found.items():
             marker, face, edge, size = looks[name]
             strong = images.strong(DYNAMIC_DB)
-            panel.plot(
-                strong.length_m / 2,
-                strong.level_db,
-                marker,
-                ms=size,
-                mfc=face,
-                mec=edge,
-                mew=0.8,
-                label=name if name != "ours" else "this tracer",
-            )
+            label = "this tracer" if name == "ours" else name
+            panel.plot(strong.length_m / 2, strong.level_db, marker, ms=size, mfc=face, mec=edge, mew=0.8, label=label)
         panel.set(title=title.replace("_", " "))
     for panel in panels[-1]:
         panel.set_xlabel("half the path's length (m)")

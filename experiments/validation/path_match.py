@@ -12,22 +12,14 @@ SAME_M, SAME_DEG = 2e-5, 0.01  # largest difference between paths of one image: 
 
 @dataclass(frozen=True)
 class PathSet:
-    """N paths of one method.
+    """N paths of one method."""
 
-    Attributes:
-        length_m: (N,).
-        departure, arrival: (N, 3) directions in the sensor frame.
-        amplitude: (N,) complex, in the middle of the frequency sweep.
-        small: (N,) whether the path reflects at a small surface.
-        clear: (N,) whether the path's first Fresnel zone is known to be free of edges and obstacles.
-    """
-
-    length_m: np.ndarray
-    departure: np.ndarray
-    arrival: np.ndarray
-    amplitude: np.ndarray
-    small: np.ndarray
-    clear: np.ndarray
+    length_m: np.ndarray  # (N,)
+    departure: np.ndarray  # (N, 3) directions in the sensor frame
+    arrival: np.ndarray  # (N, 3) directions in the sensor frame
+    amplitude: np.ndarray  # (N,) complex, in the middle of the frequency sweep
+    small: np.ndarray  # (N,) whether the path reflects at a small surface
+    clear: np.ndarray  # (N,) whether the path's first Fresnel zone is known to be free of edges and obstacles
 
     def where(self, keep: np.ndarray) -> PathSet:
         """Return the paths that `keep`, a mask or indices, selects."""

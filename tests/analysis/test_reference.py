@@ -27,9 +27,4 @@ def test_whole_reference_builds_without_warning(tmp_path: Path) -> None:
     assert reference["build"](tmp_path).is_file()
     pages = {path.relative_to(tmp_path).with_suffix("").as_posix().replace("/", ".") for path in tmp_path.rglob("*.html")}
     assert {name for name in reference["MODULES"] if not name.startswith("!")} <= pages
-    assert {
-        "radartwin.simulation.curved.tubes",
-        "radartwin.features.sets",
-        "radartwin.scene.layouts.layout",
-        "radartwin.radar.processing",
-    } <= pages
+    assert "radartwin.simulation.curved.tubes" in pages

@@ -13,7 +13,7 @@ import own_experiment
 import pytest
 from markdown_blocks import DOCS, ROOT, blocks, commands, follow, prose, quoted
 
-from experiments.validation.oracles.cases import CASES
+from experiments.validation.validation import CASES
 from radartwin.commands.arguments import parse
 from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
 from radartwin.config.compose import Composer, combinations, compose

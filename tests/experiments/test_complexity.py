@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.complexity import complexity, figure
-from experiments.complexity.rows import AUTO, FIXED, REFLECTOR, SAVED, SHIPPED, Found, table
+from experiments.complexity import complexity
+from experiments.complexity.rows import AUTO, FIXED, REFLECTOR, SAVED, SHIPPED, Found, chart, table
 from experiments.speed import campaign_methods, speed_accuracy
 from radartwin.adaptive.choice import Choice, Step
 from radartwin.adaptive.model import DEFAULT, FINEST, Model
@@ -36,7 +36,7 @@ def rows(*some: Found) -> list[dict]:
 def test_rows_are_valid_and_can_be_drawn() -> None:
     made = rows(found("rotation", "none", (0.1, 0.5, 0.5)), found("multipath share", "large", (0.2, 0.5, 0.5)))
     check_rows("complexity", made)
-    figure.chart(made)
+    chart(made)
 
 
 @pytest.mark.parametrize(("shape", "multipath", "verdicts"), [("none", "large", ["holds", "holds"]), ("large", "none", ["fails", "fails"])])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.speed.methods import OURS, Method, ours
-from experiments.stability import map, stability, sweeps
+from experiments.stability import stability, sweeps
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from radartwin.runs.experiment import check_rows
 
@@ -52,7 +52,7 @@ def test_samples_that_are_not_finite_give_nan(monkeypatch: pytest.MonkeyPatch) -
 
 def test_map_shows_every_sweep_value_and_failure() -> None:
     found = rows([0.1, 3.0, 3.1, 50.0], [5.0, 0.1, 0.1, 0.1]) + [{**row, "sweep": "other"} for row in rows([0.1] * 3, [0.1] * 3)]
-    drawing = map.map_of(found)
+    drawing = stability.map_of(found)
     blocks = [axes for axes in drawing.axes if axes.images and axes.texts]
     assert len(blocks) == 2
     texts = [text.get_text() for text in blocks[0].texts]

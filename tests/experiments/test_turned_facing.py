@@ -14,46 +14,41 @@ COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
 
 @pytest.fixture
-def facing(monkeypatch):
-    """Recordings whose samples encode the target's yaw, position and tilt, without tracing."""
+def simulated(monkeypatch):
+    """A function that simulates a recording, interpolated or traced, whose samples encode the target's yaw, position and tilt."""
 
     def seen(case, place, root, there):
         poses = there.motion[case.object]
         encoded = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]
         return np.tile(encoded[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
 
+    def simulate(case, config, traced=False):
+        if traced:
+            monkeypatch.setattr(truth, "aspects", lambda *some: 10**9)
+        made: Any = truth.record(case, config)
+        return (made.iq if traced else made.aspects.at(made.angles))[:, :, 0, 0, 0]
+
     monkeypatch.setattr(truth, "_seen", seen)
     monkeypatch.setattr(truth, "_creep", lambda *some: None)
     monkeypatch.setattr(truth, "Recording", lambda iq, *some, **more: SimpleNamespace(iq=iq))
-    return SimpleNamespace(interpolated=_interpolated, traced=lambda case, config: _traced(monkeypatch, case, config))
-
-
-def _interpolated(case, config):
-    made: Any = truth.record(case, config)
-    return made.aspects.at(made.angles)[:, :, 0, 0, 0]
-
-
-def _traced(monkeypatch, case, config):
-    monkeypatch.setattr(truth, "aspects", lambda *some: 10**9)
-    made: Any = truth.record(case, config)
-    return made.iq[:, :, 0, 0, 0]
+    return simulate
 
 
 @pytest.mark.parametrize("name", ["mug", "can_211_400"])
 @pytest.mark.parametrize("strength", [0.0, 1.0, 2.0])
-def test_interpolated_and_traced_revolutions_have_equal_poses(facing, name, strength):
+def test_interpolated_and_traced_revolutions_have_equal_poses(simulated, name, strength):
     gaps = [f"measured.gap.{gap}={strength}" for gap in ("trajectory", "placement")]
     config = compose(["experiment=campaign", *COURSE, *gaps])
     case = Case(name, "lab", "turntable", 1.0)
-    interpolated, traced = facing.interpolated(case, config), facing.traced(case, config)
+    interpolated, traced = simulated(case, config), simulated(case, config, traced=True)
     assert interpolated.shape == traced.shape
     assert np.abs(interpolated - traced).max() < 0.02
     assert np.abs(traced + traced.mean()).max() > 0.5  # the target turns
 
 
-def test_without_errors_the_start_is_the_logged_one(facing):
+def test_without_errors_the_start_is_the_logged_one(simulated):
     config = compose(["experiment=campaign", *COURSE, "measured.gap.trajectory=0", "measured.gap.placement=0"])
     case = Case("mug", "lab", "turntable", 1.0)
     start = truth.log(case, config.profile.campaign, measured=True).target_poses[0]
-    yaw = np.angle(facing.interpolated(case, config)[0, 0] - 1j * (start[0, 3] - 1.0))
+    yaw = np.angle(simulated(case, config)[0, 0] - 1j * (start[0, 3] - 1.0))
     assert np.cos(yaw - np.arctan2(start[1, 0], start[0, 0])) > 0.9999

@@ -21,18 +21,13 @@ OBJECTS = REFERENCE.parent / "data" / "objects"
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a comparison.
+    """The result of a comparison."""
 
-    Attributes:
-        reference, ours: the two values where they differ most, in the unit of the case; NaN if the claim is about many values at once.
-        error: error that is compared with the limit, never negative.
-        n: number of comparisons.
-    """
-
+    # Reference and our value where they differ most, in the unit of the case; NaN if the claim is about many values at once.
     reference: float
     ours: float
-    error: float
-    n: int = 1
+    error: float  # error that is compared with the limit, never negative
+    n: int = 1  # number of comparisons
 
 
 class Untestable(Exception):
@@ -41,32 +36,17 @@ class Untestable(Exception):
 
 @dataclass(frozen=True)
 class Case:
-    """One row of the card and one test.
+    """One row of the card and one test."""
 
-    Attributes:
-        name: unique, lower case with hyphens.
-        subject: group of the card.
-        claim: the claim in words, as the card shows it.
-        oracle: how the reference value is computed, and its source.
-        metric: the compared quantity, with unit.
-        limit: largest error for which the claim holds.
-        unit: unit of error and limit.
-        compare: the comparison. The argument True takes all sizes, seeds, angles and densities; False takes a few.
-        cost: "quick" cases run in every profile, "full" cases in the paper profile only.
-    """
-
-    name: str
-    subject: str
-    claim: str
-    oracle: str
-    metric: str
-    limit: float
-    unit: str
-    compare: Callable[[bool], Finding]
-    cost: str = "quick"
-
-    def verdict(self, finding: Finding) -> str:
-        return "holds" if finding.error <= self.limit else "fails"
+    name: str  # unique, lower case with hyphens
+    subject: str  # group of the card
+    claim: str  # the claim in words, as the card shows it
+    oracle: str  # how the reference value is computed, and its source
+    metric: str  # the compared quantity, with unit
+    limit: float  # largest error for which the claim holds
+    unit: str  # unit of error and limit
+    compare: Callable[[bool], Finding]  # the comparison. The argument True takes all sizes, seeds, angles and densities; False takes a few
+    cost: str = "quick"  # "quick" cases run in every profile, "full" cases in the paper profile only
 
 
 def db(power: Any) -> Any:

@@ -12,10 +12,10 @@ from scipy.spatial import KDTree
 
 import radartwin as rt
 from experiments.validation.oracles import stack, traced
-from experiments.validation.oracles.case import FREQUENCY_HZ, SPEED_OF_LIGHT, WAVELENGTH_M, WAVENUMBER, Case, Finding, Untestable, worst
+from experiments.validation.oracles.case import FREQUENCY_HZ, SPEED_OF_LIGHT, WAVELENGTH_M, WAVENUMBER, Case, Finding, worst
 from experiments.validation.oracles.rooms import ROOMS, room_scene, rotation
 from radartwin.scene import objects
-from radartwin.simulation import geometry, reflection_table, variant
+from radartwin.simulation import diffuse, geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
@@ -122,10 +122,6 @@ def _diffuse(full: bool) -> Finding:
 
     The lobe has (1 - Ament^2) times the power that a smooth wall reflects by Fresnel's formulas.
     """
-    try:
-        from radartwin.simulation import diffuse
-    except ImportError:
-        raise Untestable("this tracer has no diffuse cloud") from None
     variant.activate()
     radar = traced.MONOSTATIC
     wavelength = SPEED_OF_LIGHT / radar.center_frequency_hz

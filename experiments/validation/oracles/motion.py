@@ -6,7 +6,7 @@ import numpy as np
 
 import radartwin as rt
 from experiments.validation.oracles import traced
-from experiments.validation.oracles.case import SPEED_OF_LIGHT, Case, Finding
+from experiments.validation.oracles.case import SPEED_OF_LIGHT, Case, Finding, worst
 from radartwin.scene import objects
 
 RADIUS_M = 0.01
@@ -70,8 +70,7 @@ def _azimuth(full: bool) -> Finding:
             ways = np.stack([np.cos(trial), np.sin(trial), 0 * trial], axis=1)
             beam = np.abs(np.exp(2j * np.pi * frequency / SPEED_OF_LIGHT * ways @ virtual.T) @ channels)
             findings.append((float(azimuth), float(np.degrees(trial[beam.argmax()]))))
-    reference, ours = max(findings, key=lambda pair: abs(pair[1] - pair[0]))
-    return Finding(reference, ours, abs(ours - reference), len(findings))
+    return worst(findings)
 
 
 def _phase(full: bool) -> Finding:
@@ -98,8 +97,7 @@ def _friis(full: bool) -> Finding:
         section = np.mean([mie_rcs(RADIUS_M, float(one)) for one in wavelength[::8]])
         scaled = np.sqrt(section) * wavelength / (4 * np.pi) ** 1.5 / (distance * (distance - RADIUS_M))
         pairs.append((10 * np.log10(np.mean(scaled**2)), 10 * np.log10(np.mean(np.abs(iq) ** 2))))
-    reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
-    return Finding(reference, ours, abs(ours - reference), len(pairs))
+    return worst(pairs)
 
 
 KINEMATICS = "exact kinematics"

@@ -10,7 +10,7 @@ import trimesh
 import radartwin as rt
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.case import SPEED_OF_LIGHT, WAVELENGTH_M, Case, Finding, db, reference_rows, worst
-from experiments.validation.oracles.nearfield import corner_quadrature, panel_quadrature, two_panel_quadrature
+from experiments.validation.oracles.nearfield import chain_quadrature, corner_quadrature, panel_quadrature
 from experiments.validation.oracles.targets import AHEAD, corner_faces, level
 from radartwin.scene import objects
 
@@ -137,7 +137,7 @@ def _two_panels(method: str, full: bool) -> Finding:
         place = np.array(sensor)
         parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings(method, max_bounces=2, rays_per_wavelength2=4.0))
         ours = traced.field([part.where(part.bounces == 2) for part in parts], frequency)
-        exact = sum(two_panel_quadrature(a, b, place, wavelength) for a, b in ((first, second), (second, first)))
+        exact = sum(chain_quadrature(order, place, wavelength) for order in ((first, second), (second, first)))
         errors.append(abs(ours - exact) / (wavelength / (8 * np.pi * np.hypot(*place[:2]))))
     return Finding(0.0, max(errors), max(errors), len(errors))
 

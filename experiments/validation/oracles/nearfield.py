@@ -25,54 +25,34 @@ EMPTY_M2 = 1e-14  # pieces with less area are dropped
 Z_AXIS = (0.0, 0.0, 1.0)
 
 
-def panel_quadrature(
-    corners: ArrayLike, sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
-) -> complex:
-    """Return the received amplitude of one flat metal panel, seen from either side.
-
-    Args:
-        corners: (n, 3) metres, in sequence around a simple, possibly concave polygon in one plane.
-        sensor: (3,) phase centre of the transmitter, and of the receiver unless given.
-        wavelength: metres.
-        receiver: (3,) position of another receiver.
-        axis: (3,) polarisation of both antennas; irrelevant if they share a position.
-    Returns:
-        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides.
-    Raises:
-        ValueError: the corners are not in one plane, or a sensor lies in the plane of the panel.
+def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None) -> complex:
+    """Return the received amplitude of one flat metal panel, seen from either side; arguments as for `chain_quadrature`.
 
     >>> plate = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
     >>> a = panel_quadrature(np.array(plate) * 0.05, [0, 0, 80.0], 0.0039)
     >>> bool(abs(abs(a) / (0.1**2 / (4 * np.pi * 80.0**2)) - 1) < 0.01)
     True
     """
-    return chain_quadrature([corners], sensor, wavelength, receiver=receiver, axis=axis)
-
-
-def two_panel_quadrature(
-    first: ArrayLike,
-    second: ArrayLike,
-    sensor: ArrayLike,
-    wavelength: float,
-    *,
-    receiver: ArrayLike | None = None,
-    axis: ArrayLike = Z_AXIS,
-) -> complex:
-    """Return the received amplitude of the path sensor - `first` - `second` - receiver; arguments as for `panel_quadrature`.
-
-    Rays from the image of the sensor in `first` that pass through `first` illuminate `second`, whose currents radiate to the receiver. For
-    the path that hits `second` first, call again with the panels exchanged.
-    """
-    return chain_quadrature([first, second], sensor, wavelength, receiver=receiver, axis=axis)
+    return chain_quadrature([corners], sensor, wavelength, receiver=receiver)
 
 
 def chain_quadrature(
     panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """Return the received amplitude of the path that hits `panels` in this sequence.
+    """Return the received amplitude of the path that hits `panels` in this sequence; other panels do not shadow the path.
 
-    All panels but the last reflect like mirrors and must be convex. The last panel is treated by physical optics. Other panels do not
-    shadow the path.
+    All panels but the last reflect like mirrors and must be convex: rays from the sensor's image in a panel that pass through this panel
+    illuminate the next panel. The last panel is treated by physical optics and may be concave.
+
+    Args:
+        panels: corners of each panel, (n, 3) metres, in sequence around a simple polygon in one plane.
+        sensor: (3,) phase centre of the transmitter, and of the receiver unless given.
+        receiver: (3,) position of another receiver.
+        axis: (3,) polarisation of both antennas; irrelevant if they share a position.
+    Returns:
+        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides.
+    Raises:
+        ValueError: the corners are not in one plane, or a sensor lies in the plane of a panel.
     """
     source = np.array(sensor, float)
     target = source.copy() if receiver is None else np.array(receiver, float)
@@ -116,15 +96,13 @@ def chain_quadrature(
     return complex(1j / (4 * np.pi) * total)
 
 
-def corner_quadrature(
-    panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
-) -> complex:
+def corner_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float) -> complex:
     """Return the received amplitude of all paths between the panels of a dihedral or trihedral seen from inside, without shadows.
 
     A path hits each panel at most once.
     """
     orders = (order for count in range(1, len(panels) + 1) for order in permutations(panels, count))
-    return sum((chain_quadrature(order, sensor, wavelength, receiver=receiver, axis=axis) for order in orders), 0j)
+    return sum((chain_quadrature(order, sensor, wavelength) for order in orders), 0j)
 
 
 def _plane(corners: np.ndarray) -> tuple[np.ndarray, float]:
@@ -132,7 +110,6 @@ def _plane(corners: np.ndarray) -> tuple[np.ndarray, float]:
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
         raise ValueError(f"a panel needs (n, 3) corners, n at least 3, not {corners.shape}")
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-    normal = normal - np.cross(corners.mean(axis=0), 0 * normal)
     normal /= np.linalg.norm(normal)
     offset = float(normal @ corners.mean(axis=0))
     if np.abs(corners @ normal - offset).max() > 1e-6 * np.ptp(corners, axis=0).max():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -10,7 +11,7 @@ import numpy as np
 import radartwin as rt
 from experiments.validation.oracles import stack, traced
 from experiments.validation.oracles.box import Reflection, image_paths, image_sum
-from experiments.validation.oracles.case import Case, Finding
+from experiments.validation.oracles.case import Case, Finding, worst
 from radartwin.scene import objects
 
 BOUNCES = 4
@@ -24,11 +25,7 @@ ROOMS = {
 WALLS = {"constant": "|reflection| 0.4", "concrete": "concrete", "glass": "glass half-space"}
 TILT = np.array([[0.9, -0.1, 0.2], [0.15, 0.95, -0.25], [-0.2, 0.3, 0.92]])  # no image lies on the antenna's axis
 # Four times the samples at four times the sample rate: the same frequency sweep, with an unambiguous range of 44 m.
-RADAR = replace(
-    traced.MONOSTATIC,
-    num_samples=4 * traced.MONOSTATIC.num_samples,
-    sample_rate_hz=4 * traced.MONOSTATIC.sample_rate_hz,
-)
+RADAR = replace(traced.MONOSTATIC, num_samples=4 * traced.MONOSTATIC.num_samples, sample_rate_hz=4 * traced.MONOSTATIC.sample_rate_hz)
 
 
 @dataclass(frozen=True)
@@ -38,8 +35,8 @@ class Compared:
     exact: np.ndarray
     ours: np.ndarray
 
-    @property
     def error(self) -> float:
+        """Return the norm of the difference over the norm of the exact samples."""
         return float(np.linalg.norm(self.ours - self.exact) / np.linalg.norm(self.exact))
 
     def profiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,17 +91,9 @@ def compared(room: str, walls: str, method: str, rays: int) -> Compared:
     return Compared(exact, traced.sweep(parts, RADAR))
 
 
-def _choices(full: bool) -> list[tuple[str, str]]:
-    return [(room, walls) for room in ROOMS for walls in WALLS] if full else [("court", "constant")]
-
-
-def _complex(method: str, rays: int, full: bool) -> Finding:
-    errors = [compared(room, walls, method, rays).error for room, walls in _choices(full)]
-    return Finding(0.0, max(errors), max(errors), len(errors))
-
-
-def _profile(method: str, rays: int, full: bool) -> Finding:
-    errors = [compared(room, walls, method, rays).profile_rms() for room, walls in _choices(full)]
+def _room(error: Callable[[Compared], float], method: str, rays: int, full: bool) -> Finding:
+    chosen = [(room, walls) for room in ROOMS for walls in WALLS] if full else [("court", "constant")]
+    errors = [error(compared(room, walls, method, rays)) for room, walls in chosen]
     return Finding(0.0, max(errors), max(errors), len(errors))
 
 
@@ -123,8 +112,7 @@ def _lossless(method: str, full: bool) -> Finding:
         chosen = [part.where(part.bounces == order) for part in parts]
         ours = np.array([traced.field(chosen, f) for f in frequency])
         levels.append((float(10 * np.log10(np.sum(np.abs(exact[order]) ** 2))), float(10 * np.log10(np.sum(np.abs(ours) ** 2)))))
-    reference, ours = max(levels, key=lambda pair: abs(pair[1] - pair[0]))
-    return Finding(reference, ours, abs(ours - reference), len(levels))
+    return worst(levels)
 
 
 ORACLE = "all 128 image sources, vector reflection at each wall"
@@ -134,11 +122,11 @@ CASES = [
     for method, words in traced.METHODS.items()
     for case in (
         Case(f"room-1.2m-{method}", "rooms", f"{IN_WORDS}: 1.2M rays, {words}", ORACLE, "complex error", 0.08, "",
-             partial(_complex, method, 1_200_000)),
+             partial(_room, Compared.error, method, 1_200_000)),
         Case(f"room-2.9m-{method}", "rooms", f"{IN_WORDS}: 2.9M rays, {words}", ORACLE, "complex error", 0.03, "",
-             partial(_complex, method, 2_900_000), "full"),
+             partial(_room, Compared.error, method, 2_900_000), "full"),
         Case(f"room-profile-{method}", "rooms", f"{IN_WORDS}: range profile over 40 dB, 2.9M rays, {words}", ORACLE,
-             "rms difference (dB)", 0.5, "dB", partial(_profile, method, 2_900_000), "full"),
+             "rms difference (dB)", 0.5, "dB", partial(_room, Compared.profile_rms, method, 2_900_000), "full"),
         Case(f"lossless-box-{method}", "energy", f"closed metal office: power of each order of bounces, {words}", ORACLE,
              "power of the worst order (dB)", 0.1, "dB", partial(_lossless, method), "full"),
     )

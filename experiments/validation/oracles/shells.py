@@ -31,22 +31,14 @@ ON_EDGE = 1e-7
 
 @dataclass(frozen=True)
 class Image:
-    """A path from a sensor back to the sensor.
+    """A path from a sensor back to the sensor."""
 
-    Attributes:
-        length_m: length of the whole path.
-        departure, arrival: (3,) unit vectors from the sensor towards the first and the last hit, world frame.
-        bounces: number of reflections.
-        amplitude: received amplitude between isotropic antennas, without the phase exp(+j k L).
-        clear: whether the path's first Fresnel zone hits the same surfaces and no obstacle.
-    """
-
-    length_m: float
-    departure: np.ndarray
-    arrival: np.ndarray
-    bounces: int
-    amplitude: complex
-    clear: bool
+    length_m: float  # length of the whole path
+    departure: np.ndarray  # (3,) unit vector from the sensor towards the first hit, world frame
+    arrival: np.ndarray  # (3,) unit vector from the sensor towards the last hit, world frame
+    bounces: int  # number of reflections
+    amplitude: complex  # received amplitude between isotropic antennas, without the phase exp(+j k L)
+    clear: bool  # whether the path's first Fresnel zone hits the same surfaces and no obstacle
 
 
 class Room:

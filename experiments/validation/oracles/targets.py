@@ -107,12 +107,7 @@ TARGETS = (
         "physical-optics sinc^2 cos^2 (Balanis 2012, 11-44)",
         tuple(partial(_sidelobe, s) for s in (0.05, 0.1, 0.2)),
     ),
-    Target(
-        "dihedral",
-        "square dihedral 5, 10, 15 cm",
-        "8 pi a^2 b^2/lambda^2",
-        tuple(partial(_dihedral, s) for s in (0.05, 0.1, 0.15)),
-    ),
+    Target("dihedral", "square dihedral 5, 10, 15 cm", "8 pi a^2 b^2/lambda^2", tuple(partial(_dihedral, s) for s in (0.05, 0.1, 0.15))),
     Target(
         "trihedral",
         "triangular trihedral, leg 5, 10, 15 cm",
