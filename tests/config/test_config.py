@@ -9,11 +9,12 @@ from pathlib import Path
 import pytest
 
 from radartwin.builders.radar import build_radar
-from radartwin.config.compose import combinations, compose, groups, path_override, quoted
+from radartwin.config.compose import Composer, combinations, compose, groups, path_override, quoted
 from radartwin.errors import ConfigError, MissingError
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import load
 
+COMPOSER = Composer()  # reads the files of the default options once for all tests
 MISTAKES = {
     "unknown key": (["scene.nme=x"], ("scene.nme", "did you mean name", "target_size_m")),
     "key added with a plus": (["+scene.colour=red"], ("scene.colour", "target_size_m")),
@@ -44,8 +45,6 @@ MISTAKES = {
     "infinite ray density": (["simulator.rays_per_wavelength2=inf"], ("simulator.rays_per_wavelength2=inf", "finite")),
     "heading that is no number": (["trajectory.heading_deg=nan"], ("trajectory.heading_deg=nan", "finite")),
     "position that is no number": (["trajectory.position_m=[0,nan,1]"], ("trajectory.position_m=nan", "finite")),
-    "distance that is no number": (["trajectory.distance_m=nan"], ("trajectory.distance_m=nan", "finite")),
-    "infinite gap": (["measured.gap.clutter=inf"], ("measured.gap.clutter=inf", "finite")),
     "recordings without folder": (["measured=recordings"], ("measured=recordings", "measured.folder")),
     "folder without recordings": (["measured.folder=x"], ("measured.folder", "measured=recordings")),
     "recordings in a folder that is no set": (["measured=recordings", "measured.folder=/"], ("measured.folder=/", "no recording set")),
@@ -70,7 +69,7 @@ MISTAKES = {
 @pytest.mark.parametrize(("overrides", "words"), MISTAKES.values(), ids=MISTAKES)
 def test_mistake_is_one_line_that_names_it(overrides: list[str], words: tuple[str, ...]) -> None:
     with pytest.raises(ConfigError) as caught:
-        compose(overrides)
+        COMPOSER.compose(overrides)
     message = str(caught.value)
     assert "\n" not in message
     for word in words:
@@ -128,8 +127,8 @@ def test_command_line_overrides_an_experiment_file() -> None:
     assert compose(["experiment=environment", "scene=empty"]).scene.name == "empty"
 
 
-@pytest.mark.parametrize("name", ["conf", "a b, 'c' = {d}", "[x],y=z"])
-def test_user_folder_adds_options(name: str, tmp_path: Path) -> None:
+def test_user_folder_of_any_name_adds_options(tmp_path: Path) -> None:
+    name = "a b, 'c' = {d} [x],y=z"
     files = {
         "scene/plain.yaml": "name: lab\ntarget: sphere\n",
         "scene/mine.yaml": "defaults: [schema_lab]\ntarget: sphere\ndetail: shell\n",
@@ -139,13 +138,13 @@ def test_user_folder_adds_options(name: str, tmp_path: Path) -> None:
     for file, text in files.items():
         (tmp_path / name / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name / file).write_text(text)
-    folders = [tmp_path / name]
-    assert compose(["scene=plain"], folders).scene.target == "sphere"
-    assert compose(["scene=mine"], folders).scene.room_options() == {"detail": "shell"}
-    assert compose(["simulator=coarse"], folders).simulator.settings()["step_deg"] == 5.0
+    composer = Composer([tmp_path / name])
+    assert composer.compose(["scene=plain"]).scene.target == "sphere"
+    assert composer.compose(["scene=mine"]).scene.room_options() == {"detail": "shell"}
+    assert composer.compose(["simulator=coarse"]).simulator.settings()["step_deg"] == 5.0
     for overrides in (["simulator=bare"], ["simulator=bare", "simulator.step_deg=2"]):
         with pytest.raises(ConfigError, match="names no schema"):
-            compose(overrides, folders)
+            composer.compose(overrides)
 
 
 def test_absent_user_folder_is_refused(tmp_path: Path) -> None:
@@ -156,5 +155,5 @@ def test_absent_user_folder_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["a b, 'c' = {d}", "[x],y=z", "\\a\\\\b", "end\\", "${a}", "\\${a:b}\\'", "\\\\${a", "#?%20$"])
 def test_path_keeps_all_its_characters(name: str, tmp_path: Path) -> None:
     overrides = [path_override("output", tmp_path / name)]
-    assert compose(overrides).output == str(tmp_path / name)
-    assert compose(combinations(overrides)[0]).output == str(tmp_path / name), "in a job of a sweep"
+    assert COMPOSER.compose(overrides).output == str(tmp_path / name)
+    assert COMPOSER.compose(combinations(overrides)[0]).output == str(tmp_path / name), "in a job of a sweep"
