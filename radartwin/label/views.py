@@ -99,7 +99,7 @@ class Views:
             pixels = photo.pixels()
             height, width = pixels.shape[:2]
             full = Camera(photo.pose, photo.intrinsics, width, height)
-            small = full.part(-0.5, -0.5, width - 0.5, height - 0.5, 256, max(1, round(256 * height / width)))
+            small = _scaled(full, 256)
             seen = self._drawing.seen(small)
             labels = self._drawing.surfaces(seen)
             sharpness = _sharpness(pixels, small.height, small.width)

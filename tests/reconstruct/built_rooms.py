@@ -51,7 +51,7 @@ def inner_sides(size):
 
 def shell(window=None):
     *others, last = inner_sides(SIZE)
-    return [*(sheet(*side) for side in others), sheet(*last, window)]
+    return [*(sheet(*side) for side in others), sheet(*last, hole=window)]
 
 
 def scan(pieces, noise_m=0.0, seed=0):
@@ -72,7 +72,7 @@ def saved(mesh, tmp_path, name="room.ply"):
 def truth():
     """The room with its window as a pane."""
     *others, last = inner_sides(SIZE)
-    meshes = [*(rectangle(*side) for side in others), rectangle(*last, [WINDOW])]
+    meshes = [*(rectangle(*side) for side in others), rectangle(*last, openings=[WINDOW])]
     facts = {"source": "true", "minc": "painted"}
     surfaces = [Surface(mesh, "plasterboard", f"side_{k}", role="room", provenance=facts) for k, mesh in enumerate(meshes)]
     pane = rectangle(*last, inset=WINDOW)

@@ -96,6 +96,8 @@ def test_surfaces_are_named_by_geometry():
     assert len(named) == len(segments), "every name is different"
     for name, normal in (("floor", 1), ("ceiling", -1)):
         assert named[name].area_m2 == pytest.approx(30, rel=0.05)
-        assert named[name].normal[2] * normal > 0.99
+        plane = named[name].normal
+        assert plane is not None
+        assert plane[2] * normal > 0.99
     walls = [s.area_m2 for name, s in named.items() if name.startswith("wall_") and s.area_m2 > 10]
     assert sorted(round(a) for a in walls) == [14, 14, 17, 17]

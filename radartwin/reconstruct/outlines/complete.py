@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_fill_holes
 
 from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Sight
@@ -54,11 +55,11 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
         frame: mask of the cells that the plane may cover, such as the rectangle that a wall spans; None considers only enclosed holes.
         sight: tests the visibility of the gaps; with None, as for floors, no gap becomes a pane.
     """
-    holes = masks.filled(mask) & ~mask
+    holes = np.asarray(binary_fill_holes(mask)) & ~mask
     gaps = holes if frame is None else (holes | (frame & ~mask))
     if not gaps.any():
         return Completed(mask, [], 0.0, 0.0)
-    depth = grid.depth(points)
+    depth = points @ grid.normal - grid.offset_m  # height above the plane, positive on its visible side
 
     def between(low: float, high: float) -> np.ndarray:
         return masks.closed(grid.counts(points[(depth > low) & (depth < high)]) > 0, 0.05 / grid.cell_m)

@@ -44,10 +44,6 @@ class Grid:
         at = at[((at >= 0) & (at < np.array(self.shape))).all(axis=1)]
         return np.bincount(at[:, 0] * self.shape[1] + at[:, 1], minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
-    def depth(self, points: np.ndarray) -> np.ndarray:
-        """Return the height (N,) of points above the plane, positive on its visible side."""
-        return points @ self.normal - self.offset_m
-
     def area(self, mask: np.ndarray) -> float:
         """Return the area of a mask, m2."""
         return float(mask.sum()) * self.cell_m**2

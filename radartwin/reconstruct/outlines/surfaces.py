@@ -7,7 +7,7 @@ segment in front of the plane, such as a poster on a board, keeps its distance f
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,13 +53,12 @@ class Flat:
     seen: np.ndarray | None = None
 
 
-@dataclass(eq=False)
-class Flattened:
+class Flattened(NamedTuple):
     """The polygons of all planar segments, the segments with their final planes, and statistics."""
 
-    flats: list[Flat] = field(default_factory=list)
-    segments: list[Segment] = field(default_factory=list)
-    statistics: dict[str, Any] = field(default_factory=dict)
+    flats: list[Flat]
+    segments: list[Segment]
+    statistics: dict[str, Any]
 
 
 class _Room(NamedTuple):
@@ -84,7 +83,7 @@ def flattened(
     points = faces.centre[thinned(faces.centre)]
     touching = [(i, j) for i, j, length, _ in contacts(faces, segments) if length >= SEAM_M]
     room = _Room(faces, segments, bounds, touching, main_rad, points, Sight.of(points, cameras))
-    out = Flattened(segments=list(segments))
+    out = Flattened([], list(segments), {})
     distance: list[np.ndarray] = []
     filled = opened = 0.0
     for group in _groups(faces, segments, touching):
@@ -98,16 +97,12 @@ def flattened(
         for flat in flats:
             if lift := offsets.get(flat.segment, 0.0):
                 flat.mesh.apply_translation(lift * np.asarray(root.normal))
-        out.flats += flats
+        out.flats.extend(flats)
         filled, opened = filled + filled_m2, opened + open_m2
         step()
     moved = np.concatenate(distance) if distance else np.zeros(1)
-    out.statistics = {
-        "flattening_rms_m": float(np.sqrt(np.mean(moved**2))),
-        "flattening_max_m": float(np.abs(moved).max()),
-        "filled_m2": filled,
-        "open_m2": opened,
-    }
+    rms_m, max_m = float(np.sqrt(np.mean(moved**2))), float(np.abs(moved).max())
+    out.statistics.update({"flattening_rms_m": rms_m, "flattening_max_m": max_m, "filled_m2": filled, "open_m2": opened})
     return out
 
 

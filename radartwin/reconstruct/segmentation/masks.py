@@ -27,11 +27,6 @@ def dilated(mask: np.ndarray, cells: int, within: np.ndarray | None = None) -> n
     return np.asarray(ndimage.binary_dilation(mask, iterations=cells, mask=within))
 
 
-def filled(mask: np.ndarray) -> np.ndarray:
-    """Fill enclosed holes."""
-    return np.asarray(ndimage.binary_fill_holes(mask))
-
-
 def pieces(mask: np.ndarray) -> list[np.ndarray]:
     """Return the connected parts of the mask, one mask per part."""
     numbers: Any = ndimage.label(mask)
