@@ -38,7 +38,7 @@ from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression, nearest_centroid, standardised
 from radartwin.recognize.samples import Samples, join
-from radartwin.recognize.score import balanced_share, exact_interval, uniform_chance
+from radartwin.recognize.score import exact_interval, uniform_chance
 from radartwin.recognize.split import Split, as_domains, draw_shots, label_free, most_shots, shuffled
 from radartwin.recognize.training import fit
 from radartwin.runs.experiment import Result, Table
@@ -229,7 +229,9 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:
     """Train a linear domain classifier on half of the stored recordings; returns its balanced accuracy on the other half."""
+    from sklearn.metrics import balanced_accuracy_score
+
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))
     learned = np.isin(samples.source, order[: len(order) // 2])
     train, test = samples.take(learned), samples.take(~learned)
-    return balanced_share(test.label, logistic_regression().fit(train.values, train.label).predict(test.values))
+    return balanced_accuracy_score(test.label, logistic_regression().fit(train.values, train.label).predict(test.values))

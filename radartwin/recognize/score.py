@@ -28,11 +28,6 @@ def majority_share(samples: Samples) -> float:
     return float(counts.max() / counts.sum())
 
 
-def balanced_share(truth: NDArray, answer: NDArray) -> float:
-    """Return the balanced accuracy: the mean over classes of the share of correct predictions."""
-    return float(np.mean([(answer[truth == label] == label).mean() for label in np.unique(truth)]))
-
-
 def binomial_p(successes: int, n: int, chance: float) -> float:
     """Return the exact probability of at least this many successes in n independent trials with success probability `chance`.
 

@@ -110,7 +110,6 @@ def test_chance_and_majority_match_counts():
     assert score.majority_share(rows.relabelled({"k0": "x", "k1": "x", "k2": "x", "k3": "y"})) == pytest.approx(3 / 4)
     one_stratum_of_two = rows.take((rows.stratum == "s0") | np.isin(rows.label, ["k0", "k1"]))
     assert score.uniform_chance(one_stratum_of_two) == pytest.approx((12 / 4 + 6 / 2) / 18)
-    assert score.balanced_share(np.array(["a", "a", "a", "b"]), np.array(["a", "a", "b", "b"])) == pytest.approx((2 / 3 + 1) / 2)
 
 
 def test_exact_intervals_and_tests_match_scipy():
