@@ -59,9 +59,9 @@ def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Ro
     """Return the page docs/choosing.md as Markdown: the template with tables from the rows of the three tables."""
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     origin = (
-        "`python -m analysis.figures.choosing` writes this page from `speed_accuracy.csv`, `stability.csv` and `complexity.csv` in "
-        "`docs/results/`. Every value comes from these tables. Times are processor seconds of "
-        f"{measured[0]['machine'].replace('; ', ', ')}. Times change with the load of the machine, so compare ratios of times."
+        "`python -m analysis.figures.choosing` writes this page from the committed tables `speed_accuracy.csv`, `stability.csv` and "
+        "`complexity.csv` in `docs/results/`. Run times are processor seconds of "
+        f"{measured[0]['machine'].replace('; ', ', ')}. Compare only ratios of run times, because the load of the machine changes seconds."
     )
     settings = dict.fromkeys(row["setting"] for row in measured if row["family"] == OURS)
     parts = {
@@ -72,7 +72,6 @@ def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Ro
         "claims": _claims(complexity),
         "default": _default(speed),
         "safe": _safe(stability),
-        **{kind.removeprefix("a "): _failures(stability, kind) for kind in ("numerical", "a setting", "knowledge", "physical")},
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], TEMPLATE.read_text(encoding="utf-8"))
 
@@ -111,11 +110,8 @@ def _needed(complexity: Sequence[Row]) -> str:
 
 
 def _claims(complexity: Sequence[Row]) -> str:
-    return "\n".join(
-        f'- {row["metric"]}: {row["value"]:.2g} ({row["model"] or "all cases"}). The claim "{row["claim"]}" {row["verdict"]}.'
-        for row in complexity
-        if row["case"] == "all"
-    )
+    claims = [row for row in complexity if row["case"] == "all"]
+    return _lines((row["metric"], f"{row['value']:.2g}", row["model"] or "all cases", row["claim"], row["verdict"]) for row in claims)
 
 
 def _default(speed: Sequence[Row]) -> str:
@@ -147,23 +143,6 @@ def _safe(stability: Sequence[Row]) -> str:
 
 def _family(row: Row) -> str:
     return f"{row['family']} {row['setting']}" if row["family"] == RFGENESIS else row["family"]
-
-
-def _failures(stability: Sequence[Row], kind: str) -> str:
-    """Return the reasons for the failures of one kind, and whether other methods fail there too, as a list."""
-    lines = []
-    for own, others in _sweeps(stability):
-        if own["kind"] != kind:
-            continue
-        shared = ""
-        if not own["fails at"]:
-            shared = " This tracer does not fail in this range."
-        elif not others:
-            shared = " No other method is safe anywhere on this sweep."
-        elif all(row["value"] == own["value"] for row in others):
-            shared = " Every method with a safe region fails at the same value."
-        lines.append(f"- {own['title'][0].upper()}{own['title'][1:]}: {own['why']}.{shared}")
-    return "\n".join(lines)
 
 
 def _sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[Row]]]:
