@@ -6,7 +6,7 @@ The names load on first use, so that `import radartwin` is fast.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from radartwin.version import __version__ as __version__
+from radartwin.constants import __version__ as __version__
 
 if TYPE_CHECKING:
     from radartwin.materials import MATERIAL_THICKNESS, Layered

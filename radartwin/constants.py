@@ -1,4 +1,6 @@
-"""Physical constants (CODATA 2018, exact where the SI defines them)."""
+"""Version of the package, and physical constants (CODATA 2018, exact where the SI defines them)."""
+
+__version__ = "0.1.0"
 
 SPEED_OF_LIGHT = 299_792_458.0  # m/s
 BOLTZMANN = 1.380649e-23  # J/K

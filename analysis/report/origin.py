@@ -13,11 +13,11 @@ from typing import Any
 
 from analysis.report.content import Section
 from experiments.speed.machine import machine
+from radartwin.constants import __version__
 from radartwin.runs.checkout import commit
 from radartwin.runs.dashboard import HOST, USUAL_PORT
 from radartwin.runs.tracking import DATABASE
 from radartwin.store.products import KEY_LENGTH, META, RUN
-from radartwin.version import __version__
 
 _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 

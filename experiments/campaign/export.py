@@ -14,6 +14,7 @@ from experiments.campaign.recorded import TURN
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import RecordingsConfig
+from radartwin.constants import __version__
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.io.progress import Progress
@@ -21,7 +22,6 @@ from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.store.products import Store
-from radartwin.version import __version__
 
 
 def export(campaign: Campaign, folder: str | Path) -> RecordingSet:

@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from radartwin.constants import __version__
 from radartwin.errors import BackendError
 from radartwin.runs.checkout import commit
-from radartwin.version import __version__
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient

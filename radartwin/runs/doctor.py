@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from radartwin.constants import __version__
 from radartwin.errors import OutputError
 from radartwin.io import files
 from radartwin.runs.checkout import commit
 from radartwin.store.clean import CACHE, cache_bytes
-from radartwin.version import __version__
 
 LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
 DISK_NEEDED_GB = 5.0  # the quick profile writes less than 1 GB, the paper profile a few

@@ -23,10 +23,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radartwin.constants import __version__
 from radartwin.errors import OutputError, UserError
 from radartwin.io import files, untrusted_json
 from radartwin.store.digest import canonical, source_digest, spec_digest
-from radartwin.version import __version__
 
 if TYPE_CHECKING:
     import numpy as np
