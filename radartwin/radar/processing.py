@@ -111,7 +111,8 @@ def steering(radar: Radar, azimuth_rad: ArrayLike) -> Complex:
     row = radar.virtual_positions[azimuth_row(radar)]
     wavenumber = 2 * np.pi * radar.center_frequency_hz / SPEED_OF_LIGHT
     # The path to an antenna displaced towards the target is shorter by the displacement.
-    return 1 / len(row) * np.exp(1j * wavenumber * row @ direction)
+    phase: Complex = 1j * wavenumber * row @ direction
+    return 1 / len(row) * np.exp(phase)
 
 
 def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike) -> Real:

@@ -335,7 +335,7 @@ def test_frame_features_have_one_row_per_frame(name: str) -> None:
 
 def test_depth_features_of_an_approach_match_its_geometry() -> None:
     frames = 40
-    nominal = 1.5 - 0.2 * np.arange(frames) / RADAR.frame_rate_hz
+    nominal = 1.5 - 0.2 * np.arange(frames, dtype=np.float64) / RADAR.frame_rate_hz
     front = 0.03  # the front of the object is nearer than its axis
     made = process(echoes(frames, [(lambda t: 1e-3 / (1.5 - 0.2 * t - front) ** 2, lambda t: 1.5 - 0.2 * t - front), (3e-4, 4.0)]))
     names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")

@@ -48,10 +48,13 @@ def test_strength_scales_errors_and_keeps_lengths():
 
 
 def test_equal_seeds_give_equal_rigid_poses():
-    for make, poses, errors in ((rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())):
-        assert np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(3)))
-        assert not np.array_equal(make(poses, errors, rng(3)), make(poses, errors, rng(4)))
-        assert rigid(make(poses, errors.scaled(5), rng(3)))
+    for make in (
+        lambda s, seed: rover(SWEEP, RoverErrors().scaled(s), rng(seed)),
+        lambda s, seed: turntable(TURN, TurntableErrors().scaled(s), rng(seed)),
+    ):
+        assert np.array_equal(make(1, 3), make(1, 3))
+        assert not np.array_equal(make(1, 3), make(1, 4))
+        assert rigid(make(5, 3))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """The virtual phone: its views against closed forms, its errors against their stated values."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -224,7 +225,7 @@ def test_accuracy_of_a_mesh_ignores_the_position_of_the_whole():
     corner = Scene(Surface(mesh, "concrete", name) for mesh, name in zip(sides, ("floor", "front", "left"), strict=True))
     pose = look_along(np.array([[0.2, -0.8, 1.8]]), np.radians([45.0]), np.radians([-30.0]), np.zeros(1))
     frames, truth = scan(corner, strength=0.0, poses=pose, colour_every=0)
-    mesh = trimesh.util.concatenate([trimesh.Trimesh(s.vertices, s.faces) for s in sides])
+    mesh: Any = trimesh.util.concatenate([trimesh.Trimesh(s.vertices, s.faces) for s in sides])
     score = accuracy(mesh, corner, truth, frames)
     assert score.median_m < 0.001
     assert score.coverage > 0.95
