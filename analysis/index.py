@@ -1,8 +1,8 @@
-"""Record in the tables folder which run each table is from, which runs failed, and what each table depends on.
+"""Record in the folder `tables` which run each table is from, which runs failed, and what each table depends on.
 
-tables/index.json      by table: run key, profile and figures of the written files
-tables/failures.json   by table: the run that ended with an error; removed when a run of the table succeeds
-tables/stamps.json     by table: one SHA-256 of everything that the written files depend on and of the written files
+tables/index.json      for each table: the run key, the profile and the names of the table's figures
+tables/failures.json   for each table: the run that ended with an error; a later successful run of the table removes the entry
+tables/stamps.json     for each table: one SHA-256 hash of the table's files and of everything that the files depend on
 """
 
 from __future__ import annotations
@@ -34,12 +34,15 @@ _FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # matches the name of
 
 
 def lock(output: Path) -> AbstractContextManager[None]:
-    """Return the lock to hold while reading and writing index, failures or report. Another `radartwin tables` may use the folder too."""
+    """Return the lock to hold while reading or writing the index, the failures or the report.
+
+    The lock is necessary because another `radartwin tables` process may use the same folder.
+    """
     return files.lock(output / "tables" / LOCK)
 
 
 def read(output: Path, name: str) -> Entries:
-    """Read the entries of INDEX or FAILURES by table; empty if there is no file. Raises InputError if the file is damaged."""
+    """Read the JSON file INDEX or FAILURES as {table: entry}; empty if the file is absent. Raises InputError if the file is damaged."""
     path = output / "tables" / name
     if not path.is_file():
         return {}
@@ -55,7 +58,7 @@ def read(output: Path, name: str) -> Entries:
 
 
 def add_table(output: Path, table: str, run_key: str, profile: str, figures: list[str]) -> None:
-    """Add a table whose files are written to the index, and remove its entry from the failures."""
+    """Add a table to the index after its files are written, and remove the table's entry from the failures."""
     with lock(output):
         entries, failures, stamps = read(output, INDEX), read(output, FAILURES), _stamps(output)
         entries[table] = {"run_key": run_key, "profile": profile, "figures": figures}
@@ -67,19 +70,22 @@ def add_table(output: Path, table: str, run_key: str, profile: str, figures: lis
 
 
 def add_failure(output: Path, table: str, run_key: str, profile: str, error: Exception) -> None:
-    """Add a failed run to the failures, with type and message of its error as one line without secrets."""
+    """Add a failed run of a table to the failures. The entry holds type and message of the run's error as one line without secrets."""
     message = " ".join(secret.hidden(f"{type(error).__name__}: {error}").split())[:ERROR_LENGTH]
     with lock(output):
         _write(output, FAILURES, read(output, FAILURES) | {table: {"run_key": run_key, "profile": profile, "error": message}})
 
 
 def add_report(output: Path) -> None:
-    """Store the stamp of a report that is written. The caller holds the lock."""
+    """Store the hash (stamp) of a report that has just been written. The caller must hold the lock of the folder."""
     _write(output, STAMPS, _stamps(output) | {"report": _report_stamp(output)})
 
 
 def unchanged(output: Path, table: str, profile: str) -> bool:
-    """Return whether a table written in this profile is up to date: same code, configuration, machine, files and tracked run."""
+    """Return whether a table of this profile is up to date.
+
+    A table is up to date if code, configuration, machine, table files and MLflow run are the same as when the table was written.
+    """
     entry = read(output, INDEX).get(table)
     if entry is None or entry["profile"] != profile or table in read(output, FAILURES) or entry["run_key"] not in mlflow_pages(output)[0]:
         return False
@@ -87,17 +93,19 @@ def unchanged(output: Path, table: str, profile: str) -> bool:
 
 
 def report_unchanged(output: Path) -> bool:
-    """Return whether the report is up to date: same code, machine, tables, tracked runs and report files."""
+    """Return whether the report is up to date: code, machine, tables, MLflow runs and report files are as when the report was written."""
     return _stamps(output).get("report", "") == _report_stamp(output)
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """Read the stamps by table; empty if the file is absent or damaged, because then the tables are simply made again."""
+    """Read the hash (stamp) of each table. The result is empty if the file is absent or damaged, because then all tables are written
+    again.
+    """
     return read_json(output / "tables" / STAMPS)
 
 
 def _stamp(output: Path, table: str, entry: dict[str, Any]) -> str:
-    """Return the SHA-256 of code, configuration, machine, the table's index entry and its files; "" if a file is missing."""
+    """Return one SHA-256 of the code, configuration, machine, the table's index entry and the table's files; "" if a file is missing."""
     paths = [output / "tables" / f"{table}.{suffix}" for suffix in FORMATS]
     paths += [output / "figures" / f"{figure}{suffix}" for figure in entry["figures"] for suffix in SUFFIXES]
     paths += (output / "figures").glob(f"{table}_page.html")
@@ -110,14 +118,14 @@ def _report_stamp(output: Path) -> str:
 
 
 def _digest(content: Any, paths: Iterable[Path]) -> str:
-    """Return the SHA-256 of code, configuration, machine, `content`, and the names and content of files."""
+    """Return one SHA-256 of the code, the configuration, the machine, `content`, and the names and contents of the files `paths`."""
     found = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths]
     return hashlib.sha256(json.dumps([sources(), machine(), content, found], sort_keys=True).encode()).hexdigest()
 
 
 @functools.cache
 def sources() -> str:
-    """Return the SHA-256 of the code and configuration that make tables and report."""
+    """Return the SHA-256 of the source code and configuration files that decide the content of tables and report."""
     study = Path(__file__).resolve().parents[1]
     total = hashlib.sha256()
     for folder in (conf_dir(), Path(radartwin.__file__).parent, study / "experiments", study / "analysis"):

@@ -1,4 +1,4 @@
-"""`radartwin tables` and `radartwin report`: run missing experiments, then write tables, figures and the report."""
+"""The commands `radartwin tables` and `radartwin report`: run missing experiments, then write their tables, figures and the report."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ STUDY_PACKAGES = ("miepython", "plotly")  # the extra `study` of pyproject.toml
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
     """Compute or read the result of each table, write the table in every format with its figures, then write the report.
 
-    A table is skipped if nothing that it depends on has changed since it was written. If a run ends with an error, the other tables are
-    still made, the report names the failed table, and the exit status is 1. A user error stops the command, because it would affect every
-    table. Returns the exit status.
+    A table is skipped if nothing that the table depends on has changed since it was written. If the experiment of a table ends with an
+    error, the remaining tables are still written, the report names the failed table, and the exit status is 1. A user error (such as a
+    wrong setting) stops the command, because the same error would affect every table. Returns the exit status of the command.
     """
     registry.check(only or [])
     if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:
@@ -45,7 +45,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 
 
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
-    """Run these experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused products."""
+    """Run the named experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused results."""
     made: list[str] = []
     progress, counts = Progress(), Counts()
     if not names:
@@ -77,13 +77,13 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
 
 
 def report_verb(output: Path) -> int:
-    """Write the report again from the tables in the output folder. Returns the exit status."""
+    """Write the report again from the tables in the output folder, without running experiments. Returns the exit status."""
     print(write_report(output))
     return 0
 
 
 def write(table: Table, result: Result, profile: str, output: Path) -> None:
-    """Write one table with its figures, and add it to the index."""
+    """Write one table and its figures to the output folder, and add the table to the index."""
     writers.write(table, result.rows, output / "tables")
     for name, figure in result.figures.items():
         style.save(figure, output / "figures" / name)
@@ -95,11 +95,12 @@ def write(table: Table, result: Result, profile: str, output: Path) -> None:
 def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
     """Write the report of all tables in the output folder, and return its path.
 
-    If a table is missing, its run failed or its run key has changed, the report shows the command that makes the table, without figures.
+    If a table is missing, failed or out of date (its run key has changed), the report shows the command that makes the table instead of its
+    figures.
 
     Args:
-        fresh: tables that this command has just written.
-        current: function of (name, profile, output) that returns the current run key of a table.
+        fresh: names of the tables that the calling command has just written; these tables are up to date.
+        current: function of (table name, profile, output folder) that returns the current run key of a table.
     Raises:
         MissingError: the folder has no table.
     """

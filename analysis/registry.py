@@ -1,4 +1,6 @@
-"""List the tables of the study in the order of the report. The experiment module of a table declares title, caption and chart (`TABLE`)."""
+"""List the tables of the study in the order of the report. The constant `TABLE` in an experiment's module declares title, caption and
+chart.
+"""
 
 from __future__ import annotations
 
@@ -28,18 +30,18 @@ TESTBED_NOTE = (
 
 
 def of_profile(profile: str) -> list[str]:
-    """Return the tables that `radartwin tables` makes in a profile without --only."""
+    """Return the names of the tables that `radartwin tables` writes in a profile if the option --only is not given."""
     return [name for name in NAMES if profile not in ON_REQUEST.get(name, ())]
 
 
 @functools.cache
 def table(name: str) -> Table:
-    """Return the declaration of a table from its experiment module."""
+    """Return the declaration (title, caption, chart) of a table, read from the table's experiment module."""
     return declared(compose([f"experiment={name}"]).experiment)
 
 
 def check(names: list[str]) -> None:
-    """Raise ConfigError for a name that is not a table."""
+    """Raise ConfigError if one of the names is not the name of a table."""
     for name in names:
         if name not in NAMES:
             raise ConfigError(f"--only {name}: there is no such table; tables: {', '.join(NAMES)}")

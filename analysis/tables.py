@@ -1,7 +1,7 @@
 """Write a table in four formats: CSV for programs, Markdown for the repository, LaTeX booktabs for the paper, HTML for the report.
 
-The columns that name the case come first, then the run keys, then the score columns in their fixed order. The CSV has full precision and
-every run key. The other formats round to three significant digits and have no run keys.
+The columns that describe the case (object, room, motion and so on) come first, then the run keys, then the score columns in a fixed order.
+The CSV has full precision and every run key. The Markdown, LaTeX and HTML files round to three significant digits and have no run keys.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasci
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
-    """Write NAME.csv, .md, .tex and .html, each atomically, and return their paths.
+    """Write the table files NAME.csv, .md, .tex and .html, each atomically, and return their paths.
 
     Raises:
         InputError: a row lacks a score column, has an unknown verdict, or has a value outside its confidence interval.
@@ -42,13 +42,13 @@ def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
 
 
 def columns(rows: Sequence[Row]) -> list[str]:
-    """Return the columns in order: case columns in order of appearance, run_keys, score columns."""
+    """Return the column names in order: columns that describe the case (in order of first appearance), run_keys, score columns."""
     cases = dict.fromkeys(c for row in rows for c in row if c not in SCORE_COLUMNS and c != "run_keys")
     return [*cases, "run_keys", *SCORE_COLUMNS]
 
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
-    """Return the declared caption, with a note if the table is scored against the testbed."""
+    """Return the declared caption of a table, with a note if the table's scores compare with the testbed (virtual measurements)."""
     return f"{table.caption} {TESTBED_NOTE}" if any("testbed" in str(row["domain"]) for row in rows) else table.caption
 
 
@@ -68,7 +68,7 @@ def to_markdown(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
-    """Format a table for pdflatex with booktabs and graphicx. A wide table spans both columns of the page and is shrunk to fit."""
+    """Format a table as LaTeX for pdflatex with booktabs and graphicx. A wide table is shrunk to the width of both page columns."""
     shown, cells = _cells(rows)
     align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
@@ -91,7 +91,7 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_html(table: Table, rows: Sequence[Row]) -> str:
-    """Format a table as an HTML table element, in ASCII so that a page of any encoding can include it."""
+    """Format a table as an HTML table element. The text is ASCII, so that a page of any encoding can include the element."""
     shown, cells = _cells(rows)
     kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
     head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(shown, kinds, strict=True))
@@ -112,7 +112,7 @@ def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def text_of(value: Any) -> str:
-    """Format a cell for readers: three significant digits, or a dash for a value that could not be computed."""
+    """Format the value of a cell as text: three significant digits for a number, or a dash for a value that could not be computed."""
     if value is None:
         return "–"
     if isinstance(value, float):
@@ -121,7 +121,7 @@ def text_of(value: Any) -> str:
 
 
 def heading(column: str) -> str:
-    """Return the heading of a column: distance_m becomes distance (m)."""
+    """Return the heading of a table column with its unit in parentheses; for example, distance_m becomes "distance (m)"."""
     name, _, unit = column.rpartition("_")
     return f"{name} ({_UNITS[unit]})".replace("_", " ") if name and unit in _UNITS else column.replace("_", " ")
 

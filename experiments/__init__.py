@@ -1,1 +1,1 @@
-"""The tables of the study. Each module has a function `run(config, store, progress) -> Result` (radartwin/runs/experiment.py)."""
+"""The experiments of the study. Each experiment module has `run(config, store, progress) -> Result` (radartwin/runs/experiment.py)."""

@@ -1,4 +1,4 @@
-"""Table rows that compare a claim of the paper with our result, and the condition under which a claim holds."""
+"""Build table rows that compare a claim of the paper with our result, and decide whether the claim holds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHOWN_KEYS = 12  # store keys that a table cell shows; the run's result holds al
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper about one table row, with the condition that our result must meet for the claim to hold."""
+    """A claim of the paper about one table row, with the condition that our result must meet so that the claim holds."""
 
     text: str = ""  # the claim in words
     paper: str = ""  # the value in the paper
@@ -30,7 +30,7 @@ class Claim:
     least: int = 2  # smallest number of items for a verdict; the default is 2, because a single item has no interval
 
     def verdict(self, low: float, high: float, n: int, p: float = math.nan) -> str:
-        """Return whether the claim "holds", "fails" or is "untestable" for an interval (low, high) over n items."""
+        """Return whether the claim "holds", "fails" or is "untestable" for a confidence interval (low, high) over n items."""
         if not self.text or n < self.least or math.isnan(low) or math.isnan(high):
             return "untestable"
         true = (self.above == -math.inf or self.above < low) and (self.below == math.inf or high < self.below)
@@ -43,10 +43,10 @@ NONE = Claim()
 
 
 def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
-    """Build one table row from the columns `case`, an estimate, the store keys of its recordings, and the claim.
+    """Build one table row from the columns `case`, an estimate, the store keys of the recordings used, and the claim.
 
-    Column n counts recordings if there are any; the verdict uses the number of items. A value or bound that is not finite becomes None.
-    If the value is None, the verdict is "untestable".
+    Column n shows the number of recordings if the row has store keys, else the number of items; the verdict always uses the number of
+    items. A value or bound that is not finite becomes None. A row whose value is None has the verdict "untestable".
     """
     keys = set(keys)
     value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
@@ -59,7 +59,7 @@ def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, k
 
 
 def told(keys: Iterable[str]) -> str:
-    """Write store keys as one cell: the shortened keys, or their number and digest if there are more than SHOWN_KEYS."""
+    """Format store keys as one table cell: the shortened keys, or for more than SHOWN_KEYS keys their number and hash."""
     unique = sorted(set(keys))
     if len(unique) <= SHOWN_KEYS:
         return " ".join(key[:8] for key in unique)
@@ -67,16 +67,16 @@ def told(keys: Iterable[str]) -> str:
 
 
 class RowList(list[dict[str, Any]]):
-    """List of the rows of one table, with functions that append a row."""
+    """The list of the rows of one table, with methods that append a row."""
 
     def __init__(self, config: Config):
         super().__init__()
         self.config = config
 
     def add(self, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> None:
-        """Append one row; the arguments are those of `row`."""
+        """Append one row to the table; the arguments are those of the function `row`."""
         self.append(row(self.config, case, metric, found, keys, claim))
 
     def add_mean(self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE) -> None:
-        """Append one row with the mean of the samples and its bootstrap interval."""
+        """Append one row with the mean of the samples and its confidence interval from a bootstrap over the samples."""
         self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed), keys, claim)

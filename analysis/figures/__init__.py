@@ -1,1 +1,1 @@
-"""Figures of the documents."""
+"""Scripts that draw the figures of the documents in docs/."""

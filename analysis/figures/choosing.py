@@ -1,4 +1,6 @@
-"""Write docs/choosing.md and its pictures from the committed results only.
+"""Write the page docs/choosing.md and its pictures from the committed tables in docs/results only.
+
+These commands renew the tables and the page:
 
 radartwin tables --profile paper --only speed_accuracy --only stability --only complexity
 cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && python -m analysis.figures.choosing
@@ -39,7 +41,7 @@ Row = Mapping[str, Any]
 
 
 def read(name: str, folder: Path = RESULTS) -> list[dict[str, Any]]:
-    """Read the rows of a committed table. Numbers become floats and empty cells None, except in text columns."""
+    """Read the rows of a committed CSV table. Numbers become floats and empty cells become None; text columns keep their text."""
     with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
         return [{key: _value(key, text) for key, text in row.items()} for row in csv.DictReader(stream)]
 
@@ -56,7 +58,7 @@ def _value(key: str, text: str) -> Any:
 
 
 def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Row]) -> str:
-    """Return the page docs/choosing.md as Markdown: the template with tables from the rows of the three tables."""
+    """Return the page docs/choosing.md as Markdown: the template, filled from the rows of the three tables named in the arguments."""
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     origin = (
         "`python -m analysis.figures.choosing` writes this page from the committed tables `speed_accuracy.csv`, `stability.csv` and "
@@ -95,7 +97,7 @@ def _goals(measured: Sequence[Row]) -> str:
 
 
 def options(setting: str) -> str:
-    """Return the command-line options that select a setting of this tracer."""
+    """Return the command-line options that select one setting of the ray tracer RadarTwin, given the name of the setting."""
     return next(re.sub(pattern, option, setting) for pattern, option in OPTIONS.items() if re.fullmatch(pattern, setting))
 
 
@@ -146,7 +148,10 @@ def _family(row: Row) -> str:
 
 
 def _sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[Row]]]:
-    """Return for each sweep the row of this tracer, and the rows of the other methods that have a safe region."""
+    """Group the rows of the table stability by parameter sweep.
+
+    Returns for each sweep the row of RadarTwin's ray tracer, and the rows of the other methods that have a safe parameter region.
+    """
     return [
         (own, [row for row in stability if row["sweep"] == own["sweep"] and row is not own and row["value"]])
         for own in stability

@@ -1,4 +1,4 @@
-"""Draw the meshes of the twelve objects in a grid: `python -m analysis.figures.objects [FILE]`."""
+"""Draw the meshes of the twelve test objects in a grid. Command: `python -m analysis.figures.objects [FILE]`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VIEW_DEG = (14.0, -35.0)  # elevation, azimuth
 
 
 def patches(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Divide a textured mesh into small triangles (F, 3, 3). Returns them with their colours (F, 3) under one lamp."""
+    """Divide a textured mesh into F small triangles. Returns their vertices (F, 3, 3), and their RGB colours (F, 3) as lit by one lamp."""
     visual: Any = mesh.visual
     image = np.asarray(visual.material.baseColorTexture.convert("RGB")) / 255.0
     both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided together; the factor keeps uv from affecting edge lengths
@@ -52,7 +52,7 @@ def draw(axes, entry: Entry) -> None:
 
 
 def objects_figure(path: Path) -> Path:
-    """Write a picture of all objects in the catalogue's order, at the same scale."""
+    """Write a picture of all objects to the file `path`. The objects are in the catalogue's order and at the same scale."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,13 +1,13 @@
-"""Write the report, OUTPUT/report/index.html, in one folder that a browser opens without network.
+"""Write the report, OUTPUT/report/index.html. A browser opens the report from one folder without a network.
 
-content   rows, claims and figures of each table, or the reason why the table is absent
-origin    versions, machine, seeds, run times and MLflow runs behind the report
-gallery   pages that compare a measured picture with a simulated one
-rooms     pages of the rooms in three dimensions
-claims    the summary of all claims
-markup    the page as text; it escapes everything that enters the page
-folder    the files of the page, written so that a reader never sees an incomplete report
-page/     template, style and scripts
+content   reads rows, claims and figures of each table, or the reason why a table is absent
+origin    reads the versions, machine, seeds, run times and MLflow runs behind the report
+gallery   writes pages that compare a measured picture with a simulated picture
+rooms     writes pages that show the rooms in three dimensions
+claims    writes the summary of all claims
+markup    writes the report page as HTML, and escapes all text that enters the page
+folder    writes the files so that a browser never loads an incomplete report
+page/     holds the HTML template, the style sheet and the scripts
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ __all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
 
 
 def path(output: Path) -> Path:
-    """Return the path of the report's first page."""
+    """Return the path of the report's first page, index.html, in the output folder."""
     return output / "report" / folder.INDEX
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
     """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
-    The report folder can be moved elsewhere. The same content gives the same bytes. Files of an earlier report are removed.
+    The report folder can be moved elsewhere. The same content gives the same bytes. The function removes the files of an earlier report.
 
     Raises:
         MissingError: a file of a table is missing or damaged.

@@ -1,4 +1,4 @@
-"""Write the summary: verdicts by table, and every claim with its verdict and a link to its table row."""
+"""Write the report's summary: the number of verdicts of each table, and every claim with its verdict and a link to its table row."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MEANING = {"holds": "hold", "fails": "fail", "untestable": "cannot be tested he
 
 
 def summary(sections: Sequence[Section]) -> str:
-    """Return the HTML of the summary: numbers of verdicts, absent tables, and the list of claims."""
+    """Return the HTML of the report's summary: the number of claims with each verdict, the absent tables, and the list of claims."""
     present = [section for section in sections if not section.absent]
     found = [claim for section in present for claim in section.claims]
     count = Counter(claim.verdict for claim in found)

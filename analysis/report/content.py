@@ -1,4 +1,4 @@
-"""Collect the content of the report by table: the table's rows, claims and files, or the reason why the table is absent."""
+"""Collect the content of the report for each table: the table's rows, claims and files, or the reason why the table is absent."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ _NO_CASE = {"claim", "p", "items", "seed", "run_keys", "title", "note", "machine
 
 @dataclass(frozen=True)
 class Claim:
-    """A table row with a claim. `row` counts from 1. `case` holds the cells that distinguish this claim from others of the table."""
+    """One claim of a table row. `row` is the row's number from 1. `case` holds the cells that distinguish this claim from the table's
+    others.
+    """
 
     table: Table
     row: int
@@ -42,7 +44,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Section:
-    """One table of the report, or the reason why it is absent."""
+    """The content of one table in the report, or the reason why the table is absent."""
 
     table: Table
     output: Path  # root folder of all output
@@ -54,15 +56,15 @@ class Section:
 
     @property
     def command(self) -> str:
-        """Return the command that makes the table."""
+        """Return the `radartwin tables` command that makes the table of this section."""
         return f"radartwin tables --profile {self.profile} --only {self.table.name}"
 
     def file(self, suffix: str) -> Path:
-        """Return the path of the table's file with this suffix. Raises MissingError if the file does not exist."""
+        """Return the path of the table's file with this suffix, such as ".csv". Raises MissingError if the file does not exist."""
         return self._there(self.output / "tables" / f"{self.table.name}.{suffix}")
 
     def figure(self, name: str, suffix: str = ".png") -> Path:
-        """Return the path of a figure's file. Raises MissingError if the file does not exist."""
+        """Return the path of the file of one figure. Raises MissingError if the file does not exist."""
         return self._there(self.output / "figures" / f"{name}{suffix}")
 
     def pixels(self, name: str) -> tuple[int, int]:
@@ -77,7 +79,7 @@ class Section:
             raise self._damaged(path) from error
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Yield every file that the page links to, with the part of the report that contains the file."""
+        """Yield (part, path) for every file that the report page links to; `part` is the subfolder that the file is copied into."""
         if not self.absent:
             yield from (("tables", self.file(suffix)) for suffix in LINKED)
             yield from (("figures", self.figure(name, suffix)) for name in self.figures for suffix in SUFFIXES)
@@ -86,7 +88,7 @@ class Section:
 
     @cached_property
     def text(self) -> str:
-        """Return the table as HTML."""
+        """Return the table of this section as HTML text."""
         path = self.file("html")
         try:
             return path.read_text(encoding="utf-8")
@@ -95,7 +97,9 @@ class Section:
 
     @cached_property
     def rows(self) -> list[dict[str, str]]:
-        """Read the rows of the CSV; an empty list for an absent table. Raises MissingError if the CSV is missing or damaged."""
+        """Read the table rows from the CSV file; an absent table gives an empty list. Raises MissingError if the CSV is missing or
+        damaged.
+        """
         if self.absent:
             return []
         path = self.file("csv")
@@ -110,7 +114,7 @@ class Section:
 
     @cached_property
     def claims(self) -> list[Claim]:
-        """Return the rows that have a claim or a verdict other than untestable."""
+        """Return a Claim for each table row that states a claim or has a verdict other than "untestable"."""
         claimed = [(n, row) for n, row in enumerate(self.rows, 1) if row.get("claim") or row["verdict"] != "untestable"]
         columns = [c for c in (self.rows[0] if self.rows else ()) if c not in _NO_CASE]
         telling = [c for c in columns if len({row[c] for _, row in claimed}) > 1][:CASES]
@@ -133,7 +137,7 @@ class Section:
 
 
 def figure(cell: str) -> str:
-    """Format a CSV cell as the tables show it."""
+    """Format the text of a CSV cell in the same way as the written tables, for instance with three significant digits."""
     try:
         return text_of(float(cell)) if cell else text_of(None)
     except ValueError:
@@ -141,6 +145,6 @@ def figure(cell: str) -> str:
 
 
 def _case(column: str, cell: str) -> str:
-    """Format a case cell: a word stays as it is, a number gets the name of its column, such as strength 0.5."""
+    """Format a cell that describes a claim's case: a word stays as it is, a number follows its column's name ("strength 0.5")."""
     told = figure(cell)
     return cell if told == cell and not cell[:1].isdigit() else f"{heading(column)} {told}"

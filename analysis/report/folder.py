@@ -1,9 +1,11 @@
-"""Publish the report's files: collect them in a temporary folder, name this folder by its content, and replace index.html last.
+"""Publish the report's files so that index.html never links to missing files.
+
+The files are collected in a temporary folder, this folder is named by a hash of its content, and index.html is replaced last.
 
     report/index.html           links to one folder of parts
     report/parts-DIGEST/        figures, tables, gallery, rooms
 
-A reader who opens index.html at any moment finds either the old report or the new one, never a mixture.
+A user who opens index.html at any moment finds either the complete old report or the complete new report.
 """
 
 from __future__ import annotations
@@ -23,26 +25,30 @@ _PARTS = re.compile(r"parts-[0-9a-f]{12}")
 
 
 class Stage:
-    """A folder of parts under construction."""
+    """The temporary folder in which the report's files are collected before they are published."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self._folder = root / STAGE
 
     def take(self, source: Path, part: str) -> str:
-        """Copy a file into a part (figures, tables, gallery or rooms) and return its link relative to the parts folder."""
+        """Copy a file into a part (figures, tables, gallery or rooms). Returns the file's link relative to the parts folder."""
         link = f"{part}/{source.name}"
         shutil.copyfile(source, self.path(link))
         return link
 
     def path(self, link: str) -> Path:
-        """Return the path of a file in the parts folder, given its link."""
+        """Return the path of a file in the temporary parts folder, given the file's link."""
         path = self._folder / link
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
     def publish(self, page: Callable[[str], str]) -> Path:
-        """Name the parts by their content, write the page that `page` returns for that name, and remove files of earlier reports."""
+        """Publish the report and return the path of index.html.
+
+        The method names the parts folder by a hash of its content, writes the page that `page` returns for that name, and removes the files
+        of earlier reports.
+        """
         digest = _digest(self._folder)
         parts = self.root / f"parts-{digest[:12]}"
         text = page(parts.name)
@@ -61,7 +67,7 @@ class Stage:
 
 @contextlib.contextmanager
 def staged(root: Path) -> Iterator[Stage]:
-    """Yield an empty stage and hold the folder's lock. Raises OutputError if the folder cannot be created or written."""
+    """Yield an empty Stage while holding the lock of the report folder. Raises OutputError if the folder cannot be created or written."""
     files.make_folder(root)
     with files.lock(root / LOCK):
         shutil.rmtree(root / STAGE, ignore_errors=True)  # left by a killed process
@@ -73,7 +79,7 @@ def staged(root: Path) -> Iterator[Stage]:
 
 
 def _digest(folder: Path) -> str:
-    """Return the SHA-256 of the folder's file names and contents."""
+    """Return one SHA-256 of the names and contents of all files in the folder."""
     total = hashlib.sha256()
     for path in sorted(one for one in folder.rglob("*") if one.is_file()):
         total.update(f"{path.relative_to(folder).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())

@@ -1,5 +1,7 @@
-"""Compare measured and simulated pictures: write one page per gallery figure. One slider moves the divider between the two pictures,
-another selects the range of a cut. The values come from the figure's own page (radartwin/plotting/pages.py).
+"""Write one page for each gallery figure that compares a measured picture with a simulated picture.
+
+The page has two sliders. The first slider moves the divider between the two pictures. The second slider selects the range at which the page
+plots a cut through both pictures. The page reads the values from the HTML page of the figure (radartwin/plotting/pages.py).
 """
 
 from __future__ import annotations
@@ -24,16 +26,16 @@ _DATA = re.compile(r"^const data = (\{.*\});$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Compared:
-    """A figure with a comparison page: the figure's name, and the link to the page relative to the parts folder."""
+    """A gallery figure that has a comparison page: the figure's name, and the page's link relative to the parts folder."""
 
     figure: str
     page: str
 
 
 def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
-    """Write a page for each gallery figure that has two pictures of the same extent, one above the other.
+    """Write a comparison page for each gallery figure that shows two pictures of equal axis ranges, one picture above the other.
 
-    Raises MissingError if the page of a figure is missing or damaged.
+    Raises MissingError if the HTML page of a figure is missing or damaged.
     """
     compared = []
     for section in sections:
@@ -46,7 +48,7 @@ def write(sections: Sequence[Section], staged: Stage) -> list[Compared]:
 
 
 def drawn(path: Path, command: str) -> dict[str, Any]:
-    """Read the data from a figure's page."""
+    """Read the plotted data from the HTML page of a figure. `command` is the command that draws the figure again."""
     found = _DATA.search(path.read_text(encoding="utf-8", errors="replace"))
     try:
         data = json.loads(found[1]) if found else None
@@ -58,7 +60,10 @@ def drawn(path: Path, command: str) -> dict[str, Any]:
 
 
 def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return title, label, extent, values and marks of each picture panel of the upper row and the panel below, of equal extent."""
+    """Return the picture panels of the upper row that have a panel of equal axis ranges below.
+
+    Each entry holds the panel's title, label, axis ranges and marks, and the values of both panels.
+    """
     pictured = [axes for axes in data["axes"] if len(axes["pictures"]) == 1]
     half, found = len(pictured) // 2, []
     for upper, lower in zip(pictured[:half], pictured[half:], strict=False):
@@ -69,7 +74,7 @@ def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def page(name: str, panels: Sequence[dict[str, Any]]) -> str:
-    """Return the comparison page of one figure. Its values are in decibels."""
+    """Return the HTML of the comparison page of one figure. The values in the page are in decibels."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

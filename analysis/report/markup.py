@@ -1,4 +1,4 @@
-"""Write the report's page as HTML. This module escapes all text from tables, runs and scenes."""
+"""Write the report page as HTML. This module escapes all text that comes from tables, runs and scenes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # of tables.to_h
 
 
 def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Sequence[Shown], origin: Origin, parts: str) -> str:
-    """Return the whole page. `parts` is the folder that its links point to."""
+    """Return the HTML of the whole report page. `parts` is the name of the folder that the links of the page point to."""
     by_name = {section.table.name: section for section in sections}
     first = [by_name[name] for name in FIRST if name in by_name]
     rest = [section for section in sections if section not in first]
@@ -73,7 +73,7 @@ def _section(section: Section, compared: Sequence[Compared], parts: str, level: 
 
 
 def absent(section: Section) -> str:
-    """Return the text that replaces an absent table, with the command that makes the table."""
+    """Return the HTML that replaces an absent table: the reason, and the command that makes the table."""
     error = f" <code>{escape(section.error)}</code>" if section.error else ""
     return (
         f'<p class="absent"><strong>{section.absent}</strong>: {ABSENT[section.absent]}{error} '
@@ -82,7 +82,7 @@ def absent(section: Section) -> str:
 
 
 def verdicts(section: Section) -> str:
-    """Return the number of claims of a table by verdict, as HTML."""
+    """Return HTML with the number of claims of a table for each verdict."""
     count = section.verdicts
     if not count:
         return f'<p class="verdicts">{plural(len(section.rows), "row")}, none of them a claim.</p>\n'
@@ -109,12 +109,12 @@ def _figure(section: Section, name: str, comparison: str, parts: str) -> str:
 
 
 def spoken_name(section: Section, figure: str) -> str:
-    """Return the name of a figure for readers: validation_room_profile becomes room profile."""
+    """Return the name of a figure as shown on the page; for example, the file validation_room_profile becomes "room profile"."""
     return figure.removeprefix(f"{section.table.name}_").replace("_", " ")
 
 
 def _link(parts: str, part: str) -> str:
-    """Return the link from index.html to a file of the parts folder, escaped for an attribute."""
+    """Return the link from index.html to a file in the parts folder, escaped for use in an HTML attribute."""
     return escape(quote(f"{parts}/{part}"))
 
 

@@ -1,4 +1,7 @@
-"""Collect the origin of a report: code, machine, and the key, seed, run time and MLflow page of each run. This module only reads files."""
+"""Collect the origin of a report: the code version, the machine, and the key, seed, run time and MLflow page of each run.
+
+This module only reads files; it runs no experiment.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ _KEY = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the report. A value is None if the cache no longer holds it."""
+    """One run of an experiment behind the report. An attribute is None if the cache no longer holds its value."""
 
     section: Section
     seed: int | None = None
@@ -37,7 +40,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Origin:
-    """Origin of the whole report."""
+    """The origin of the whole report: code, machine, and all runs."""
 
     written_by: list[tuple[str, str]]  # name and value of each line about code and machine
     runs: list[Run]
@@ -45,17 +48,20 @@ class Origin:
 
     @property
     def core_seconds(self) -> float:
-        """Return the sum of processor time over all runs."""
+        """Return the sum of the processor time over all runs, in core-seconds."""
         return sum(run.core_seconds or 0.0 for run in self.runs)
 
     @property
     def made(self) -> dict[str, float]:
-        """Return the core-seconds of the products of all runs, by key; a product that several runs use appears once."""
+        """Return the core-seconds of the stored results (recordings, scans) of all runs, by store key.
+
+        A stored result that several runs use appears once.
+        """
         return {key: seconds for run in self.runs for key, seconds in run.made.items()}
 
 
 def of(sections: Sequence[Section], output: Path) -> Origin:
-    """Read the origin of a report of these sections from the files of the output folder."""
+    """Read the origin of a report from the files of the output folder. `sections` are the tables of the report."""
     present = [section for section in sections if not section.absent]
     pages, why = mlflow_pages(output)
     runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in present]
@@ -84,7 +90,7 @@ def _run(section: Section, cache: Path, page: str) -> Run:
 
 
 def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
-    """Return the core-seconds of the products with these keys, as far as the cache holds the products."""
+    """Return {store key: core-seconds} of the stored results with these keys; results that the cache no longer holds are left out."""
     kinds = sorted(one for one in cache.iterdir() if one.is_dir()) if cache.is_dir() else []
     found = {}
     for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
@@ -96,7 +102,7 @@ def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
 
 
 def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
-    """Return the MLflow pages of the finished runs by run key, and the reason if there are none."""
+    """Return the addresses of the MLflow pages of the finished runs by run key, and a reason as text if there are no such pages."""
     database = output / DATABASE
     if not database.is_file():
         return {}, f"There is no {database.name} in the output folder, so no run is linked to MLflow."
@@ -114,7 +120,9 @@ def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the JSON object in a file; empty if the file is absent or damaged, for instance in a cleared cache."""
+    """Read the JSON object in a file; returns an empty object if the file is absent or damaged, for instance after the cache was
+    cleared.
+    """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""Write for each room of the study a three-dimensional page (as radartwin view does) and a preview picture."""
+"""Write a three-dimensional page (as the command radartwin view does) and a preview picture for each room of the study."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BARE = ("empty", "void")  # rooms without furniture
 
 @dataclass(frozen=True)
 class Shown:
-    """One room. `page` and `picture` are links relative to the parts folder."""
+    """The report's files for one room. `page` and `picture` are links relative to the parts folder."""
 
     name: str
     surfaces: int
@@ -29,7 +29,7 @@ class Shown:
 
 
 def write(staged: Stage) -> list[Shown]:
-    """Write the pages of all furnished rooms with their true surfaces and materials."""
+    """Write the three-dimensional pages of all furnished rooms, with each room's true surfaces and materials."""
     import numpy as np
 
     from radartwin.scene import rooms
@@ -47,7 +47,7 @@ def write(staged: Stage) -> list[Shown]:
 
 @functools.cache
 def _drawn(name: str) -> tuple[Scene, bytes]:
-    """Return a room, and a JPEG picture of the room from one of its corners."""
+    """Return the scene of a room, and the bytes of a JPEG picture taken from a corner of the room."""
     from PIL import Image
 
     from radartwin.label.material_map import corner_camera

@@ -1,1 +1,1 @@
-"""The recordings that all tables share: measured and simulated ones. Each is simulated once and then stored."""
+"""Measured and simulated recordings that all tables share. Each recording is simulated once and then read from the store."""

@@ -1,8 +1,8 @@
-"""The campaign of a configuration: the list of its recordings, and each recording, simulated if it is not in the store.
+"""List the recordings of a measurement campaign, and return each recording; a recording that is not in the store is simulated.
 
-The store holds two products per recording. `clean` is the recording before receiver effects (noise, leakage, ADC); a turntable recording is
-stored as its traced aspects (target angles). `processed` is the input of all features. Receiver effects are added when a clean recording is
-processed; their random seed comes from the recording's name.
+The store holds two results for each recording. The result `clean` is the recording before receiver effects (noise, leakage, ADC). A
+turntable recording is stored as the radar signals at the traced target angles (aspects). The result `processed` is the input of all
+features. Receiver effects are added when a clean recording is processed; the random seed of these effects comes from the recording's name.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ _FILE = "recording"
 
 
 class Campaign:
-    """List, simulate and read the recordings of a configuration; the store keeps them.
+    """List, simulate and read the measured and simulated recordings of one configuration. The store keeps the recordings.
 
-    Raises UserError if the recording set cannot be used, or its radar differs from the configured radar.
+    Raises UserError if the configured recording set cannot be used, or was made with a radar that differs from the configured radar.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress):
@@ -44,7 +44,8 @@ class Campaign:
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
         """Return the recordings of a domain that meet conditions such as motion="turntable", room="lab", object="mug", distance_m=1.0.
 
-        The twin of a recording set has one recording per condition, without repetitions. Raises InputError for an unknown domain.
+        If the measurements come from a recording set, the simulated domain has one recording per condition, without repetitions. Raises
+        InputError for an unknown domain.
         """
         self._check(domain)
         if self._recorded is None:
@@ -54,21 +55,22 @@ class Campaign:
         return [case for case in found if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """Return the logged motion of a recording.
+        """Return the log (nominal motion of radar and target) of a recording.
 
-        The twin of a recording set uses the log of the condition's longest repetition; on a turntable it is cut to one revolution.
+        If the measurements come from a recording set, the simulation follows the log of the longest repetition of the same condition. For a
+        turntable, that log is cut to one revolution.
         """
         if self._recorded is not None:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
 
     def processed(self, domain: str, case: Case, materials: Materials = None) -> tuple[str, Processed]:
-        """Return (store key, processed recording); the recording is simulated if it is not in the store."""
+        """Return (store key, processed recording) of a case; a recording that is not in the store is simulated."""
         product = self.process(domain, case, materials)
         return product.key, Processed.load(product.path)
 
     def process(self, domain: str, case: Case, materials: Materials = None) -> Product:
-        """Return the processed recording as a product of the store."""
+        """Return the processed recording as a stored result (Product)."""
         key, recording, spec = self._source(domain, case, materials)
         doppler = case.motion != "turntable"
 
@@ -80,27 +82,30 @@ class Campaign:
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case) -> Recording:
-        """Return the recording with receiver effects (for the twin: thermal noise)."""
+        """Return the recording with receiver effects. A recording simulated from the scan has thermal noise as its only receiver effect."""
         return self._source(domain, case, None)[1]()
 
     def clean(self, domain: str, case: Case, materials: Materials = None) -> Product:
-        """Return the simulated recording before receiver effects as a product of the store; `load_clean` reads the product."""
+        """Return the simulated recording before receiver effects as a stored result (Product); `load_clean` reads its samples."""
         spec, make, roots = self._clean(domain, case, materials)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
     def holds(self, domain: str, case: Case) -> bool:
-        """Return whether the recording before receiver effects is in the store."""
+        """Return whether the store holds the recording of this case before receiver effects."""
         spec, _, roots = self._clean(domain, case, None)
         return self.store.holds(CLEAN, spec, roots)
 
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, fresh: bool = False) -> None:
-        """Simulate the missing recordings of the (domain, case) pairs in config.jobs workers; `fresh` is passed to workers.run."""
+        """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` is passed to workers.run."""
         make_together(self.missing(wanted, materials), self.progress, fresh)
 
     def missing(
         self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, clean: bool = False, setup: str = ""
     ) -> dict[str, RecordingTask]:
-        """Return {store key: task} of the missing simulated recordings, for `make_together`; `clean` and `setup` as in RecordingTask."""
+        """Return {store key: task} of the simulated recordings that the store lacks, as input of `make_together`.
+
+        `clean` and `setup` become the attributes of the same name in RecordingTask.
+        """
         config, found = replace(self.config, materials=self._materials(TWIN, materials)), {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
@@ -110,14 +115,20 @@ class Campaign:
         return found
 
     def plan(self) -> list[tuple[str, Case]]:
-        """Return the (domain, case) pairs that the campaign simulates: cheap motions first, recordings of one track together."""
+        """Return the (domain, case) pairs that the campaign simulates.
+
+        Motions with short run times come first, and recordings along the same path of the radar are adjacent.
+        """
         chosen = COMPARED if self._recorded is None else (TWIN,)
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
         found = [(domain, case) for domain in chosen for case in self.cases(domain)]
         return sorted(found, key=lambda one: (order[one[1].motion] > 2, one[1].room, order[one[1].motion], chosen.index(one[0])))
 
     def _clean(self, domain: str, case: Case, materials: Materials) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
-        """Return (specification, function that simulates the recording, modules whose code decides the result) of a clean recording."""
+        """Describe how a clean recording is simulated.
+
+        Returns (specification, function that simulates the recording, names of the modules whose code decides the result).
+        """
         self._check(domain)
         if domain == MEASURED:
             if self._recorded is not None:
@@ -130,7 +141,10 @@ class Campaign:
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
 
     def _source(self, domain: str, case: Case, materials: Materials) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
-        """Return (store key of the source, function that returns the recording, additions to the specification) of a recording."""
+        """Describe the recording before receiver effects that a processed recording is computed from.
+
+        Returns (store key of that recording, function that reads it, entries to add to the specification of the processed recording).
+        """
         self._check(domain)
         if domain == MEASURED and self._recorded is not None:
             recorded = self._recorded
@@ -157,7 +171,7 @@ class Campaign:
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
     """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
 
-    If workers.worker_count gives a single worker, nothing is simulated here: each recording is simulated when it is first read.
+    If workers.worker_count returns 1, this function simulates nothing. Each recording is then simulated when it is first read.
     """
     tasks = list(missing.values())
     count = workers.worker_count(tasks[0].config.jobs, len(tasks)) if tasks else 1
@@ -173,7 +187,7 @@ def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fres
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate one recording; runs in a worker."""
+    """Simulate the recording of one task. Worker processes call this function."""
     campaign = _campaign_of(task.config, task.root)
     if task.clean:
         campaign.clean(task.domain, task.case)
@@ -185,21 +199,21 @@ _last: list[tuple[Config, Path, Campaign]] = []
 
 
 def _campaign_of(config: Config, root: Path) -> Campaign:
-    """Return the campaign of this worker's last task if configuration and store are the same, else a new campaign."""
+    """Return the campaign of this worker's last task if its configuration and store are the same, else a new campaign."""
     if not _last or _last[0][:2] != (config, root):
         _last[:] = [(config, root, Campaign(config, Store(root), Progress(quiet=True)))]
     return _last[0][2]
 
 
 def load_clean(product: Product) -> Recording:
-    """Read all frames of the recording in a `clean` product."""
+    """Read all frames of the recording from a stored `clean` result."""
     return Turned.load(product.path).recording() if Turned.is_in(product.path) else Recording.load(product.path / _FILE)
 
 
 def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, int]:
-    """Simulate and save a recording, and return its metadata.
+    """Simulate a recording, save its files in a folder, and return the recording's metadata.
 
-    Samples are stored as 16-bit counts. The quantisation noise is ten times below the receiver's noise.
+    Samples are stored as 16-bit counts. The power of the resulting quantisation noise is ten times below the receiver's noise.
     """
     with tally.counted() as counts:
         made = make()

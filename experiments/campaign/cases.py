@@ -1,4 +1,4 @@
-"""The cases of a campaign (object, room, motion, distance, repetition), and the log (nominal motion) of each recording."""
+"""The cases of a measurement campaign (object, room, motion, distance, repetition), and the nominal motion (log) of each recording."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
 
 @dataclass(frozen=True, order=True)
 class Case:
-    """One recording of the campaign."""
+    """One recording of the measurement campaign, identified by object, room, motion, distance and repetition."""
 
     object: str
     room: str
@@ -54,7 +54,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The nominal motion of a recording. The twin simulates this motion; the measured recording deviates from it."""
+    """The nominal motion of a recording. The simulation follows this motion exactly; the measured recording deviates from it."""
 
     frame_rate_hz: float
     sensor_poses: np.ndarray  # (F, 4, 4) or (1, 4, 4), radar to world
@@ -67,13 +67,13 @@ class Log:
 
     @property
     def distance_m(self) -> np.ndarray:
-        """Horizontal distance (F,) from the radar to the target's axis in each frame."""
+        """Horizontal distance (F,) in metres from the radar to the target's axis in each frame."""
         away = np.linalg.norm(self.target_poses[:, :2, 3] - self.sensor_poses[:, :2, 3], axis=1)
         return np.repeat(away, self.frames) if len(away) == 1 else away
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """List all recordings of a campaign; only measured ones have repetitions. Raises ConfigError for an unknown object."""
+    """List all recordings of a campaign. Only the measured recordings have repetitions. Raises ConfigError for an unknown object."""
     known = catalogue()
     for name in (*config.turntable_objects, *config.rover_objects):
         if name not in known:
@@ -101,7 +101,7 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
-    """Return the log of a planned recording. In the twin a turntable makes one revolution."""
+    """Return the log of a planned recording. The simulated turntable (`measured` is false) makes one revolution."""
     if case.motion == "turntable":
         return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
     every = config.rover_every if case.motion in ROVER else 1
@@ -111,11 +111,11 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
 
 
 def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
-    """Return the log of a recording of `frames` frames. After the end of its travel, the radar or target stays at rest.
+    """Return the log of a recording of `frames` frames. The radar or target stays at rest after the end of its nominal travel.
 
     Args:
-        turn_s: period of the turntable.
-        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None uses a straight drive at the nominal speed.
+        turn_s: time of one turntable revolution, in seconds.
+        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed.
     """
     known = catalogue().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
@@ -137,7 +137,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (start pose, direction) of a drive. A "depth" drive starts at its smallest distance and moves away from the target."""
+    """Return (start pose, unit direction) of a rover's drive. A "depth" drive starts at its smallest distance and leaves the target."""
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
     return middle, -middle[:3, 0]
@@ -151,5 +151,5 @@ def _straight(start: np.ndarray, direction: np.ndarray, motion: Motion, rate_hz:
 
 
 def stand_top(nominal: Log) -> np.ndarray:
-    """Return the centre (3,) of the stand's top at the start, just below the object."""
+    """Return the centre (3,) in metres of the top of the target's stand at the start of a recording, just below the object."""
     return nominal.target_poses[0, :3, 3] - [0, 0, rooms.GAP]

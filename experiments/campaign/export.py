@@ -1,6 +1,7 @@
-"""Export the testbed's recordings as a recording set on disk: samples, index rows and logged poses. The true scene is not exported.
+"""Export the recordings of the virtual measurements (testbed) as a recording set on disk: samples, index rows and logged poses.
 
-Use the exported set with `measured=recordings measured.folder=SET`. After an interruption, the same call adds the missing recordings.
+The true scene is not exported. The options `measured=recordings measured.folder=SET` make the study read the exported set. If an export was
+interrupted, a second call adds the missing recordings.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from radartwin.store.products import Store
 
 
 def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
-    """Write every measured recording of the campaign that the set does not hold yet.
+    """Write every measured recording of the campaign that the recording set does not hold yet.
 
     Raises:
-        InputError: the measured recordings come from a recording set already.
-        OutputError, RecordingError: the folder cannot be written, or holds another set.
+        InputError: the campaign's measured recordings already come from a recording set.
+        OutputError, RecordingError: the folder cannot be written, or holds a different recording set.
     """
     measured = campaign.config.measured
     if isinstance(measured, RecordingsConfig):
@@ -47,7 +48,7 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
 
 
 def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
-    """Raise InputError if an exported recording was made with another profile."""
+    """Raise InputError if a recording that the folder already holds was exported with a different profile."""
     (radar, frames, _), log = target.course(next(row for row in target if row.recording == case.name)), campaign.log(case)
     if (frames, radar.frame_rate_hz) != (log.frames, log.frame_rate_hz):
         raise InputError(
@@ -57,7 +58,7 @@ def _check(target: RecordingSet, case: Case, campaign: Campaign) -> None:
 
 
 def card(config: Config) -> Card:
-    """Build the card (description) of a recording set that the testbed made."""
+    """Build the card (description file) of a recording set that holds virtual measurements."""
     gaps = ", ".join(f"{name} {strength:g}" for name, strength in vars(config.measured.gap).items() if name != "geometry")
     return Card(
         "radartwin testbed", "CC0-1.0", "amplitude", f"virtual {config.radar.name}", f"radartwin {__version__}",
@@ -66,7 +67,7 @@ def card(config: Config) -> Card:
 
 
 def row(case: Case) -> Row:
-    """Build the index row of a case."""
+    """Build the row of a recording set's index that describes one case."""
     extra = {TURN: f"{TURN_S:g}"} if case.motion == "turntable" else {}
     return Row(case.name, case.object, case.distance_m, case.room, case.motion, case.repetition, extra=extra)
 

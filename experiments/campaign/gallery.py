@@ -1,9 +1,10 @@
-"""The gallery shows measured and simulated recordings side by side: range over time, Doppler and azimuth, on one colour scale per column.
+"""Draw the gallery: measured and simulated recordings side by side as maps of range over time, Doppler and azimuth.
 
-experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1. The default is the list
-PAIRS of the profile, or the first recordings of a recording set. Dashed lines and rings mark the target's logged position. On a turntable
-the Doppler spectrum is computed over the frames of a revolution, so it folds at the frame rate, and the azimuth map is a mean over the
-revolution. For other motions both maps show the middle frame.
+The measured and the simulated map of one kind share a colour scale. The option experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...]
+chooses the recordings, such as mug/squash_court/lateral/1. The default is the profile's list PAIRS, or the first recordings of a recording
+set. Dashed lines and rings mark the target's logged position. For a turntable, the Doppler spectrum is computed over the frames of a
+revolution, so the frame rate limits its unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For
+all other motions, the Doppler map and the azimuth map show the middle frame of the recording.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ _PADDING = 8  # factor of zero padding in the Doppler transform; 16 chirps resol
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One recording as three maps of power."""
+    """One recording as three maps of received power."""
 
     range_m: Real  # (B,) range of each bin
     across: dict[str, Real]  # for each panel its other axis (X,): time, Doppler or azimuth
@@ -76,7 +77,7 @@ class View:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Draw one figure per pair and add rows on the agreement of both domains."""
+    """Draw one figure per pair of a measured and a simulated recording, and add table rows on the agreement of the pair."""
     campaign = Campaign(config, store, progress)
     cases = chosen(config, campaign)
     rows = RowList(config)
@@ -95,14 +96,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def chosen(config: Config, campaign: Campaign) -> list[Case]:
-    """Return the configured pairs; by default those of the profile, or the first recordings of a recording set."""
+    """Return the configured pairs of recordings; the default is the list of the profile, or the first recordings of a recording set."""
     if config.experiment.pairs or config.measured.provider != "recordings":
         return [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
     return list({(c.object, c.room, c.motion, c.distance_m): c for c in reversed(campaign.cases("measured"))}.values())[::-1][:RECORDED]
 
 
 def parse(pair: str) -> Case:
-    """Return the case that OBJECT/ROOM/MOTION/DISTANCE_M describes. Raises ConfigError if no campaign contains such a recording."""
+    """Convert a text of the form OBJECT/ROOM/MOTION/DISTANCE_M to a case. Raises ConfigError if no campaign has such a recording."""
     parts = pair.split("/")
     where = f"experiment.pairs: {pair!r}"
     if len(parts) != 4:
@@ -125,7 +126,10 @@ def parse(pair: str) -> Case:
 
 
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
-    """Compute the three maps of one recording. `recording` reads its samples; only the Doppler map of a single frame needs them."""
+    """Compute the three power maps (over time, Doppler and azimuth) of one recording.
+
+    `recording` is a function that loads the recording's samples. It is called only for a motion whose Doppler map shows a single frame.
+    """
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
@@ -161,7 +165,7 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
 
 
 def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
-    """Return (azimuth in radians, radial velocity in m/s, distance in metres) of the logged target, each (F,)."""
+    """Return azimuth in radians, radial velocity in m/s, and distance in metres of the logged target; each array has the shape (F,)."""
     away = log.target_poses[:, :3, 3] - log.sensor_poses[:, :3, 3]
     seen = np.einsum("fji,fj->fi", np.broadcast_to(log.sensor_poses[:, :3, :3], (len(away), 3, 3)), away)
     azimuth = np.broadcast_to(np.arctan2(seen[:, 1], seen[:, 0]), log.frames)[:frames]
@@ -188,7 +192,7 @@ def _add_rows(rows: RowList, case: Case, found: dict[str, tuple[str, Processed]]
 
 
 def draw(views: dict[str, View], title: str, domain: str) -> Figure:
-    """Measured maps above, simulated maps below; each column has one decibel scale."""
+    """Draw the measured maps in the upper row and the simulated maps below. The two maps of a column share one decibel scale."""
     turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
     labels = {
         "time": "time (s)",
@@ -222,7 +226,10 @@ def _title(case: Case) -> str:
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:
-    """Mark the logged target: a line over time, a ring if its position on the horizontal axis is known, else a line at its range."""
+    """Mark the logged target in a map.
+
+    The mark is a line over time, a ring if the target's position on the horizontal axis is known, and otherwise a line at its range.
+    """
     dashed = {"color": "white", "lw": 0.6, "ls": (0, (3, 9))}
     if len(across) > 1:
         axes.plot(across, range_m, **dashed)
@@ -233,6 +240,6 @@ def _mark(axes: Any, across: Real, range_m: Real) -> None:
 
 
 def _edges(axis: Real) -> tuple[float, float]:
-    """Return the outer edges of the first and last pixel of an axis."""
+    """Return the outer edges of the first and the last pixel along an axis, given the pixel centres."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
     return float(axis[0] - half), float(axis[-1] + half)

@@ -1,4 +1,4 @@
-"""Measured recordings that a campaign reads from a recording set: index rows become cases, recorded motion becomes logs."""
+"""Read measured recordings from a recording set. Index rows become cases, and the recorded motion becomes logs."""
 
 from __future__ import annotations
 
@@ -31,10 +31,11 @@ _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_
 
 
 class Recorded:
-    """Read the recordings of a recording set.
+    """Read the recordings of a recording set on disk.
 
-    `cases` are the recordings that the twin can simulate; a message gives the number of the others. `conditions` are the cases without
-    repetitions. Raises UserError if the set cannot be used, has no recording for a campaign, or its radar differs from the twin's radar.
+    The attribute `cases` lists the recordings that can also be simulated; a message gives the number of all others. The attribute
+    `conditions` lists the same cases without repetitions. Raises UserError if the recording set cannot be used, if none of its recordings
+    can be simulated, or if it was made with a radar that differs from the simulated radar.
     """
 
     def __init__(self, config: Config, progress: Progress):
@@ -68,13 +69,16 @@ class Recorded:
         return self._set.read(self._row(case))
 
     def log(self, case: Case) -> Log:
-        """Return the log of a recording: its number of frames and frame rate; the turntable's period and rover's trajectory if recorded."""
+        """Return the log of a recording, with the recorded frame rate and number of frames.
+
+        The turntable's period and the rover's trajectory come from the recording set if the set contains them, else they are nominal.
+        """
         row = self._row(case)
         radar, frames, driven = self._course(case)
         return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
 
     def twin_log(self, condition: Case) -> Log:
-        """Return the twin's log of a condition: the log of the longest repetition; on a turntable, one revolution."""
+        """Return the log that the simulation of a condition follows: the longest repetition's log, or for a turntable one revolution."""
         condition = replace(condition, repetition=0)
         repetitions = [case for case in self.cases if replace(case, repetition=0) == condition]
         if not repetitions:
@@ -100,7 +104,7 @@ class Recorded:
 
 
 def _turn_s(row: Row) -> float:
-    """Return the turntable's period in seconds. Raises InputError if the period is not a finite positive number."""
+    """Return the time of one turntable revolution in seconds. Raises InputError if the stored value is not finite and positive."""
     text = row.extra.get(TURN) or str(TURN_S)
     try:
         seconds = float(text)
@@ -112,7 +116,7 @@ def _turn_s(row: Row) -> float:
 
 
 def _reason(row: Row) -> str:
-    """Return the reason why the twin cannot simulate a recording, or an empty text if it can."""
+    """Return the reason why a recording cannot be simulated, or an empty text if it can be simulated."""
     if row.motion not in _MOTIONS or row.distance_m is None:
         return f"motion {row.motion}"
     if row.object not in catalogue():

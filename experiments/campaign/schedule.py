@@ -1,7 +1,8 @@
-"""The sequence in which workers simulate the recordings of campaigns.
+"""Decide in which order the workers simulate the recordings of one or more campaigns.
 
-Recordings along one track (path of the radar in a room) share a set-up, so a worker finishes its track before it helps with another track.
-The sequence does not change the results: the store holds the same bytes for any number of workers, even if workers were killed.
+A track is the path of the radar in one room. Recordings along the same track share a set-up (such as the traced room), so a worker
+finishes its track before it helps with another track. The order does not change the results: the store holds the same bytes for any number
+of workers, even if workers were killed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Track = tuple[str, str, str, str]  # setup, domain, room, motion
 
 @dataclass(frozen=True)
 class RecordingTask:
-    """A recording that is missing in the store and must be simulated."""
+    """A task for a worker: one recording that the store lacks and that must be simulated."""
 
     config: Config
     root: Path  # folder of the store
@@ -30,7 +31,7 @@ class RecordingTask:
 
 
 class Schedule:
-    """Give workers the recordings that must still be made, track by track."""
+    """Assign the missing recordings to workers, track by track (a track is the path of the radar in one room)."""
 
     def __init__(self, tasks: Iterable[RecordingTask]) -> None:
         configs: list[Config] = []
@@ -44,10 +45,11 @@ class Schedule:
             self.tracks[setup, task.domain, task.case.room, motion].append(task)
 
     def next_task(self, worker: int) -> RecordingTask | None:
-        """Return the next recording for a worker, or None at the end: from its own track, else from a track without a worker.
+        """Return the next recording for a worker, or None if no recording is left.
 
-        The first worker that needs a room of the twin scans the room while other workers wait for the scan. Therefore tracks with scans
-        come first, one room per worker. Among equal tracks, the track with the most recordings comes first.
+        A worker first receives recordings of its own track, then of a track that no worker has. The first worker that needs the simulated
+        phone scan of a room computes the scan, while all other workers that need the same scan wait. Therefore tracks that need scans come
+        first, one room per worker. Among equal tracks, the track with the most recordings comes first.
         """
         last = self._of_worker.pop(worker, None)
         tracks = [track for track, tasks in self.tracks.items() if tasks]

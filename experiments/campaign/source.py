@@ -1,4 +1,4 @@
-"""The interface from which tables read recordings, and a function that reads matching recordings of both domains."""
+"""The interface from which tables read recordings, and a function that reads matching measured and simulated recordings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Reading = TypeVar("Reading")
 
 
 class RecordingSource(Protocol):
-    """A campaign (experiments.campaign.campaign), or a substitute for it in tests."""
+    """Interface of a campaign (experiments.campaign.campaign). Tests may use a substitute with the same interface."""
 
     def cases(self, domain: str, **conditions: Any) -> Sequence[Case]: ...
     def prepare(self, wanted: Any, materials: Any = None) -> None: ...
@@ -31,15 +31,15 @@ def read_both(
     read: Callable[[Case, str, Processed, Log], Reading],
     progress: Progress,
 ) -> dict[str, dict[Any, list[Reading]]]:
-    """Read the measured and simulated recordings of the objects and places that both domains contain.
+    """Read the measured and simulated recordings that both domains contain. Recordings match if `place` returns the same tuple for both.
 
     Args:
-        place: returns the tuple (object, ...) of a case; recordings are compared if their tuples are equal.
-        read: function (case, store key, processed recording, log) -> reading.
+        place: function that returns the tuple (object, ...) of a case, for instance (object, room, distance).
+        read: function (case, store key, processed recording, log) -> value to compare, such as a feature vector.
     Returns:
-        For each domain and place the list of readings. Places are sorted by catalogue object, then by the rest of the tuple.
+        For each domain a dictionary {tuple: list of the values of `read`}. The tuples are sorted by catalogue object, then by their rest.
     Raises:
-        ConfigError: the domains have no place in common.
+        ConfigError: no tuple occurs in both the measured and the simulated recordings.
     """
     cases = {domain: [case for motion in motions for case in source.cases(domain, motion=motion)] for domain in COMPARED}
     common = set.intersection(*({place(case) for case in some} for some in cases.values()))

@@ -1,9 +1,10 @@
-"""The campaign table: every recording of both domains, simulated if it is missing, with its time and disk space.
+"""The table `campaign`: run time and disk space of every measured and simulated recording. Missing recordings are simulated.
 
-The time of a recording is the time that one worker took to simulate it; parallel workers divide the time of the whole campaign. In profiles
-other than `paper`, the paper's campaign is extrapolated. Its disk space follows from array shapes. Its time is the sum, per domain and
-motion, of the times of set-ups (a track, or a room whose parts drift), traced states (an angle of a turntable, or a frame of a drive) and
-processed frames. Recordings that reused a cached set-up give the time per traced state; the rest is set-up time.
+The run time of a recording is the time that one worker took to simulate the recording; with parallel workers, the whole campaign takes
+less than the sum of these times. The profile `paper` measures the paper's campaign; all other profiles extrapolate its run time and disk
+space. The extrapolated disk space follows from array shapes. The extrapolated run time is a sum over domains and motions. It adds the
+times of set-ups (a track, or a room whose parts drift), of traced states (an angle of a turntable, or a frame of a drive) and of processed
+frames. Recordings that reused a cached set-up give the time per traced state. The remaining time is attributed to set-ups.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ MINUTES = Claim("the paper's campaign is made within 60 minutes", below=60.0, le
 
 @dataclass(frozen=True)
 class Made:
-    """Time and size of one recording."""
+    """Run time and disk space of one recording."""
 
     domain: str
     case: Case
@@ -69,13 +70,13 @@ class Made:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the missing recordings and tabulate time and size of all. Raises UserError if the campaign cannot be simulated."""
+    """Simulate the missing recordings and tabulate run time and disk space of all. Raises UserError if a recording cannot be simulated."""
     made = make(Campaign(config, store, progress), progress)
     return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
 
 
 def make(campaign: Campaign, progress: Progress) -> list[Made]:
-    """Simulate the missing recordings of the campaign. Returns all recordings in the sequence of `Campaign.plan`."""
+    """Simulate the missing recordings of the campaign. Returns all recordings in the order of `Campaign.plan`."""
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
     gaps = truth.gaps_of(campaign.config)
@@ -104,7 +105,7 @@ def _made(campaign: Campaign, domain: str, case: Case, now: bool) -> Made:
 
 
 def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
-    """Add the time of each room's scan to the first simulated recording of the room, if the scan was made separately."""
+    """Add the run time of each room's phone scan to the first recording simulated in that room, if the scan was simulated separately."""
     out, config, store = list(made), campaign.config, campaign.store
     strength = config.measured.gap.geometry
     if config.materials.source == VOID:
@@ -126,7 +127,7 @@ def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
 
 
 def _span_s(meta: dict[str, Any]) -> tuple[float, float]:
-    """Return the times at which the computation of a product began and ended, in seconds."""
+    """Return start and end time of the computation of a stored result, in seconds."""
     ended = datetime.fromisoformat(meta["finished"]).timestamp()
     return ended - float(meta["seconds"]), ended
 
@@ -136,7 +137,7 @@ def _size(product: Product) -> int:
 
 
 def rows(config: Config, made: Sequence[Made]) -> RowList:
-    """Build the rows: per domain and motion, per domain, and for the paper's campaign."""
+    """Build the table rows: one group per domain and motion, one per domain, and one for the paper's campaign."""
     out = RowList(config)
     for domain in COMPARED:
         own = [one for one in made if one.domain == domain]
@@ -158,7 +159,7 @@ def _case(of: str, motion: str, some: Sequence[Made]) -> dict[str, Any]:
 
 
 def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) -> None:
-    """Add time per frame and disk space of the recordings of one domain and motion."""
+    """Add rows with the time per frame and the disk space of the recordings of one domain and motion."""
     keys = [one.keys[0] for one in some]
     frames = np.array([one.frames for one in some], float)
     wall, core = (1e3 * np.array([sum(getattr(one, name)) for one in some]) for name in ("seconds", "core_seconds"))
@@ -170,7 +171,10 @@ def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) ->
 
 
 def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
-    """Add time and disk space of the paper's campaign: measured with profile=paper, else extrapolated if every motion has recordings."""
+    """Add rows with run time and disk space of the paper's campaign.
+
+    With profile=paper the values are measured. With any other profile they are extrapolated, provided that every motion has recordings.
+    """
     config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     own = config.profile.campaign == paper
     label = "" if own else ", extrapolated"
@@ -204,7 +208,9 @@ def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> lis
 
 
 def extrapolated(some: Sequence[Made], counts: Sequence[tuple[int, int]], rooms: int) -> float:
-    """Extrapolate the seconds for recordings with these numbers (frames, traced states) from the recordings `some` of the same kind."""
+    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from the timed recordings `some` of the
+    same kind.
+    """
     frames, traced = np.sum(counts, axis=0)
     without = [one for one in some if not one.setups]
     plain = without or some
@@ -216,14 +222,15 @@ def extrapolated(some: Sequence[Made], counts: Sequence[tuple[int, int]], rooms:
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
-    """Return (number of frames, number of traced states) of a recording of `frames` frames."""
+    """Return (number of frames, number of traced states) of a recording of `frames` frames; a traced state is one angle or one frame."""
     return frames, min(frames, truth.aspects(case.object, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 
 def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
-    """Return the size of a recording in the store, in bytes.
+    """Return the disk space of a recording in the store, in bytes.
 
-    The clean part holds samples as counts, or the aspects of one chirp as complex numbers; the processed part is added.
+    The sum contains the clean part and the processed part. The clean part holds samples as 16-bit counts, or for a turntable the complex
+    signals of one chirp at the traced target angles.
     """
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
@@ -232,7 +239,7 @@ def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
 
 
 def metrics(made: Sequence[Made]) -> dict[str, float]:
-    """Return the milliseconds per frame for each domain and motion."""
+    """Return the run time per frame in milliseconds for each domain and motion."""
     cost: dict[str, list[Made]] = defaultdict(list)
     for one in made:
         cost[f"{one.domain}_{one.case.motion}_ms"].append(one)
@@ -240,6 +247,6 @@ def metrics(made: Sequence[Made]) -> dict[str, float]:
 
 
 def _ratio(above: np.ndarray, below: np.ndarray, config: Config) -> Estimate:
-    """Estimate the ratio of two sums, with a bootstrap over recordings."""
+    """Estimate the ratio sum(above) / sum(below), with a confidence interval from a bootstrap over recordings."""
     chosen = np.random.default_rng(config.seed).integers(len(above), size=(config.profile.resamples, len(above)))
     return resampled(float(above.sum() / below.sum()), above[chosen].sum(axis=1) / below[chosen].sum(axis=1), len(above))

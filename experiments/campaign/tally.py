@@ -1,4 +1,4 @@
-"""Cache the set-ups that several recordings share, such as a track, and count how many set-ups were built."""
+"""Cache the set-ups that several recordings share (such as the traced room along a track), and count how many set-ups were built."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ Setup = TypeVar("Setup")
 
 
 def count(name: str) -> None:
-    """Count one event of this name."""
+    """Add one to the count of the events with this name."""
     _counts[name] += 1
 
 
 @contextmanager
 def counted() -> Iterator[Counter[str]]:
-    """Give a counter that is filled at the end of the block with the events inside the block."""
+    """Yield a counter. At the end of the `with` block the counter holds the number of events inside the block, by name."""
     before, found = _counts.copy(), Counter[str]()
     yield found
     found.update(_counts - before)
 
 
 def cached(cache: OrderedDict[str, Setup], key: str, build: Callable[[], Setup], size: int) -> Setup:
-    """Return the cached set-up of a key; a missing set-up is built and counted. The cache holds the `size` last used set-ups."""
+    """Return the cached set-up with this key; a missing set-up is built and counted. The cache keeps the `size` last used set-ups."""
     if key not in cache:
         count(SETUPS)
         cache[key] = build()

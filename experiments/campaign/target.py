@@ -1,4 +1,4 @@
-"""Compute the propagation paths that involve the target or its stand, for a moving or resting radar; both domains use this code."""
+"""Compute the propagation paths that involve the target or its stand. Measured and simulated recordings use this code for any motion."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def seen(
     apart: Sequence[Surface],
     aside: np.ndarray | None = None,
 ) -> list[Paths]:
-    """Return the paths of target, stand and other objects for all frames, or for one frame if nothing moves.
+    """Return the propagation paths of target, stand and other objects for all frames, or for one frame if nothing moves.
 
     Args:
-        sensor: (F, 4, 4) or (1, 4, 4) poses, radar to world.
-        rate_hz: frame rate.
-        target: surfaces in the target's own frame.
-        poses: (F, 4, 4) or (1, 4, 4) poses of the target. Either the radar or the target moves.
-        disc: the stand's disc, at rest in the world. For a moving radar, disc and target shadow each other.
-        apart: other objects at rest (posts, motors, cables); their paths that reflect at room panels are ignored.
-        aside: (3,) offset of the target from the log in metres, for a moving radar.
+        sensor: (F, 4, 4) or (1, 4, 4) poses of the radar, radar frame to world frame.
+        rate_hz: frame rate in frames per second.
+        target: surfaces of the target in the target's own frame.
+        poses: (F, 4, 4) or (1, 4, 4) poses of the target, target frame to world frame. Either the radar or the target moves.
+        disc: surfaces of the stand's disc, at rest in the world. For a moving radar, the disc and the target shadow each other.
+        apart: other objects at rest (posts, motors, cables); paths of these objects that also reflect at room panels are ignored.
+        aside: (3,) offset in metres of the target's true position from its logged position, for a moving radar.
     """  # fmt: skip
     parts: list[Paths] = []
     if len(sensor) > 1:
@@ -59,12 +59,13 @@ def on_carriage(
     disc: Sequence[Surface],
     apart: Sequence[Surface],
 ) -> list[Paths]:
-    """Return the paths of all frames for a radar at rest and a target whose stand moves with the target.
+    """Return the propagation paths of all frames for a radar at rest and a target whose stand moves with the target.
 
     Args:
-        sensor: (1, 4, 4) pose of the radar.
-        target: surfaces in the target's own frame. poses: (F, 4, 4) poses of the target.
-        start: (4, 4) pose of the target for which `disc` and `apart` are given.
+        sensor: (1, 4, 4) pose of the radar, radar frame to world frame.
+        target: surfaces of the target in the target's own frame.
+        poses: (F, 4, 4) poses of the target, target frame to world frame.
+        start: (4, 4) pose of the target in which the positions of `disc` and `apart` are given.
     """
     back = np.linalg.inv(start)
     parts = drives.moving([*target, *(s.moved(back) for s in disc)], sensor, poses)

@@ -1,8 +1,8 @@
-"""Simulate the testbed's recordings: the true scene before receiver effects, and the effects of the receiver.
+"""Simulate the recordings of the testbed (virtual measurements): the true scene before receiver effects, and the receiver effects.
 
-This module never imports the twin's scan, labels or settings. A clean recording (before receiver effects) depends on whether
-measured.gap.hardware is on, but not on its strength. Noise, leakage and ADC are added when the recording is read; their random seed comes
-from the recording's name.
+This module never imports the simulated scan, the material labels or the simulator settings of the scanned room. A clean recording (before
+receiver effects) depends on whether measured.gap.hardware is zero, but not on its strength. Noise, leakage and ADC effects are added when
+the recording is read; the random seed of these effects comes from the recording's name.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ CACHED_TRACKS = 2
 
 
 def gaps_of(config: Config) -> testbed.Gaps:
-    """Return the configured strengths of the testbed's gaps (differences from the twin): all but the scan's geometry."""
+    """Return the configured strengths of all gaps (known differences between measurement and simulation) except the scan's geometry."""
     return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
 
 
 def seed_of(case: Case, config: Config) -> int:
-    """Return the random seed of one recording."""
+    """Return the random seed of one recording, computed from the recording's name."""
     return int(np.random.SeedSequence([config.seed, *case.name.encode()]).generate_state(1)[0])
 
 
 def specification(case: Case, config: Config) -> dict[str, Any]:
-    """Return the specification of a clean recording, which decides its store key."""
+    """Return the specification of a clean recording (before receiver effects). The specification decides the recording's store key."""
     gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
     campaign = config.profile.campaign
     course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
@@ -64,7 +64,7 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Conditions of one recording: the radar with its front end, the log, the strengths of the gaps and the tracer's settings."""
+    """Conditions of one recording: the radar with its front end, the log, the gap strengths and the ray tracer's settings."""
 
     radar: Radar
     log: Log
@@ -73,9 +73,9 @@ class _Place:
 
 
 def record(case: Case, config: Config) -> Recording | Turned:
-    """Simulate the clean recording of a case: an ideal receiver behind the IF filter.
+    """Simulate the clean recording of a case, that is, the output of an ideal receiver behind the IF filter.
 
-    A turntable with more frames than aspects is returned as `Turned`, whose frames are interpolated from the traced aspects.
+    A turntable recording with more frames than traced target angles is returned as `Turned`, which interpolates its frames between them.
     """
     gaps = gaps_of(config)
     nominal = log(case, config.profile.campaign, measured=True)
@@ -105,7 +105,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
 
 @functools.cache
 def aspects(target: str, gaps: testbed.Gaps) -> int:
-    """Return the number of aspects (angles of an object) to trace per revolution; recordings with more frames are interpolated."""
+    """Return the number of target angles (aspects) to trace per revolution. Recordings with more frames are interpolated between them."""
     surfaces = catalogue()[target].surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
@@ -114,31 +114,31 @@ def aspects(target: str, gaps: testbed.Gaps) -> int:
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
-    """Add the receiver effects of this repetition to a clean recording."""
+    """Add receiver effects (noise, leakage, ADC) of this repetition to a clean recording."""
     return testbed.received(clean, Hardware().scaled(gaps_of(config).hardware), seed_of(case, config))
 
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the true object in its own frame; all repetitions use the same object."""
+    """Return the true object in its own frame. All repetitions of a case use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
     return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the surroundings of the target: room, clutter, and the rig of a radar at rest."""
+    """Return the surroundings of the target: the room, its clutter, and, for a radar at rest, the rig that holds the radar."""
     full = rooms.room(case.room, detail="cluttered")
     scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
     return testbed.truth(scene, gaps, seed, _small(case))
 
 
 def _small(case: Case) -> frozenset[str]:
-    """Return the names of the clutter in the room of a case."""
+    """Return the names of the small objects (clutter) in the room of a case."""
     full, bare = (rooms.room(case.room, detail=detail).names for detail in ("cluttered", "furnished"))
     return frozenset(full) - frozenset(bare)
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """Return (disc, other parts) of the target's stand; a turntable also has a motor, a gear and a cable."""
+    """Return (disc, other parts) of the target's stand. The other parts of a turntable include a motor, a gear and a cable."""
     top = stand_top(nominal)
     parts = rooms.support(top)
     if case.motion == "turntable":
@@ -148,7 +148,7 @@ def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[lis
 
 
 def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
-    """Simulate the signal (F, C, T, R, N) of the whole scene at its actual poses."""
+    """Simulate the received signal (F, C, T, R, N) of the whole scene at the actual poses of radar and target."""
     drives, radar = _drives(case, place, root), place.radar
     poses = there.motion[case.object]
     disc, apart = _below(case, place.log, place.gaps, root)
@@ -166,7 +166,7 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
 
 
 def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
-    """Return the traced aspects of a revolution, and the angle of the table at each chirp (F, C, T) in radians."""
+    """Return the radar signals at the traced target angles of a revolution, and the table's angle (F, C, T) in radians at each chirp."""
     nominal, radar, gaps = place.log, place.radar, place.gaps
     off = errors.TurntableErrors().scaled(gaps.trajectory)
     wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
@@ -193,7 +193,9 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
-    """Return the slow drift of surroundings and stand while the turntable turns; recordings in one room share the room's drift states."""
+    """Return the slow mechanical drift of surroundings and stand while the turntable turns. Recordings in one room share the room's
+    drift.
+    """
     creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
     if not creeps.creep_m:
         return None
@@ -219,7 +221,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
 
 
 def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
-    """Trace every frame with target and radar at their actual poses; returns the signal (F, C, T, R, N)."""
+    """Trace every frame with target and radar at their actual poses. Returns the received signal (F, C, T, R, N)."""
     nominal = place.log
     there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
     iq = _seen(case, place, root, there)
@@ -227,7 +229,7 @@ def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
 
 
 def _carrier(place: _Place, root: int) -> np.ndarray | float:
-    """Simulate the echo of the rover's own body below the radar; it is equal in every frame."""
+    """Simulate the echo of the rover's own body below the radar. This echo is equal in every frame."""
     body = testbed.truth(fixtures.rover(rooms.ROVER_HEIGHT_M), place.gaps, root)
     if not len(body):
         return 0.0
@@ -243,7 +245,9 @@ _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
 def _drives(case: Case, place: _Place, root: int) -> Drives:
-    """Return the track of a case. The last tracks are cached because objects and repetitions share them."""
+    """Return the traced track (path of the radar in a room) of a case. The last tracks are cached, because several objects share a
+    track.
+    """
     motion = case.motion if case.motion in ROVER else "bench"
     here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # these three strengths do not change the room
     key = f"{case.room} {motion} {root} {here} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"

@@ -1,6 +1,6 @@
-"""Store a turntable recording as its traced aspects (target angles), the table's angle at each chirp, and the drift of the surroundings.
+"""Store a turntable recording as its radar signals at traced target angles (aspects), plus the table's angle and the surroundings' drift.
 
-A recording of 300 s has 800 MB of samples, but all samples are interpolated from about a thousand aspects of 16 KB each.
+The samples of a recording of 300 s take 800 MB. The same samples can be interpolated from about a thousand aspects of 16 KB each.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NAME = "turned"
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """A turntable recording in compact form; `recording` computes its samples."""
+    """A turntable recording in compact form. The method `recording` computes its samples."""
 
     aspects: Aspects  # signals of the scene at each traced target angle, with the surroundings at rest
     angles: np.ndarray  # (F, C, T) angle of the table at each chirp, radians
@@ -33,18 +33,18 @@ class Turned:
 
     @property
     def traced(self) -> int:
-        """Number of traced aspects."""
+        """Number of traced target angles (aspects)."""
         return len(self.aspects.signals)
 
     def recording(self) -> Recording:
-        """Compute the recording with all frames."""
+        """Compute the samples of all frames by interpolation between the traced target angles."""
         iq = self.aspects.at(self.angles)
         if self.drift is not None:
             self.drift.add_to(iq)
         return Recording(iq, self.radar, None, provenance=self.provenance)
 
     def save(self, folder: Path) -> None:
-        """Write turned.npz and turned.json into a folder."""
+        """Write the recording to the files turned.npz and turned.json in a folder."""
         arrays = {"signals": self.aspects.signals, "angles": self.angles}
         if self.drift is not None:
             arrays |= {"drift_states": self.drift.states, "drift_course": self.drift.course}
@@ -58,7 +58,7 @@ class Turned:
 
     @classmethod
     def load(cls, folder: Path) -> Turned:
-        """Read a recording that `save` wrote."""
+        """Read a recording from a folder that the method `save` wrote."""
         described = untrusted_json.read(folder / f"{_NAME}.json")
         arrays = files.read_arrays(folder / f"{_NAME}.npz")
         drift = Drift(arrays["drift_states"], arrays["drift_course"]) if "drift_states" in arrays else None

@@ -1,4 +1,7 @@
-"""Simulate the twin's recordings. The room is a virtual phone scan, labelled by the configured source; the motion is the logged motion."""
+"""Simulate recordings in the twin (simulation of the scanned room).
+
+The room is a simulated phone scan whose surfaces have materials from the configured source. The simulated motion is the logged motion.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ CACHED_TRACKS = 2
 
 
 def specification(case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store) -> dict[str, Any]:
-    """Return the specification of a simulated recording, which decides its store key."""
+    """Return the specification of a simulated recording. The specification decides the recording's store key."""
     spec: dict[str, Any] = {
         "case": asdict(case),
         "course": spec_digest({name: None if value is None else np.round(value, 9) for name, value in vars(nominal).items()}),
@@ -57,7 +60,7 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
-    """Return the twin's model of a room. Raises UserError if the material source has no stored answers for the room."""
+    """Return the simulated model of a room. Raises UserError if the store has no answers of the configured material source for the room."""
     if materials.source == VOID:
         return rooms.void()
     scanned = virtual_scan.scene_of(virtual_scan.fetch(config, store, case.room, config.measured.gap.geometry))
@@ -72,7 +75,7 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
 def record(
     case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store, say: Callable[[str], None] = lambda line: None
 ) -> Recording:
-    """Simulate the recording of a case along its logged motion, without noise; `say` reports the choice of simulator=auto."""
+    """Simulate the recording of a case along its logged motion, without noise. `say` reports which settings simulator=auto chose."""
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))
@@ -103,18 +106,20 @@ def record(
 
 
 def noisy(clean: Recording, case: Case, config: Config) -> Recording:
-    """Add thermal noise of the radar's noise figure; the random seed comes from the recording's name."""
+    """Add thermal noise according to the radar's noise figure. The random seed comes from the recording's name."""
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, *b"twin noise", *case.name.encode()]))
     return Recording(clean.iq + thermal_noise(clean.iq.shape, clean.radar, rng), clean.radar, None, provenance=clean.provenance)
 
 
 def _outermost(scene: Scene) -> Scene:
-    """Replace each layered material of the stand by its outermost material."""
+    """Replace each layered material of the target's stand by the material of its outermost layer."""
     return Scene((s.replaced(material=s.material.layers[0][0]) if isinstance(s.material, Layered) else s for s in scene), scene.provenance)
 
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:
-    """Return the feature families that simulator=auto must preserve: the configured ones, or all families of a motion that lacks these."""
+    """Return the feature families that simulator=auto must preserve: the configured families that exist for the motion, else all of
+    them.
+    """
     fit = set(SETS[config.features.name]) <= set(MOTION_FAMILIES[case.motion])
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
@@ -123,9 +128,9 @@ _tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()
 
 
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str, elements: str) -> tuple[Drives, np.ndarray]:
-    """Return the track of a case, and the signal (F or 1, C, T, R, N) of the room alone. The last tracks are cached for other objects.
+    """Return the traced track of a case, and the signal (F or 1, C, T, R, N) of the room without target. The last tracks are cached.
 
-    `known` is the text of all settings that change the room's model or signal.
+    `known` is a text with all settings that change the room's model or signal; it is part of the cache key.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"

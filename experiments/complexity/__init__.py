@@ -1,1 +1,3 @@
-"""Which parts of the simulation model a scene needs: the choice by simulator=auto, its run times, and the effect of each setting."""
+"""Experiments on which parts of the simulation model a scene needs: the choice by simulator=auto, and run time and effect of each
+setting.
+"""

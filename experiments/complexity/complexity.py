@@ -1,8 +1,9 @@
-"""The cheapest model whose features stay within their repeatability limits, for each scene, object and feature set.
+"""Find the cheapest simulation model whose feature errors stay within the features' repeatability, for each scene, object and feature set.
 
-simulator=auto (radartwin/adaptive) starts from the finest model and leaves out one part after another that the features do not need. The
-fixed default is the choice for all cases together, or the shipped default if that is cheaper and sufficient. Run times are of whole
-recordings (`timing`). Rooms are the procedural ones without scan errors, and a scan if the configuration has one.
+simulator=auto (radartwin/adaptive) starts from the finest model and leaves out, one after another, the parts that the features do not
+need. The "fixed default" is the cheapest model that is sufficient for all cases together, or the shipped default model if that model is
+cheaper and sufficient. Run times are those of whole recordings (`timing`). The rooms are procedural rooms without scan errors, and a
+scanned room if the configuration names one.
 """
 
 from __future__ import annotations
@@ -78,14 +79,14 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A probe (the frames on which models are compared) whose recordings are in the store; `cost` holds the core seconds of each."""
+    """A probe (the frames on which models are compared) whose recordings are stored; `cost` holds the core-seconds of each recording."""
 
     probe: Probe
     store: Store
     cost: dict[Model, float] = field(default_factory=dict)
 
     def features(self, model: Model) -> tuple[list[str], np.ndarray]:
-        """Return the names and values of a model's features; simulate the recording if the store lacks it."""
+        """Return names and values of the features that a model gives; a recording that the store lacks is simulated first."""
         if model not in self.probe.traced:
             spec = {**self.probe.described(), "families": None, "model": model}
 
@@ -98,7 +99,7 @@ class Kept:
         return self.probe.features(model)
 
     def asked(self, families: tuple[str, ...]) -> Kept:
-        """Return the same probe with other feature families."""
+        """Return the same probe with another choice of feature families."""
         return replace(self, probe=replace(self.probe, families=families))
 
 
@@ -107,7 +108,7 @@ ProbeOf = Callable[[int | None, bool], Probe]  # (number of frames or None for t
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A feature set of a case."""
+    """A feature set of one case (scene, object and motion), for which a simulation model is chosen."""
 
     name: str  # name of the case
     words: str  # name of the feature set
@@ -117,21 +118,24 @@ class Asked:
     probe_of: ProbeOf
 
     def error(self, model: Model, between: bool = False, finest: Model = FINEST) -> tuple[float, str]:
-        """Return (error, name) of the feature with the largest difference from the finest model, in units of its repeatability limit."""
+        """Return (error, name) of the feature with the largest difference from the finest model.
+
+        The error is the difference divided by the feature's repeatability limit (the difference between repeated measurements).
+        """
         kept = self.between if between else self.kept
         names, values = kept.features(model)
         return self.limits.moved(names, values, kept.features(finest)[1])
 
 
 def identity() -> dict[str, Any]:
-    """Return additional parts of the run key: the machine, because run times depend on it, and the file of the repeatability limits."""
+    """Return additions to the run key: the machine, because run times depend on it, and the file of the repeatability limits."""
     return {"machine": machine(), "limits": path_digest(limits_module.SHIPPED)}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Choose a model for every case alone and for all cases together, then time the chosen models.
+    """Choose a simulation model for each case alone and for all cases together, then measure the run times of the chosen models.
 
-    Raises ConfigError if the scan has no object under test, or a motion without repeatability limits.
+    Raises ConfigError if the configured scan has no object under test, or if its motion has no repeatability limits.
     """
     cases = CASES.get(config.profile.name, CASES["paper"])
     if workers.worker_count(config.jobs, len(cases)) > 1:
@@ -165,7 +169,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _recorded(case: Case, config: Config) -> None:
-    """Simulate and store the recordings that one case needs for its choice and its errors."""
+    """Simulate and store the recordings that are needed to choose a model for one case and to compute the model's errors."""
     with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         for one in _of_case(case, config, Store(Path(config.output) / "cache")):
             chosen = choose([(one.kept, one.limits)]).model
@@ -192,7 +196,7 @@ def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """Set up a case of the campaign in the room without scan errors. Return a function that returns a probe of some of its frames."""
+    """Set up a case of the campaign in the procedural room without scan errors. Returns a function that gives a probe of chosen frames."""
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
@@ -215,7 +219,7 @@ def _found(one: Asked, choice: Choice, fixed: Model, seconds: Mapping[Model, lis
 
 
 def examined(choice: Choice) -> Iterable[Model]:
-    """Yield every model that a choice examined."""
+    """Yield every simulation model that was examined before a choice was made."""
     model = FINEST
     for step in choice.steps:
         candidate = replace(model, **{step.dimension: step.value})

@@ -1,4 +1,4 @@
-"""Rows and figure of the complexity table: the chosen model of each case, the run time it saves, and the claims about all cases."""
+"""Rows and figure of the table `complexity`: the model chosen for each case, the run time that it saves, and claims about all cases."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WORDS = {True: "yes", False: "no"}
 
 @dataclass(frozen=True)
 class Found:
-    """The result for one scene, object and feature set."""
+    """The chosen models, errors and run times for one scene, object and feature set."""
 
     name: str  # of the case
     asked: str  # name of the feature set
@@ -52,12 +52,12 @@ class Found:
 
     @property
     def saved(self) -> float:
-        """Return the run time of the fixed default divided by that of auto."""
+        """Return the run time of the fixed default model divided by the run time of the model chosen by simulator=auto."""
         return timing.ratio(self.seconds[FIXED], self.seconds[AUTO])
 
 
 def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[str, Any]]:
-    """Return rows with the chosen model, saved run time and held-out error of each case, then the claims about all cases."""
+    """Return rows with the chosen model, saved run time and held-out feature error of each case, then the claims about all cases."""
     rows = []
     for one in found:
         case = {"case": one.name, "features": one.asked} | columns_of(one)
@@ -92,7 +92,7 @@ ROOM_CLAIMS = {
 
 
 def columns_of(one: Found) -> dict[str, Any]:
-    """Return the columns that describe a case: its models, errors, run times and reasons."""
+    """Return the table columns that describe a case: its models, feature errors, run times, and the reasons for the choice."""
     model = one.choice.model
     auto_s, fixed_s, shipped_s = (float(np.median(one.seconds[who])) for who in (AUTO, FIXED, SHIPPED))
     return {
@@ -106,14 +106,14 @@ def columns_of(one: Found) -> dict[str, Any]:
 
 
 def _why(choice: Choice) -> str:
-    """Return the simplifications that the choice rejected, as text; they show which parts of the model the features need."""
+    """Return as text the simplifications of the model that the choice rejected. They show which parts of the model the features need."""
     refused = {(step.dimension, step.value): step.told for step in choice.steps if not step.taken}
     taken = {(step.dimension, step.value) for step in choice.steps if step.taken}
     return "; ".join(told for what, told in refused.items() if what not in taken)
 
 
 def _median(values: Sequence[float], config: Config) -> Estimate:
-    """Return the median over cases with its 95 % interval from a bootstrap over cases."""
+    """Return the median over cases with its 95 % confidence interval from a bootstrap over cases."""
     drawn = np.median(np.random.default_rng(config.seed).choice(values, (config.profile.resamples, len(values))), axis=1)
     return resampled(float(np.median(values)), drawn, len(values))
 
@@ -123,9 +123,9 @@ def _row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, 
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with one row per case and feature set and one column per setting of the model; dark cells take more run time.
+    """Draw a map with one row per case and feature set and one column per model setting. A dark cell is a setting with a long run time.
 
-    The bars beside the map are the run times of auto and of the shipped default, divided by that of the fixed default.
+    The bars beside the map are the run times of auto and of the shipped default model, divided by that of the fixed default model.
     """
     cases = [row for row in rows if row["metric"] == SAVED]
     level = np.array([[_level(case, name) for name in HEADS] for case in cases])
@@ -159,7 +159,10 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:
-    """Return 0 for the cheapest value of a setting and 1 for the most expensive. Without a room, paths between object and room count 0."""
+    """Return the relative level of a setting: 0 for its cheapest value, 1 for its most expensive value.
+
+    In a model without a room, the setting of the paths between object and room counts as 0.
+    """
     if name == "coupling" and row["parts"] == "none":
         return 0.0
     values = LADDER[name]

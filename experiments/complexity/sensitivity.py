@@ -1,8 +1,9 @@
-"""Run time and effect of each simulator setting: the twin's features against those of the finest setting, and every fidelity result.
+"""Measure how each simulator setting changes run time, simulated features, and the results of the fidelity tables.
 
-The measured recordings stay the same. A drive computes some quantities only at steps along its track; these steps are equally coarse in the
-finest setting, so the feature error of a drive is underestimated. Recordings of different objects, distances and rooms differ by 1.4
-standard deviations. docs/sweeps.md shows the same comparison as a parameter sweep.
+The reference for the features is the finest setting. The measured recordings stay the same. A drive computes some quantities only at steps
+along its track. These steps are equally coarse in the finest setting, so the table underestimates the feature errors of drives. For
+comparison, recordings of different objects, distances and rooms differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same
+comparison as a parameter sweep.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ MIN_RECORDINGS = 3  # per motion; fewer do not give a usable standard deviation 
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting."""
+    """One simulator setting that is compared with the finest setting."""
 
     name: str
     simulator: dict[str, Any] = field(default_factory=dict)  # changed fields of the simulator's configuration
@@ -86,7 +87,7 @@ SETTINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """The twin's recordings under one setting."""
+    """The simulated recordings under one setting: features, run times and fidelity results."""
 
     values: dict[str, np.ndarray]  # {motion: (recordings, features)}
     keys: dict[str, list[str]]  # {motion: keys of the recordings}
@@ -97,7 +98,7 @@ class Twin:
 
 
 def identity() -> dict[str, Any]:
-    """Return additional parts of the run key: the configurations of the fidelity tables, and the machine."""
+    """Return additions to the run key: the configurations of the fidelity tables, and the machine."""
     return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": machine()}
 
 
@@ -110,7 +111,7 @@ def _own(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the twin's recordings of the campaign with every setting. Raises ConfigError if the configured twin equals a setting."""
+    """Simulate the campaign's recordings with every setting. Raises ConfigError if the configured simulator equals one of the settings."""
     if config.materials.source in {setting.materials for setting in SETTINGS}:
         raise ConfigError(
             f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
@@ -130,13 +131,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def configured(config: Config, setting: Setting) -> Config:
-    """Return the configuration with the changes of a setting."""
+    """Return the configuration with the changes of one setting applied."""
     materials = default_materials(setting.materials) if setting.materials else config.materials
     return replace(config, simulator=replace(config.simulator, **setting.simulator), materials=materials)
 
 
 def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
-    """Return the features and run times of the twin's recordings, and the fidelity results, under one setting."""
+    """Return features and run times of the simulated recordings, and the results of the fidelity tables, under one setting."""
     found = Twin({}, {}, {}, {}, {}, {})
     cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= MIN_RECORDINGS}
     campaign.prepare([("twin", case) for some in cases.values() for case in some])
@@ -160,7 +161,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
 
 
 def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:
-    """Return (features, key, core seconds per frame, number of set-ups computed, number of frames) of a twin's recording."""
+    """Return (features, store key, core-seconds per frame, number of set-ups computed, number of frames) of a simulated recording."""
     key, processed = campaign.processed("twin", case)
     made = campaign.clean("twin", case).read_json("meta")
     told = made["told"]
@@ -169,7 +170,9 @@ def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, i
 
 
 def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
-    """Return rows with the feature error and run time by setting and motion, and each fidelity result with its change from the default."""
+    """Return rows with feature error and run time for each setting and motion, and each fidelity result with its change from the
+    default.
+    """
     finest, default = twins[FINEST], twins[DEFAULT]
     seeds = config.profile.resamples, config.seed
     rows = []
@@ -193,9 +196,10 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
 
 
 def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
-    """Return the feature error (recordings,): the root mean square over features of the difference, in standard deviations.
+    """Return the feature error (recordings,): the rms over features of (value - value of the finest setting) / standard deviation.
 
-    `values` and `finest` have the shape (recordings, features). Features that are constant over the finest twin's recordings do not count.
+    `values` and `finest` have the shape (recordings, features). The standard deviation of a feature is taken over the recordings of the
+    finest setting. A feature that is constant over these recordings is left out.
     """
     spread = finest.std(axis=0)
     tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)
@@ -203,7 +207,7 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Draw run time against feature error: one panel per motion, one marker per setting except the finest, which is the reference."""
+    """Draw run time against feature error, with one panel per motion and one marker per setting. The finest setting has no marker."""
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
     names = [one.name for one in SETTINGS if one.name != FINEST]

@@ -1,8 +1,9 @@
-"""Run time of models per frame of a whole recording, estimated from a short and a longer simulated recording.
+"""Measure the run time of simulation models per frame of a whole recording, from a short and a longer simulated recording.
 
-The run time of a recording has a fixed part, such as the room that is traced once for a radar at rest, and a part per frame. Both are
-estimated from a recording of all frames of a `Probe` (the frames on which simulator=auto compares models) and one of half as many. The
-models take turns, several times. A few frames are simulated first, so that all kernels are compiled. Each model starts with an empty cache.
+The run time of a recording has a fixed part, such as tracing the room once for a radar at rest, and a part that grows with the number of
+frames. Both parts are estimated from a recording of all frames of a `Probe` (the frames on which simulator=auto compares models) and a
+recording of half as many frames. The models are timed in turn, in several rounds. A few frames are simulated before the timing, so that all
+kernels are compiled. Each model starts with an empty cache.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ FIRST = 4  # frames that are recorded to compile the kernels
 
 
 def whole(probe: Probe) -> int:
-    """Return the number of frames of the whole recording from which a probe's frames are taken."""
+    """Return the number of frames of the whole recording from which the frames of a probe are selected."""
     return FRAMES[0] if probe.log.angle_rad is not None else FRAMES[1]
 
 
 def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
-    """Return the core seconds per frame of a whole recording: for each model, a list with one value per round.
+    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round.
 
     Args:
-        probe_of: function (number of frames or None for the default number, whether between the probe's frames) -> probe.
+        probe_of: function (number of frames or None for the default, whether to take frames between the probe's frames) -> probe.
     """
     many = probe_of(None, False)
     few = probe_of((many.frames + 1) // 2, False)
@@ -71,5 +72,5 @@ def _clocked(probe: Probe, model: Model) -> float:
 
 
 def ratio(one: Sequence[float], other: Sequence[float]) -> float:
-    """Return the ratio of two models' run times, as the median over rounds."""
+    """Return the run time of model `one` divided by that of model `other`, as the median over rounds."""
     return float(np.median(np.array(one) / np.array(other)))

@@ -1,1 +1,3 @@
-"""The gaps between testbed and twin: the effect of each gap alone, and its share of the total."""
+"""Experiments on gaps (known differences between virtual measurement and simulation): the effect of each gap alone, and its share of
+the total.
+"""

@@ -1,7 +1,8 @@
-"""The recordings on which each gap (difference between testbed and twin) is studied alone, and the features read from them.
+"""Recordings and features for the study of single gaps. A gap is a known difference between virtual measurement (testbed) and simulation.
 
-In the base configuration every gap is off, and the twin has the true materials and the exact room. `alone` switches one gap on. A `Reading`
-holds the features of the study (target gate +-3 bins, range 0.3 to 5.5 m) and the complex signal, so that phase changes are visible too.
+In the base configuration every gap is off, so the simulation has the true materials and the exact room. The function `alone` switches one
+gap on. A `Reading` holds the features of one recording (target gate of +-3 range bins, ranges from 0.3 to 5.5 m) and the complex signal,
+so that changes of phase are visible as well.
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ LOWEST_DB = -200.0  # level that stands for zero power
 
 
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
-    """Return the configuration with one gap at a strength and all other gaps off; `gap=None` switches all gaps off.
+    """Return the configuration with one gap at a strength and all other gaps off. `gap=None` switches all gaps off.
 
-    A measured turntable makes `turns` revolutions; frames beyond the number of aspects are interpolated (experiments/campaign/truth.py).
+    A measured turntable makes `turns` revolutions. Frames beyond the number of traced angles are interpolated
+    (experiments/campaign/truth.py).
     Raises ConfigError for an unknown gap.
     """
     if gap is not None and gap not in GAPS:
@@ -52,14 +54,14 @@ def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: 
 
 
 def with_gaps(config: Config, strengths: Mapping[str, float], materials: MaterialsConfig, **campaign: int) -> Config:
-    """Return the configuration with these strengths (all other gaps off), materials of the twin, and settings of the campaign."""
+    """Return the configuration with these gap strengths (all other gaps off), simulated materials, and campaign settings."""
     measured = replace(config.measured, gap=GapConfig(**{**dict.fromkeys(GAPS, 0.0), **strengths}))
     profile = replace(config.profile, campaign=replace(config.profile.campaign, **campaign))
     return replace(config, materials=materials, measured=measured, profile=profile)
 
 
 def check_untouched(config: Config) -> None:
-    """Raise ConfigError if the measured recordings come from a recording set, or if measured.gap is configured."""
+    """Raise ConfigError if the measured recordings come from a recording set, or if the configuration sets measured.gap."""
     if config.measured.provider != "testbed":
         raise ConfigError("measured=recordings has no gaps that could be switched; use measured=testbed")
     if config.measured.gap != GapConfig():
@@ -68,7 +70,7 @@ def check_untouched(config: Config) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Features of one recording. All but zero_db are computed over ranges from NEAR_M to FAR_M."""
+    """Features of one recording. All features except zero_db are computed over ranges from NEAR_M to FAR_M."""
 
     key: str  # store key of the product that was read
     range_m: NDArray[np.float64]  # (B,) range of each bin
@@ -87,7 +89,9 @@ class Reading:
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """Read a case, or its first `frames` frames; it is simulated if it is not in the store. The twin is read without noise."""
+    """Compute the features of a case, or of its first `frames` frames; a missing recording is simulated. The simulation has no noise
+    here.
+    """
     campaign = Campaign(config, store, progress)
     log = campaign.log(case, domain)
     if domain == "measured":
@@ -99,7 +103,7 @@ def recorded(config: Config, store: Store, progress: Progress, domain: str, case
 
 
 def read(key: str, processed: Processed, log: Log) -> Reading:
-    """Compute the features of a recording. If the log is longer than the recording, its surplus is ignored."""
+    """Compute the features of a recording. Log entries after the recording's last frame are ignored."""
     count = processed.num_frames
     nominal = distances(log, len(log.distance_m))[:count]
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
@@ -130,9 +134,10 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
 
 
 def moved(one: Reading, base: Reading) -> dict[str, float]:
-    """Return the change of each feature from the reading `base` to the reading `one`.
+    """Return for each feature the value in `one` minus the value in `base`, as the measure of a gap's effect.
 
-    Track differences are weighted by the base's energy, because the peak of a weak target jumps. Signal changes are |one - base| / |base|.
+    Differences of the tracked range are weighted by the energy in `base`, because the range of a weak target's peak jumps. The change of
+    the complex signal is |one - base| / |base| in decibels.
     """
     return {
         "target brightness (dB)": one.brightness_db - base.brightness_db,
@@ -147,18 +152,18 @@ def moved(one: Reading, base: Reading) -> dict[str, float]:
 
 
 def change_db(one: Reading, base: Reading, chosen: NDArray[np.bool_]) -> float:
-    """Return |one - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
+    """Return the relative change |one - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
     where = chosen[:, None]
     difference = np.sum(np.abs(one.channels - base.channels) ** 2, where=where, dtype=np.float64)
     return decibels(float(difference / np.sum(np.abs(base.channels) ** 2, where=where, dtype=np.float64)))
 
 
 def profile_difference_db(one: Reading, base: Reading, span_db: float = 60.0) -> float:
-    """Return the rms difference of the mean range profiles in decibels, over bins within `span_db` of the base's strongest bin."""
+    """Return the rms difference of the two mean range profiles in decibels, over bins within `span_db` of the strongest bin of `base`."""
     strong = base.profile >= base.profile.max() * 10 ** (-span_db / 10)
     return float(np.sqrt(np.mean((10 * np.log10(one.profile[strong] / base.profile[strong])) ** 2)))
 
 
 def decibels(power: float) -> float:
-    """Convert power to decibels, at least LOWEST_DB."""
+    """Convert a power ratio to decibels; values below LOWEST_DB become LOWEST_DB."""
     return 10 * float(np.log10(max(power, 10 ** (LOWEST_DB / 10))))

@@ -1,7 +1,8 @@
-"""Predictions from physics for each gap (difference between testbed and twin) alone: bounds on the change of features, with reasons.
+"""Predictions from physics for each gap (known difference between virtual measurement and simulation) when it is the only gap that is on.
 
-The predictions were written before the first run. Bounds depend on the gap's strength s (default 1) and hold for the named group of cases.
-A brightness that "stays" changes by at most 0.5 dB for a metal target, or by 1 dB if other echoes fall into its gate.
+A prediction bounds the change of a feature and gives the reason. The predictions were written before the first run. A bound may depend on
+the gap's strength s (default 1) and holds for the named group of cases. A brightness that "stays" changes by at most 0.5 dB for a metal
+target, or by 1 dB if echoes of other objects fall into the target gate.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ THERMAL_DB = -103.8 + 10 * float(np.log10(1.5 / 256 / 16))
 
 
 def expected(gap: str, strength: float) -> list[Expected]:
-    """Return the predictions for one gap at a strength."""
+    """Return the predicted bounds on feature changes for one gap at a strength."""
     return [(group, feature, replace(claim, least=1)) for group, feature, claim in [*EXPECTED.get(gap, ()), *_scaled(gap, strength)]]
 
 
@@ -69,7 +70,7 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
 
 
 def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
-    """Return the predictions of the gaps whose bounds depend on the strength."""
+    """Return the predictions of those gaps whose bounds depend on the strength `s`."""
     level = s * LINES_DB + FILTER_DB
     return {
         "hardware": (

@@ -1,10 +1,10 @@
-"""Recordings of testbed and twin under any set of gaps, and the losses that the set causes.
+"""Simulate recordings under any set of gaps (differences between virtual measurement and simulation), and the losses that the set causes.
 
-A gap is one kind of difference between testbed and twin; a coalition is a set of gaps that are on. `gap_attribution` divides the losses
-among the gaps. The gaps `geometry` and `labels` change the twin. `hardware` changes the testbed and decides whether the twin is read with
-receiver noise; without `hardware` neither domain has noise. All other gaps change the testbed. A "side" is one domain with the gaps that
-change it; about twenty sides are enough for dozens of coalitions. `contents` does not change an object without liquid
-(radartwin/testbed/variation.py), so such an object is recorded only with `contents` on.
+A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses among the gaps. The gaps `geometry` and `labels`
+change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation; without `hardware` neither
+domain has noise. All other gaps change the measurement. A "side" is one domain (measured or simulated) with the gaps that change this
+domain. About twenty sides are enough for dozens of coalitions. The gap `contents` does not change an object without liquid
+(radartwin/testbed/variation.py), so an object without liquid is recorded only with `contents` on.
 """
 
 from __future__ import annotations
@@ -52,24 +52,24 @@ Side = tuple[str, Coalition]  # domain, and the gaps that change it
 
 
 def cases(objects: Iterable[str]) -> list[Case]:
-    """Return the turntable cases of the objects at 1 m in the laboratory, sorted as the classifier sorts its predictions."""
+    """Return the turntable cases of the objects at 1 m in the laboratory, in the order in which the classifier returns predictions."""
     return sorted((Case(name, "lab", "turntable", 1.0) for name in objects), key=lambda case: recording_name("measured", case))
 
 
 def configured(config: Config, on: Collection[str]) -> Config:
-    """Return the configuration with these gaps on, all others off, and one revolution of FRAMES frames."""
+    """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames."""
     strengths = {gap: 1.0 for gap in on if gap != LABELS}
     return case_set.with_gaps(config, strengths, config.materials if LABELS in on else TrueMaterials(), frames_per_turn=FRAMES, turns=1)
 
 
 def side(domain: str, on: Coalition) -> Coalition:
-    """Return the gaps of a coalition that change one domain."""
+    """Return the gaps of a coalition that change one domain (measured or simulated)."""
     return on & TWIN if domain == "twin" else on & set(TESTBED)
 
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """Features of the recordings of one side, sorted as the cases."""
+    """Features of the recordings of one side (a domain with the gaps that change it), in the order of the cases."""
 
     keys: tuple[str, ...]  # store keys of the recordings before receiver effects
     values: NDArray[np.float64]  # (N, features) values that the feature error compares
@@ -79,14 +79,14 @@ class Read:
 
 
 class Sides:
-    """Simulate and read the sides that coalitions need; each side is read once."""
+    """Simulate the recordings of the sides that coalitions need, and compute their features; each side is read once."""
 
     def __init__(self, config: Config, store: Store, progress: Progress, some: Sequence[Case]):
         self.config, self.store, self.progress, self.cases = config, store, progress, list(some)
         self._read: dict[Side, Read] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Simulate and read the sides of these coalitions; sides with the same room set-up are simulated together."""
+        """Simulate and read the sides of these coalitions. Sides that share a room set-up are simulated together."""
         wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
         ordered = sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
         self.make(ordered)
@@ -104,7 +104,7 @@ class Sides:
         make_together(missing, self.progress)
 
     def read(self, domain: str, on: Coalition) -> Read:
-        """Return the features of one side."""
+        """Return the features of the side that the gaps `on` give in one domain."""
         if (domain, on) not in self._read:
             found = [(case, *self.processed(domain, on, case), self.log(domain, case)) for case in self.cases]
             values = [sets.vector(processed, log, FEATURES, WITHOUT)[1] for _, _, processed, log in found]
@@ -119,7 +119,7 @@ class Sides:
         return self._read[domain, on]
 
     def processed(self, domain: str, on: Coalition, case: Case) -> tuple[str, Processed]:
-        """Return (store key before receiver effects, processed recording); a missing recording is simulated."""
+        """Return (store key before receiver effects, processed recording) of a case; a missing recording is simulated."""
         campaign = self._campaign(on, case)
         product = campaign.clean(domain, case)
         if _received(domain, on):
@@ -134,31 +134,32 @@ class Sides:
 
     @property
     def keys(self) -> list[str]:
-        """Store keys of all recordings that were read."""
+        """Store keys of all recordings whose features were computed."""
         return sorted({key for read in self._read.values() for key in read.keys})
 
 
 def _switched(on: Coalition, case: Case) -> Coalition:
-    """Return the gaps under which a case is recorded: an object without liquid always has `contents` on."""
+    """Return the gaps under which a case is recorded. An object without liquid is always recorded with the gap `contents` on."""
     return on if catalogue()[case.object].contents is not None else on | {"contents"}
 
 
 def _received(domain: str, on: Coalition) -> bool:
-    """Return whether a side is read with receiver effects."""
+    """Return whether the features of a side are computed from recordings with receiver effects."""
     return domain == "measured" or "hardware" in on
 
 
 def _setup(domain: str, on: Coalition) -> str:
-    """Return the name of the room set-up that a side needs."""
+    """Return the name of the room set-up that a side needs. Sides with the same name share the set-up."""
     return " ".join(gap for gap in (SETS_UP if domain == "measured" else ("geometry", LABELS)) if gap in on) or "as it is"
 
 
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:
-    """Compute three losses per recording for each coalition of gaps: [loss][coalition], array (recordings,).
+    """Compute three losses per recording for each coalition of gaps, as [loss][coalition] -> array (recordings,).
 
-    ERROR is the rms of simulated minus measured features, each in units of its standard deviation over the twin's recordings without gaps.
-    PROFILE is one minus the correlation of mean range profiles in decibels, 0.3 to 5.5 m. RECOGNITION is the share of seeds in which a
-    forest trained on the twin's frames classifies a measured recording wrongly; features are ranked within domain and distance.
+    ERROR is the rms over features of simulated minus measured value, each divided by the feature's standard deviation over the simulated
+    recordings without gaps. PROFILE is one minus the correlation of the simulated with the measured mean range profile in decibels, from
+    0.3 to 5.5 m. RECOGNITION is the share of random seeds for which a random forest trained on simulated frames classifies a measured
+    recording wrongly. The forest's features are ranked within domain and distance.
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)
@@ -181,9 +182,9 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
 
 
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:
-    """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames are correct.
+    """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames classify correctly.
 
-    The same forests classify the recordings of all coalitions; features are ranked within each coalition.
+    The same forests classify the recordings of all coalitions. The features are ranked within each coalition.
     """
     renamed = [_renamed(transfer.ranked(samples), number) for number, samples in enumerate(measured.values())]
     split = label_free(transfer.ranked(simulated), join(*renamed))
@@ -192,6 +193,6 @@ def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coal
 
 
 def _renamed(samples: Samples, number: int) -> Samples:
-    """Return the rows with recording names that sort by `number`."""
+    """Return the sample rows with new recording names that sort by `number`."""
     names = {column: np.char.add(f"{number:05d} ", getattr(samples, column)) for column in ("recording", "source")}
     return replace(samples, **names)

@@ -1,10 +1,11 @@
-"""Gap attribution: how much of the difference between twin and testbed does each gap cause, in fidelity and in recognition?
+"""Gap attribution: how much of the difference between simulation and virtual measurement does each gap cause?
 
-A gap is one kind of difference between testbed and twin. Three losses (experiments/gaps/coalitions.py) are computed for sets of gaps that
-are on, and three measures describe each gap. Alone: the loss that the gap causes with all others off. Left out: the decrease of the loss if
-the gap is switched off with all others on. Share: the gap's Shapley value, exact over groups of gaps; shares sum to the total loss
-(experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide it. The claims were written before
-the first run. The quick profile takes 86 core seconds on a busy machine, of which 28 set up the scanned laboratory.
+A gap is one kind of difference, such as wrong material labels. Three losses of fidelity and recognition (experiments/gaps/coalitions.py)
+are computed for sets of gaps that are on. Three numbers describe each gap. "Alone" is the loss that the gap causes if all other gaps are
+off. "Left out" is the decrease of the loss if the gap is switched off while all other gaps are on. "Share" is the gap's Shapley value,
+exact over groups of gaps; the shares of all groups sum to the total loss (experiments/gaps/shapley.py). If a gap causes a large loss alone
+and none when left out, other gaps hide its effect. The claims were written before the first run. The quick profile takes 86 core-seconds
+on a busy machine; 28 of these core-seconds set up the scanned laboratory.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ ROOM = "geometry and materials"
 
 @dataclass(frozen=True)
 class Plan:
-    """Groups of gaps, and the recorded objects. A gap that is in no group stays off."""
+    """The groups of gaps and the objects that one attribution uses. A gap that is in no group stays off."""
 
     groups: Mapping[str, tuple[str, ...]]
     objects: tuple[str, ...]
@@ -64,16 +65,16 @@ class Plan:
         return frozenset(gap for gaps in self.groups.values() for gap in gaps)
 
     def on(self, players: Coalition) -> Coalition:
-        """Return all gaps of a set of groups."""
+        """Return all gaps that belong to a set of groups."""
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """Return {name: gaps} of the sets for "alone" and "left out": each group; with `singly` also each gap of a larger group."""
+        """Return {name: gaps} of the sets for "alone" and "left out": each group, and with `singly` also each gap of a larger group."""
         single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
 
     def needed(self) -> list[Coalition]:
-        """Return every set of gaps whose losses are needed."""
+        """Return every set of gaps for which the attribution needs the losses."""
         sets = [self.on(some) for some in shapley.coalitions(tuple(self.groups))]
         sets += [part for one in self.switched().values() for part in (one, self.everything - one)]
         return list(dict.fromkeys(sets))
@@ -111,7 +112,9 @@ CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured testbed and twin. Raises ConfigError for settings that the table sets itself."""
+    """Compute the attribution table for the configured simulation and testbed. Raises ConfigError for a setting that the table sets
+    itself.
+    """
     check(config)
     plan = PLANS["quick" if config.profile.name == "quick" else "paper"]
     sides = Sides(config, store, progress, cases(plan.objects))
@@ -123,7 +126,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Raise ConfigError for measured recordings, gaps or materials in the configuration, because the table sets these itself."""
+    """Raise ConfigError if the configuration sets measured recordings, gaps or materials, because the table sets these itself."""
     case_set.check_untouched(config)
     if config.materials.source in ("true", "void"):
         raise ConfigError(
