@@ -1,12 +1,13 @@
-"""Signal of a turning target, interpolated between aspects. Each aspect is one angle, traced once with the target at rest.
+"""Compute the signal of a turning target by interpolation between aspects. For one aspect, the target rests at one turntable angle.
 
-The field of a target that extends to a distance R from the axis has angular harmonics up to 2 k R, where k is the wavenumber. A whole
-revolution therefore needs 4 k R aspects, for example 600 for R = 9 cm at 77 GHz. A windowed sinc interpolates between aspects (error: 0.01
-of the signal of a point target at this R). Each chirp is interpolated separately, so that fast and uneven rotations use the same aspects.
-The largest remaining error occurs where a face becomes visible, because physical optics makes the field jump there. The table gives
-measured errors of the signal, relative to its root mean square over a revolution. Reach is the largest distance from the axis.
+The field of a target that extends to a distance R from the turntable axis has angular harmonics up to 2 k R, where k is the wavenumber. A
+whole revolution therefore needs 4 k R aspects, for example 600 aspects for R = 9 cm at 77 GHz. A windowed sinc function interpolates
+between aspects. For a point target at R = 9 cm, the interpolation error is 0.01 of the signal. The module interpolates each chirp
+separately, so that fast and uneven rotations use the same aspects. The largest remaining error occurs at angles where a face becomes
+visible, because physical optics makes the field jump there. The table gives measured errors of the interpolated signal, relative to the
+root mean square of the signal over a revolution. Reach is the largest distance of the target's surface from the axis.
 
-| target | aspects | error |
+| target | number of aspects per revolution | error |
 |---|---|---|
 | 0.09 m reach, free space | 1024 | 0.02 to 0.07 (0.1 to 0.14 of the signal at weak aspects) |
 | bottle, 0.04 m reach, lab | 512 | 0.01 |
@@ -15,7 +16,7 @@ measured errors of the signal, relative to its root mean square over a revolutio
 | body of revolution 6 mm off the turntable's axis | 64 | 0.005 |
 | body of revolution 8 mm off the turntable's axis | 64 | 0.09 |
 
-The signal of a body of revolution varies only because its axis is offset from the axis of the turntable.
+The signal of a body of revolution on the turntable varies only because its axis is offset from the axis of the turntable.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,29 +29,43 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene.scene import Surface
 
 ASPECTS = 1024  # default number of aspects per revolution
-MIN_ASPECTS = 512  # per revolution of a target that is no body of revolution, because facets cause up to 128 ripples per revolution
-TAPS = 8
-HIGHEST_HZ = 79e9
-_OVERSAMPLING = 1.6  # of the aspects; it sets the width of the interpolation window
-_BATCH = 64  # number of aspects traced together
+# Smallest number of aspects per revolution of a target that is no body of revolution, because mesh facets cause up to 128 ripples of the
+# signal per revolution.
+MIN_ASPECTS = 512
+TAPS = 8  # number of aspects from which one chirp is interpolated
+HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects
+_OVERSAMPLING = 1.6  # number of aspects divided by the number that the sampling theorem requires; sets the interpolation window
+_BATCH = 64  # number of aspects that the simulator traces together
 
 
 @dataclass(frozen=True, eq=False)
 class Aspects:
-    """Store one chirp per aspect of a target. Aspect a is the angle 2 pi a/(A symmetry)."""
+    """Store one simulated chirp for each of A aspects of a turning target. Aspect a is the turntable angle 2 pi a/(A symmetry)."""
 
-    signals: np.ndarray  # (A, T, R, N) complex64 in amplitude units: A aspects, T transmitters, R receivers, N samples
-    symmetry: int = 1  # order of the rotational symmetry about the axis, 1 for none
+    signals: np.ndarray  # (A, T, R, N) complex64 samples in amplitude units: A aspects, T transmitters, R receivers, N samples per chirp
+    symmetry: int = 1  # order of the target's rotational symmetry about the turntable axis; 1 for a target without symmetry
 
     @staticmethod
     def traced(chirp: Callable[[np.ndarray], np.ndarray], count: int = ASPECTS, symmetry: int = 1) -> "Aspects":
-        """Trace `count` aspects (1 for a body of revolution). `chirp` returns signals (F, T, R, N) at angles (F,) in radians."""
+        """Trace the aspects of a target.
+
+        Args:
+            chirp: function that returns the samples (F, T, R, N) of one chirp at each of the turntable angles (F,) in radians.
+            count: number of aspects; 1 for a body of revolution on the axis.
+            symmetry: order of the target's rotational symmetry about the turntable axis.
+        """
         angles = 2 * np.pi / symmetry * np.arange(count) / count
         parts = [chirp(angles[first : first + _BATCH]) for first in range(0, count, _BATCH)]
         return Aspects(np.concatenate(parts).astype(np.complex64), symmetry)
 
     def at(self, angles: np.ndarray) -> np.ndarray:
-        """Return the chirps (F, C, T, R, N) complex64, interpolated at the angles (F, C, T) in radians of F frames with C chirps."""
+        """Interpolate the chirps of F frames with C chirp loops.
+
+        Args:
+            angles: (F, C, T) turntable angle at each chirp of each transmitter, in radians.
+        Returns:
+            Samples (F, C, T, R, N), complex64.
+        """
         count, _, receivers, samples = self.signals.shape
         place = np.asarray(angles, float) * (self.symmetry * count / (2 * np.pi))
         out = np.empty((*place.shape, receivers, samples), np.complex64)
@@ -64,11 +79,12 @@ class Aspects:
 
 
 def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis: bool = False) -> int:
-    """Return the number of aspects that a whole revolution of the surfaces about z needs, a multiple of the batch size.
+    """Return the number of aspects that a whole revolution of the surfaces about the z axis needs, a multiple of _BATCH.
 
     Args:
-        beyond_m: largest additional offset of the target from the axis.
-        round_about_axis: whether the target is a body of revolution, whose signal varies only because of its offset.
+        surfaces: surfaces of the target in the turntable's frame.
+        beyond_m: largest offset of the target from the turntable axis in metres, in addition to the position of its surfaces.
+        round_about_axis: whether the target is a body of revolution, whose signal varies only because of its offset from the axis.
     """
     reach = beyond_m
     if not round_about_axis:
@@ -78,7 +94,11 @@ def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis:
 
 
 def _window(fraction: np.ndarray) -> np.ndarray:
-    """Return weights (..., TAPS) with sum 1 of the aspects around an angle, from TAPS/2 - 1 aspects before it to TAPS/2 after it."""
+    """Return the interpolation weights (..., TAPS) of the TAPS aspects nearest to an angle; the weights sum to 1.
+
+    Args:
+        fraction: (...) position of the angle between two neighbouring aspects, from 0 to 1.
+    """
     distance = fraction[..., None] - np.arange(1 - TAPS // 2, 1 + TAPS // 2)
     beta = np.pi * TAPS * (1 - 1 / _OVERSAMPLING) / 2
     inside = np.sqrt(np.clip(1 - (2 * distance / TAPS) ** 2, 0, None))
@@ -88,7 +108,7 @@ def _window(fraction: np.ndarray) -> np.ndarray:
 
 @compiled
 def _combine(low, high, signals, first, weights, out):
-    """Write the weighted sums of aspects for frames `low` to `high` to `out`."""
+    """Write the weighted sums of aspects for the frames `low` to `high` - 1 to `out`."""
     count = len(signals)
     for f in range(low, high):
         for c in range(out.shape[1]):

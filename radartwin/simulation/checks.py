@@ -1,4 +1,4 @@
-"""Checks of the arguments that simulators take. Each raises InputError with the name, the rule and the wrong value."""
+"""Check the arguments of simulators. Each check raises InputError with the argument's name, the rule and the wrong value."""
 
 import math
 import numbers
@@ -8,7 +8,7 @@ from radartwin.errors import InputError
 
 
 def check_whole(name: str, value: object, low: int, high: int | None = None) -> None:
-    """Require a whole number from `low` to `high` (None: no upper bound). A bool is not accepted."""
+    """Require that `value` is a whole number from `low` to `high`, or of at least `low` if `high` is None. Booleans are not accepted."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
     if not whole or int(value) < low or (high is not None and int(value) > high):  # type: ignore[call-overload]
         bounds = f"of at least {low}" if high is None else f"from {low} to {high}"
@@ -16,7 +16,7 @@ def check_whole(name: str, value: object, low: int, high: int | None = None) -> 
 
 
 def check_positive(name: str, value: object, most: float = math.inf) -> None:
-    """Require a finite real number above zero and at most `most`. Bools and strings are not accepted."""
+    """Require that `value` is a finite real number above zero and at most `most`. Booleans and strings are not accepted."""
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     if not (real and 0 < float(value) <= most and math.isfinite(float(value))):  # type: ignore[arg-type]
         limit = "" if math.isinf(most) else f" of at most {most:_}"

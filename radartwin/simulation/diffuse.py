@@ -1,32 +1,38 @@
-"""Diffuse scattering from a cloud of points on rough surfaces. Its power is what roughness removes from the mirror reflections.
+"""Simulate diffuse scattering of rough surfaces by a cloud of point scatterers on these surfaces.
 
-A patch of area A lies at distance r_i from the transmitter, seen at the angle theta_i from its normal, and at r_s and theta_s from the
-receiver. Between isotropic antennas, the ratio of received to transmitted power is
+The total scattered power of a surface is the power that its roughness removes from its mirror reflection. A point of the cloud represents a
+surface patch of area A. The patch lies at distance r_i from the transmitter, which it sees at the angle theta_i from its normal. Its
+distance from the receiver is r_s, and it sees the receiver at the angle theta_s. Between isotropic antennas, the ratio of received to
+transmitted power is
 
     |a|^2 = A cos theta_i / (4 pi r_i^2) * D(theta_i) cos theta_s / pi * lambda^2 / (4 pi r_s^2)
     D = (1 - rho_s^2) (|E_s|^2 |Gamma_TE|^2 + |E_p|^2 |Gamma_TM|^2)
 
-rho_s is Ament's roughness factor, and E_s and E_p are the field's parts perpendicular and parallel to the plane of incidence. Tubes and
-images reflect the power rho_s^2 |Gamma|^2, so that mirror and diffuse power add up to |Gamma|^2. The lobe is Lambertian; its integral over
-the half-space is D times the incident power. This is the effective-roughness model of V. Degli-Esposti, F. Fuschini,
-E. Vitucci, G. Falciasecca, IEEE Trans. AP 55 (2007) 143, with a computed S^2 = 1 - rho_s^2 instead of a fitted value.
+In these formulas, rho_s is Ament's roughness factor, and Gamma_TE and Gamma_TM are the reflection coefficients of the smooth surface. E_s
+and E_p are the components of the incident unit field perpendicular and parallel to the plane of incidence. The ray tubes and mirror images
+of the simulator reflect the power fraction rho_s^2 |Gamma|^2, so that mirror reflection and diffuse scattering together have the power
+fraction |Gamma|^2. The scattering lobe is Lambertian; its integral over the half-space is D times the incident power. This is the
+effective-roughness model of V. Degli-Esposti, F. Fuschini, E. Vitucci, G. Falciasecca, IEEE Trans. AP 55 (2007) 143. That paper fits the
+scattering parameter S^2 to measurements, while this module computes it as S^2 = 1 - rho_s^2.
 
-Polarisation: a slightly rough surface scatters once, from a facet that faces the radar, and preserves the polarisation (first-order
-perturbation theory and Kirchhoff's approximation agree). If both antennas have the same polarisation, the receiver therefore gets all of
-the power.
+Polarisation: a slightly rough surface scatters a wave once, from a facet that faces the radar, and preserves the polarisation. First-order
+perturbation theory and Kirchhoff's approximation agree on this result. If both antennas have the same polarisation, the receiver therefore
+gets all of the scattered power.
 
-Speckle: a point represents hundreds of square wavelengths of surface with many independent facets. Its field factor is drawn once from a
-complex circular Gaussian distribution of unit mean power. Every resolution cell of the radar then has fully developed speckle with any
-number of points. With phasors of unit magnitude, a cell would need a dozen points.
+Speckle: a point represents hundreds of square wavelengths of surface with many independent facets. The simulator draws the field factor of
+each point once, from a complex circular Gaussian distribution of unit mean power. Every resolution cell of the radar then has fully
+developed speckle, whatever the number of points in the cell. If the field factors were phasors of unit magnitude, a resolution cell would
+need a dozen points.
 
-Near field: close to the sensor, the factor r^-4 would make the echo of a point stronger than that of the area that it represents. The power
-is multiplied by q = (1 + x/2)/(1 + x)^2, x = A/(pi r_i r_s), the exact ratio for a disc at normal incidence. At the default density, the
-error of a wall's mean power is at most 0.1 dB beyond 1 m. The power is 0.2 dB too low at 0.5 m and 1 dB too low at 0.15 m.
+Near field: close to the sensor, the factor r^-4 would make the echo of a point stronger than the echo of the area that the point
+represents. The simulator therefore multiplies the power by (1 + x/2)/(1 + x)^2 with x = A/(pi r_i r_s), which is the exact ratio for a disc
+at normal incidence. With the default density of points, the error of the mean power scattered by a wall is at most 0.1 dB at distances
+beyond 1 m. The power is 0.2 dB too low at a distance of 0.5 m and 1 dB too low at 0.15 m.
 
-Limits: the Lambertian lobe has no correlation length. A surface that undulates over more than a wavelength scatters about the mirror
-direction instead, so the echo of oblique walls is an upper limit here, with the correct total power. The points depend only on the surfaces
-and a seed. Every path has one bounce. Paths between points, paths that also have mirror reflections, and shadows of moving objects are not
-modelled.
+Limits: the Lambertian lobe does not depend on the correlation length of the surface. A real surface with undulations longer than a
+wavelength scatters around the mirror direction instead. The simulated diffuse echo of an oblique wall is therefore an upper limit, although
+the total scattered power is correct. The points depend only on the surfaces and a seed. Every diffuse path has one bounce. The simulator
+does not model paths between two points, paths with a diffuse and a mirror reflection, and shadows of moving objects on the points.
 """
 
 from collections.abc import Sequence
@@ -45,24 +51,29 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 
-DENSITY_PER_M2 = 60.0  # 8,400 points in a furnished room of 140 m^2, about fifty per range bin of a wall at 3 m
-MIN_POINTS, MAX_POINTS = 200, 50_000
-PRUNED_POWER = 1e-4  # largest fraction of a pose's diffuse power that may be dropped (error: 1 % of the diffuse signal)
-COS_GRAZING = 0.02  # patches with a smaller cosine of incidence are ignored; they return less than 1e-3 of the power at normal incidence
-COSINES = 1024
-LANES = 200_000  # pairs of a point and a pose computed at once, about 30 MB
-_SAMPLING_HZ = 77e9  # frequency of the scattered power fractions that determine how points are distributed over surfaces
+# Number of points per square metre of rough surface. It gives 8,400 points in a furnished room with 140 m^2 of surface, and about fifty
+# points per range bin on a wall at 3 m.
+DENSITY_PER_M2 = 60.0
+MIN_POINTS, MAX_POINTS = 200, 50_000  # limits of the number of points of a scene
+# Largest fraction of the diffuse power at a sensor pose that the simulator may drop. The resulting error is 1 % of the diffuse amplitude.
+PRUNED_POWER = 1e-4
+# The simulator ignores surface patches with a smaller cosine of incidence, because they return less than 1e-3 of the power that they return
+# at normal incidence.
+COS_GRAZING = 0.02
+COSINES = 1024  # number of cosines of incidence in the table of scattered power fractions
+LANES = 200_000  # number of pairs of a point and a sensor pose computed at once, which need about 30 MB
+_SAMPLING_HZ = 77e9  # frequency at which `cloud` computes the scattered power fractions that set the number of points on each surface
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Hold P scatterers on the rough surfaces of a scene."""
+    """Hold P point scatterers on the rough surfaces of a scene."""
 
-    points: np.ndarray  # (P, 3) metres, world
-    normals: np.ndarray  # (P, 3) unit vectors, on either side of the surface
-    area: np.ndarray  # (P,) square metres that each point represents
-    field: np.ndarray  # (P,) complex factor of the field, from a circular Gaussian distribution of unit mean power
-    surface: np.ndarray  # (P,) index of the surface
+    points: np.ndarray  # (P, 3) positions of the points in the world, in metres
+    normals: np.ndarray  # (P, 3) unit normals of the surface at each point, on either side of the surface
+    area: np.ndarray  # (P,) surface area that each point represents, in square metres
+    field: np.ndarray  # (P,) complex factor of each point's scattered field, from a circular Gaussian distribution of unit mean power
+    surface: np.ndarray  # (P,) index of the scene surface on which each point lies
 
     def __len__(self) -> int:
         return len(self.points)
@@ -70,24 +81,24 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Strengths:
-    """Hold the fraction D of the incident power that each of S surfaces scatters, averaged over the sweep."""
+    """Hold the fraction D of the incident power that each of S surfaces scatters, averaged over the radar's frequency sweep."""
 
-    te: np.ndarray  # (S, COSINES); column c holds the cosine of incidence c/(COSINES - 1)
-    tm: np.ndarray
-    frequency_hz: float  # middle of the sweep
+    te: np.ndarray  # (S, COSINES) scattered power fraction for a TE field; column c is for the cosine of incidence c/(COSINES - 1)
+    tm: np.ndarray  # (S, COSINES) scattered power fraction for a TM field, with the same columns as `te`
+    frequency_hz: float  # middle of the frequency sweep in Hz
 
 
 def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) -> Cloud:
-    """Place scatterers on the rough surfaces. The cloud is empty if all surfaces are smooth.
+    """Place point scatterers on the rough surfaces of a scene. The cloud is empty if all surfaces are smooth.
 
     The number of points on a triangle is proportional to its area times the power fraction that it scatters at 77 GHz and normal
-    incidence, so that all points have about the same power. Points on a triangle follow a low-discrepancy sequence (M. Roberts' R2), which
-    keeps the mean power of sparse clouds close to that of the surface.
+    incidence, so that all points scatter about the same power. The positions on a triangle follow a low-discrepancy sequence (M. Roberts'
+    R2), which keeps the mean power of a cloud with few points close to the mean power of the surface.
 
     Args:
         surfaces: static surfaces in the world.
-        count: total number of points. None: DENSITY_PER_M2 times the rough area, limited to MIN_POINTS to MAX_POINTS.
-        seed: random seed of positions and field factors. The cloud is part of the scene, so all runs and frames use the same seed.
+        count: total number of points. None takes DENSITY_PER_M2 times the rough area, but at least MIN_POINTS and at most MAX_POINTS.
+        seed: random seed of the positions and field factors. All runs and frames use the same seed, because the points belong to the scene.
     """
     rough = [index for index, surface in enumerate(surfaces) if surface.roughness_m > 0]
     if not rough:
@@ -103,7 +114,7 @@ def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) 
     if count is None:
         count = int(np.clip(DENSITY_PER_M2 * twice.sum() / 2, MIN_POINTS, MAX_POINTS))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *b"diffuse cloud"]))
-    # systematic sampling: each triangle has its expected number of points, rounded up or down
+    # Systematic sampling gives each triangle its expected number of points, rounded up or down.
     upto = np.cumsum(weight)
     face = np.searchsorted(upto, (np.arange(count) + rng.random()) * (upto[-1] / count), side="right").clip(0, len(upto) - 1)
     u, v = np.mod(rng.random(2)[:, None] + np.outer((0.7548776662466927, 0.5698402909980532), np.arange(count)), 1.0)
@@ -115,7 +126,7 @@ def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) 
 
 
 def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
-    """Compute the power fractions that the surfaces scatter in the radar's sweep; zero for smooth surfaces."""
+    """Compute the fraction of the incident power that each surface scatters in the radar's frequency sweep; smooth surfaces have zero."""
     frequency = radar.start_frequency_hz + radar.sampled_bandwidth_hz * np.linspace(0, 1, 5)
     cosine = np.linspace(0, 1, COSINES)
     cosine[0] = 1e-6
@@ -131,18 +142,25 @@ def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
 
 
 def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
-    """Return D (2, C) for TE and TM at C cosines: the power reflection of the smooth minus the rough surface, averaged over frequencies."""
+    """Return the scattered fraction D (2, C) of the incident power for TE and TM fields at C cosines, averaged over frequencies.
+
+    D is the power reflection coefficient of the smooth surface minus that of the rough surface.
+    """
     coherent = ament(roughness_m, cosine[:, None], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
     return np.stack([((1 - coherent**2) * np.abs(c) ** 2).mean(axis=1) for c in reflection(material, cosine[:, None], frequency_hz)])
 
 
 @compiled
 def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, wavelength_m):
-    """Return the received over the transmitted power of patches, between isotropic antennas. All arguments broadcast.
+    """Return the ratio of received to transmitted power of surface patches, between isotropic antennas. All arguments broadcast.
 
     Args:
-        area: square metres. strength: D. distance_in, distance_out: metres.
-        cos_in, cos_out: cosines of the angles from the normal on the lit side. The power is zero if either is not positive.
+        area: area of each patch in square metres.
+        strength: fraction D of the incident power that the patch scatters.
+        cos_in, cos_out: cosines of the angles between the patch normal and the directions to transmitter and receiver. The power is zero
+            if either cosine is not positive.
+        distance_in, distance_out: distances of the patch from transmitter and receiver, in metres.
+        wavelength_m: wavelength in metres.
     """
     product = distance_in * distance_out
     x = area / (np.pi * product)
@@ -157,13 +175,15 @@ def paths(
     """Return the single-bounce paths from the sensor to the points of a cloud and back. A Mitsuba variant must be active.
 
     Args:
-        scatterers: the cloud. strength: scattered power fractions of the same surfaces.
-        geometry: blocking surfaces in the world.
-        radar: its element pattern is used only to drop weak points; amplitudes exclude the element gain.
-        poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor in the world, m/s. None: the sensor is at rest.
+        scatterers: cloud of points on the rough surfaces.
+        strength: fractions of the incident power that the same surfaces scatter.
+        geometry: surfaces in the world that block the line between sensor and point.
+        radar: radar whose element pattern the function uses only to find weak points. The returned amplitudes exclude the element gain.
+        poses: (F, 4, 4) transformations from the sensor frame to the world.
+        velocity: (F, 3) velocity of the sensor in the world in m/s; None if the sensor is at rest.
     Returns:
-        Paths of F poses at one frequency node. A point is dropped if its power (with the element gain) is below PRUNED_POWER times the mean
-        power of a point at this pose, so that a pose loses at most the fraction PRUNED_POWER of its power.
+        Paths of F poses at one frequency node. The function drops a point at a pose if its received power, including the element gain, is
+        below PRUNED_POWER times the mean power of all points at this pose. At most the fraction PRUNED_POWER of the power is lost.
     """
     frames = len(poses)
     velocity = np.zeros((frames, 3)) if velocity is None else velocity
@@ -181,7 +201,12 @@ def paths(
 def _block(
     scatterers: Cloud, strength: Strengths, geometry: Geometry, radar: Radar, poses: np.ndarray, velocity: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return pose, amplitude, distance, direction in the sensor frame, and rate of change of the length of the paths of some poses."""
+    """Compute the diffuse paths for a block of sensor poses.
+
+    Returns:
+        For each path: index of the pose, amplitude, distance of the point in metres, direction to the point in the sensor frame, and rate
+        of change of the path length in m/s.
+    """
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, direction, power, start = _returns(
         CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm,
@@ -200,7 +225,7 @@ def _block(
 
 
 class CloudArrays(NamedTuple):
-    """Hold the arrays of a Cloud that the compiled kernel reads."""
+    """Hold the arrays of a Cloud that the compiled function `_returns` reads."""
 
     points: Any
     normals: Any
@@ -210,11 +235,12 @@ class CloudArrays(NamedTuple):
 
 @compiled
 def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
-    """List the N pairs of a pose and a point with positive power, without testing occlusion.
+    """List the N pairs of a sensor pose and a point that have positive echo power. The function does not test whether the line is blocked.
 
     Returns:
-        Indices pose and point (N,), distance (N,), direction (3, N) from the sensor, power (N,), and start (3, N) float32, which is the
-        point moved by `lift` off the surface towards the sensor.
+        Index of the pose (N,), index of the point (N,), distance in metres (N,), direction from the sensor to the point in the world (3,
+        N), ratio of received to transmitted power (N,), and start of the line of sight (3, N) float32. The start is the point, lifted by
+        `lift` metres off the surface towards the sensor.
     """
     points, normals, area, surface = cloud.points, cloud.normals, cloud.area, cloud.surface
     most = len(poses) * len(points)
@@ -238,7 +264,8 @@ def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
             cosine = min(abs(facing), 1.0)
             if cosine < COS_GRAZING:
                 continue
-            # power fraction of the field (along the sensor's z axis projected across the ray) perpendicular to the plane of incidence
+            # `share` is the power fraction of the incident field perpendicular to the plane of incidence. The field lies along the sensor's
+            # z axis, projected perpendicular to the ray.
             ux, uy, uz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
             across = ux * (y * nz - z * ny) + uy * (z * nx - x * nz) + uz * (x * ny - y * nx)
             size = (1 - cosine * cosine) * (1 - (ux * x + uy * y + uz * z) ** 2)
@@ -262,7 +289,14 @@ def _lift(geometry: Geometry) -> float:
 
 
 def _visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of unblocked lines from `start` (3, N) to the sensor, opposite to `direction` (3, N)."""
+    """Return a mask (N,) of the lines of sight that no surface blocks.
+
+    Args:
+        geometry: blocking surfaces.
+        start: (3, N) start points of the lines near the surface points.
+        direction: (3, N) unit directions from the sensor to the points; the lines run in the opposite direction.
+        distance: (N,) length of the lines in metres.
+    """
     import mitsuba as mi
 
     if not len(distance):

@@ -1,7 +1,7 @@
-"""Triangles for the tracer: vertex normals, smooth patches, surface indices and the Mitsuba scene.
+"""Prepare triangles for the ray tracer: vertex normals, smooth surface patches, surface indices and the Mitsuba scene.
 
-Edges between faces whose normals differ by less than 30 degrees are smooth, so that a tessellated can is traced as a curved surface. Other
-edges stay sharp even if the faces share vertices.
+An edge between two faces whose normals differ by less than 30 degrees counts as smooth, so that the tracer treats a can made of triangles
+as a curved surface. All other edges stay sharp, even if the faces share vertices.
 """
 
 import functools
@@ -20,15 +20,15 @@ SMOOTH_EDGE_RAD = np.radians(30.0)
 
 @dataclass
 class Geometry:
-    """Hold the merged triangles of several surfaces."""
+    """Hold the F triangular faces of one or more surfaces."""
 
-    corners: np.ndarray  # (F, 3, 3) float64, corners of each face, metres
-    normals: np.ndarray  # (F, 3, 3) float64, unit vertex normals at the corners
-    surface: np.ndarray  # (F,) int, index of the surface of each face
-    # (F,) int, index of the smooth patch of each face; by default every face is its own patch
+    corners: np.ndarray  # (F, 3, 3) float64 positions of the three corners of each face, in metres
+    normals: np.ndarray  # (F, 3, 3) float64 unit normals at the three corners of each face
+    surface: np.ndarray  # (F,) int index of the scene surface to which each face belongs
+    # (F,) int index of the smooth surface patch to which each face belongs. By default, every face is its own patch.
     patch: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    # (F,) mean width 2 V/A in metres of the face's mesh (volume V, area A) if the mesh is closed and faces outwards; zero for other meshes,
-    # for rooms and by default
+    # (F,) mean width in metres of the mesh to which each face belongs. The mean width is 2 V/A for a mesh of volume V and area A that is
+    # closed and faces outwards. It is zero for other meshes, for rooms and by default.
     hollow_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
@@ -44,12 +44,12 @@ class Geometry:
 
     @functools.cached_property
     def curved(self) -> bool:
-        """Return whether any facet has different vertex normals."""
+        """Return whether any facet belongs to a curved surface, that is, whether its three vertex normals differ."""
         return bool(np.ptp(self.normals, axis=1).max(initial=0.0) > 1e-6)
 
     @functools.cached_property
     def convex(self) -> bool:
-        """Return whether the geometry is one closed convex body."""
+        """Return whether the geometry consists of a single closed convex body."""
         if not len(self.corners) or not (self.hollow_m > 0).all() or np.ptp(self.surface):
             return False
         points = self.corners - self.centre
@@ -57,22 +57,23 @@ class Geometry:
 
     @property
     def grid_shift(self) -> tuple[float, float]:
-        """Return the offset of a tube grid in cells: 0 for flat targets, so that edges fall between tubes, and 0.25 for curved targets.
+        """Return the offset of the tube grid against the bounding box of the target along both grid axes, in grid cells.
 
-        On a curved target the error is periodic in the offset, and its first harmonic is proportional to cos(2 pi offset), which is 0 at
-        0.25. At one tube per square wavelength, the echo of spheres of 1.5 to 10 cm has these largest errors: 0.22 dB with offset 0.25,
-        0.35 dB with offset 0 and 0.43 dB with offset 0.5.
+        For flat targets the offset is 0, so that the edges of the target fall between tubes. For curved targets the offset is 0.25. The
+        error of a curved target's echo is a periodic function of the offset. Its first harmonic is proportional to cos(2 pi offset), which
+        is zero at an offset of 0.25. At one tube per square wavelength, the largest error of the echo of spheres of 1.5 to 10 cm
+        is 0.22 dB with an offset of 0.25, 0.35 dB with an offset of 0 and 0.43 dB with an offset of 0.5.
         """
         return (0.25, 0.25) if self.curved else (0.0, 0.0)
 
     @property
     def centre(self) -> np.ndarray:
-        """Return the centre (3,) of the bounding box."""
+        """Return the centre (3,) of the geometry's bounding box, in metres."""
         points = self.corners.reshape(-1, 3)
         return (points.min(0) + points.max(0)) / 2
 
     def hull_points(self) -> np.ndarray:
-        """Return points (V, 3) whose bounding box in any view contains the whole geometry."""
+        """Return V points (V, 3) of the geometry, whose bounding box contains the whole geometry from every viewing direction."""
         return self._hull
 
     @functools.cached_property
@@ -86,7 +87,7 @@ class Geometry:
             return points[:: len(points) // 4000] if len(points) > 40_000 else points
 
     def scene(self) -> Any:
-        """Return the Mitsuba scene of these triangles, built on first use."""
+        """Return the Mitsuba scene of the triangles. The first call builds the scene."""
         return self._scene
 
     @functools.cached_property
@@ -99,7 +100,7 @@ class Geometry:
         parameters["vertex_positions"] = self.corners.astype(np.float32).ravel()
         parameters["faces"] = np.arange(3 * count, dtype=np.uint32)
         parameters.update()
-        # without this option, rays slip through Embree meshes along shared edges of triangles; OptiX is watertight
+        # Without this option, rays slip through the shared edges of triangles in Embree on the CPU. OptiX on the GPU does not need it.
         watertight = {} if "cuda" in (mi.variant() or "") else {"embree_use_robust_intersections": True}
         return mi.load_dict({"type": "scene", **watertight, "geometry": mesh})
 
@@ -110,7 +111,10 @@ def _signed_volume(corners: np.ndarray) -> float:
 
 
 def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return corner normals (F, 3, 3), averaged over smooth edges. The weights are corner angles, so that slivers have little weight."""
+    """Return unit normals (F, 3, 3) at the corners of the faces, averaged over all faces that are connected by smooth edges at a vertex.
+
+    Each face normal is weighted by the angle of its corner, so that thin triangles have little weight.
+    """
     faces = np.asarray(mesh.faces)
     face_normals = np.asarray(mesh.face_normals)
     count = len(faces)
@@ -121,7 +125,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
         pairs, edges = pairs[smooth], np.asarray(mesh.face_adjacency_edges)[smooth]
         links = []
         for end in range(2):
-            # the corner of each of the two faces at this end of the shared edge
+            # Find, for each of the two faces at a shared edge, the corner that lies at this end of the edge.
             corner = [3 * pairs[:, side] + np.argmax(faces[pairs[:, side]] == edges[:, end : end + 1], axis=1) for side in range(2)]
             links.append(np.stack(corner, axis=1))
         group = _groups(np.concatenate(links), 3 * count)
@@ -134,7 +138,7 @@ def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return the index (F,) of the smooth patch of each face."""
+    """Return the index (F,) of the smooth surface patch to which each face belongs."""
     pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
     if not len(pairs):
         return np.arange(count)
@@ -142,31 +146,31 @@ def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _groups(links: np.ndarray, count: int) -> np.ndarray:
-    """Return the group number (count,) of each of `count` nodes; links (L, 2) connect nodes of one group."""
+    """Group `count` items that are connected by the pairs `links` (L, 2), and return the group number (count,) of each item."""
     graph = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
 def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
-    """Return the faces selected by a mask (F,)."""
+    """Return a geometry with only those faces that the mask `keep` (F,) selects."""
     return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep], hollow_m=geometry.hollow_m[keep])
 
 
 def _hollow_m(mesh: trimesh.Trimesh) -> float:
-    """Return the mean width in metres of a closed mesh that faces outwards, and zero for other meshes."""
+    """Return the mean width of a mesh in metres (2 volume/area) if the mesh is closed and faces outwards, and zero otherwise."""
     if not mesh.is_watertight:
         return 0.0
     return max(0.0, 2 * _signed_volume(np.asarray(mesh.triangles, float)) / float(mesh.area))
 
 
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
-    """Merge surfaces into one geometry without changing the meshes.
+    """Merge the meshes of several surfaces into one geometry. The function does not change the meshes.
 
-    Faces without area and duplicate faces of a mesh are dropped; vertices closer than 0.1 um are merged. Open meshes reflect on both sides.
-    The tracer uses float32 coordinates, with a resolution of 8 um at 100 m from the origin.
+    The function drops faces without area and duplicate faces, and merges vertices closer than 0.1 um. In the tracer, open meshes reflect on
+    both sides. The tracer uses float32 coordinates, whose resolution is 8 um at 100 m from the origin.
 
     Args:
-        meshes: one mesh per surface, all in one frame, in metres.
+        meshes: one mesh per surface, all in the same coordinate frame, in metres.
     """
     corners, normals, surface, patch, hollow = [], [], [], [], []
     for index, mesh in enumerate(meshes):
@@ -174,7 +178,7 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
         clean.merge_vertices(digits_vertex=7)
         clean.update_faces(clean.unique_faces() & (clean.area_faces > 1e-14))
         if not clean.is_winding_consistent:
-            trimesh.repair.fix_winding(clean)  # the normals of neighbours with opposite winding would cancel in the average
+            trimesh.repair.fix_winding(clean)  # normals of neighbouring faces with opposite winding would cancel in `_smooth_normals`
         if not len(clean.faces):
             continue
         corners.append(np.asarray(clean.triangles, float))

@@ -1,6 +1,7 @@
-"""Propagation paths, the interface between tracers and synthesis, without antennas, waveform timing or noise.
+"""Define propagation paths, which the ray tracers compute and from which the synthesis computes radar samples.
 
-Traced paths are stored in the shared array cache (radartwin/store/array_cache.py), so that each room is traced only once.
+A path does not depend on the antenna pattern, the chirp timing or the noise of the radar. The shared array cache
+(radartwin/store/array_cache.py) stores traced paths, so that each room is traced only once.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,21 +16,25 @@ from radartwin.store.digest import array_digest, source_digest, spec_digest
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Hold the propagation paths of F poses in the sensor frame. Do not write to the arrays, because caches share them.
+    """Hold N propagation paths of a radar at F sensor poses, in the sensor frame.
+
+    Do not write to the arrays, because caches return the same arrays to several callers.
 
     Attributes:
-        poses: number of poses, F.
-        pose: (N,) index of the pose, ascending.
-        bounces: (N,) number of reflections.
-        amplitude: (N, Q) complex at Q frequency nodes, without the propagation phase. Between isotropic antennas the path adds
-            amplitude(f) exp(+j 2 pi f L/c); |amplitude|^2 is received over transmitted power.
-        frequencies_hz: (Q,) nodes; between the nodes the amplitude is the interpolating polynomial.
-        length_in_m, length_out_m: (N,) metres from the transmitter to the last hit (unfolded), and from there to the receiver.
-        departure, arrival: (N, 3) unit vectors in the sensor frame from the sensor towards first and last hit.
-        rate_mps: (N,) rate of change of length_in_m + length_out_m, m/s.
-        mirror: (N, 3, 3) in the sensor frame, or None. With a mirror, the path is a straight line from the transmitter's image. Its length
-            between antenna elements at t and r is then |L arrival + mirror t - r|, where L is the total length. Without a mirror, the hits
-            are fixed points.
+        poses: number of sensor poses, F.
+        pose: (N,) index of the sensor pose of each path, in ascending order.
+        bounces: (N,) number of reflections of each path.
+        amplitude: (N, Q) complex amplitude of each path at Q frequency nodes, without the propagation phase. Between isotropic antennas,
+            a path of length L adds the signal amplitude(f) exp(+j 2 pi f L/c), and |amplitude|^2 is received over transmitted power.
+        frequencies_hz: (Q,) frequency nodes in Hz. Between the nodes, the amplitude follows the polynomial through the node values.
+        length_in_m: (N,) length of each path from the transmitter over all hits to the last hit, in metres.
+        length_out_m: (N,) distance from the last hit of each path to the receiver, in metres.
+        departure: (N, 3) unit vectors in the sensor frame, from the sensor towards the first hit of each path.
+        arrival: (N, 3) unit vectors in the sensor frame, from the sensor towards the last hit of each path.
+        rate_mps: (N,) rate of change of the path length length_in_m + length_out_m, in m/s.
+        mirror: (N, 3, 3) reflection matrices of mirror paths in the sensor frame, or None if each hit is a fixed point of its surface.
+            A mirror path is a straight line from the transmitter's mirror image to the receiver. Its length between a transmit element
+            at position t and a receive element at position r is |L arrival + mirror t - r|, where L is length_in_m + length_out_m.
     """
 
     poses: int
@@ -61,14 +66,14 @@ class Paths:
         return Paths(**chosen)
 
     def frames(self, start: int, stop: int) -> "Paths":
-        """Return the paths of poses `start` to `stop` - 1, with poses renumbered from zero."""
+        """Return the paths of the sensor poses `start` to `stop` - 1, and number these poses from zero."""
         low, high = np.searchsorted(self.pose, (start, stop))
         chosen = self.where(slice(low, high))
         return replace(chosen, poses=stop - start, pose=chosen.pose - start)
 
     @staticmethod
     def concatenate(parts: Sequence["Paths"]) -> "Paths":
-        """Join paths that have the same poses and frequency nodes, and order them by pose."""
+        """Join `Paths` objects that have the same sensor poses and frequency nodes, and sort the joined paths by pose."""
         first = parts[0]
         names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz") and getattr(first, f.name) is not None]
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
@@ -77,10 +82,14 @@ class Paths:
 
 
 def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace: Callable[[], list[Paths]]) -> list[Paths]:
-    """Return the cached paths, or call `trace` and cache its paths. Do not write to the returned arrays, because callers share them.
+    """Return the paths from the array cache; if the cache does not have the paths, call `trace` and store its result in the cache.
+
+    Do not write to the returned arrays, because the cache returns the same arrays to several callers.
 
     Args:
-        spec: settings that affect the paths. arrays: geometry, reflection tables and poses that affect the paths.
+        spec: settings that affect the paths, as part of the cache key.
+        arrays: geometry, reflection tables and poses that affect the paths, as part of the cache key.
+        trace: function that traces the paths.
     """
     digests = {name: array_digest(array) for name, array in arrays.items()}
     key = spec_digest({"spec": spec, "arrays": digests, "source": source_digest(["radartwin.simulation"])})
@@ -93,7 +102,7 @@ def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace
 
 
 def to_arrays(parts: Sequence[Paths]) -> dict[str, np.ndarray]:
-    """Return the fields of all parts as named arrays."""
+    """Return the fields of all `Paths` objects in `parts` as one mapping of named arrays, which the array cache can store."""
     arrays = {"parts": np.array(len(parts))}
     for i, part in enumerate(parts):
         values = {field.name: getattr(part, field.name) for field in fields(Paths)}
@@ -102,7 +111,10 @@ def to_arrays(parts: Sequence[Paths]) -> dict[str, np.ndarray]:
 
 
 def from_arrays(arrays: array_cache.Arrays) -> list[Paths]:
-    """Rebuild the parts from the arrays of `to_arrays`. Raises ValueError, LookupError or TypeError for arrays that do not fit together."""
+    """Rebuild the list of `Paths` objects from the mapping of named arrays that `to_arrays` returned.
+
+    The function raises ValueError, LookupError or TypeError if the arrays do not fit together.
+    """
     parts = []
     for i in range(int(arrays["parts"])):
         values: dict[str, Any] = {f.name: arrays[f"{i}.{f.name}"] for f in fields(Paths) if f"{i}.{f.name}" in arrays}

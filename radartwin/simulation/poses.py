@@ -1,4 +1,4 @@
-"""Rigid poses: checks, and relative motion and velocity at the start of each frame."""
+"""Check rigid poses, and compute relative motion and velocity at the start of each radar frame."""
 
 from collections.abc import Mapping
 
@@ -8,13 +8,16 @@ from scipy.spatial.transform import Rotation
 from radartwin.errors import PoseError
 from radartwin.radar.field_checks import check_rigid
 
-MOMENT = 1e-4  # time step for the finite difference of a velocity, in frame periods
-AT_REST = 1e-12  # largest change of a pose that counts as no motion
+MOMENT = 1e-4  # time step of the finite difference that gives a velocity, as a fraction of the frame period
+AT_REST = 1e-12  # a pose sequence whose matrix entries change by less than this counts as at rest
 
 
 def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
-    """Return checked rigid poses (F, 4, 4) float64; a single pose (4, 4) becomes one frame.
+    """Check rigid poses and return them as a float64 array (F, 4, 4). A single pose (4, 4) becomes an array (1, 4, 4).
 
+    Args:
+        poses: 4 x 4 transformation matrices of F frames.
+        what: name of the poses in error messages.
     Raises:
         PoseError: the shape is wrong, there are no frames, or a pose is not finite or not rigid. The message names `what` and the frame.
     """
@@ -33,12 +36,16 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
 
 
 def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frames: int) -> tuple[dict[str, np.ndarray], int]:
-    """Return checked object poses by surface name, repeated for all frames, and the number of frames.
+    """Check the object poses of a simulation. A single pose of the sensor or of an object is valid for all frames.
 
     Args:
-        names: of the scene's surfaces. frames: number of sensor poses. A single pose of the sensor or of an object holds for all frames.
+        motion: object poses (F, 4, 4) or (4, 4) by surface name; None if no surface moves.
+        names: names of the scene's surfaces.
+        frames: number of sensor poses.
+    Returns:
+        The checked poses (F, 4, 4) by surface name, and the number of frames F.
     Raises:
-        PoseError: a pose is wrong, a surface is unknown, or the numbers of frames differ.
+        PoseError: a pose is invalid, the scene has no surface of a name in `motion`, or the numbers of frames differ.
     """
     if motion is not None and not isinstance(motion, Mapping):
         raise PoseError(f"motion must map surface names to poses (F, 4, 4), not be a {type(motion).__name__}")
@@ -54,12 +61,12 @@ def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frame
 
 
 def repeated(poses: np.ndarray, frames: int) -> np.ndarray:
-    """Repeat a single pose for all frames, and return several poses unchanged."""
+    """Repeat a single pose (1, 4, 4) `frames` times; return `poses` unchanged if it already has one pose per frame."""
     return poses if len(poses) == frames else np.repeat(poses, frames, axis=0)
 
 
 def at_rest(*poses: np.ndarray) -> bool:
-    """Return whether no pose sequence (F, 4, 4) moves."""
+    """Return whether none of the pose sequences (F, 4, 4) changes over its frames."""
     return all(bool((np.abs(sequence - sequence[:1]) < AT_REST).all()) for sequence in poses)
 
 
@@ -74,7 +81,11 @@ def inverse(poses: np.ndarray) -> np.ndarray:
 
 
 def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
-    """Return the poses a fraction `share` of a frame period later, along the geodesic. The last frame moves like the one before."""
+    """Return the poses that the poses (F, 4, 4) reach after the fraction `share` of a frame period.
+
+    The function interpolates between successive frames with constant velocity and constant rotation rate. The last frame moves like the
+    second to last frame.
+    """
     if len(poses) == 1:
         return poses
     following = np.concatenate([poses[1:], poses[-1:]])
@@ -88,14 +99,16 @@ def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
 
 
 def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return sensor poses in the frame of a moving group of surfaces, and the velocity of the sensor in this frame.
+    """Compute the poses and velocities of the sensor in the coordinate frame of a moving group of surfaces.
 
-    The group is at rest in its own frame, so that only the sensor's motion changes a path.
+    The surfaces are at rest in this coordinate frame, so that only the sensor's motion changes the length of a path.
 
     Args:
-        sensor, group: poses (F, 4, 4) to the world. group=None: the group is at rest in the world.
+        sensor: (F, 4, 4) poses of the sensor in the world.
+        group: (F, 4, 4) poses of the group of surfaces in the world; None if the group is at rest in the world.
+        frame_rate_hz: number of frames per second.
     Returns:
-        Sensor poses (F, 4, 4) and velocities (F, 3) in m/s, at frame starts.
+        Sensor poses (F, 4, 4) and sensor velocities (F, 3) in m/s at the start of each frame, in the coordinate frame of the group.
     """
     (sensor, group_now), (sensor_later, group_later) = moments(sensor, np.eye(4)[None] if group is None else group)
     now, later = inverse(group_now) @ sensor, inverse(group_later) @ sensor_later
@@ -103,12 +116,12 @@ def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float)
 
 
 def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Return the pose sequences (F, 4, 4) at frame starts, and the same sequences MOMENT frame periods later."""
+    """Return the pose sequences (F, 4, 4) at the start of each frame, and the poses MOMENT frame periods after the start of each frame."""
     return poses, tuple(_advanced(one, MOMENT) for one in poses)
 
 
 def rigid_groups(motion: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """Group the names of surfaces that have equal poses and therefore keep their relative positions."""
+    """Group the names of moving surfaces that have equal poses in all frames and therefore move together like one rigid body."""
     groups: list[list[str]] = []
     for name, poses in motion.items():
         for group in groups:

@@ -1,4 +1,4 @@
-"""Removal of weak paths. Their amplitudes are compared with the element gain at both ends of the path."""
+"""Remove weak paths. The comparison of path amplitudes includes the gain of the antenna element at both ends of each path."""
 
 from collections.abc import Sequence
 
@@ -10,16 +10,19 @@ from radartwin.simulation.paths import Paths
 
 
 def level(paths: Paths, radar: Radar) -> np.ndarray:
-    """Return the largest amplitude (N,) of each path over the sweep, including the gain of the radar's elements."""
+    """Return the largest amplitude (N,) of each path over the frequency nodes, including the gain of the radar's antenna elements."""
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
     return np.abs(paths.amplitude).max(axis=1, initial=0.0) * gain
 
 
 class Pruner:
-    """Keep paths with at least `share` times the amplitude of the strongest path of their pose in all parts added so far.
+    """Remove weak paths from several `Paths` objects that are added one after another.
+
+    The pruner keeps a path if its amplitude is at least `share` times the amplitude of the strongest path at the same sensor pose, among
+    all paths added up to this time.
 
     Attributes:
-        strongest: (F,) amplitude of the strongest path of each pose.
+        strongest: (F,) amplitude of the strongest path at each of F sensor poses.
     """
 
     def __init__(self, radar: Radar, share: float, poses: int):
@@ -27,18 +30,21 @@ class Pruner:
         self.strongest = np.zeros(poses)
 
     def add(self, paths: Paths) -> Paths:
-        """Add a part and return its paths that are strong enough."""
+        """Add the paths of one `Paths` object and return those paths that are strong enough."""
         return paths.where(self.mask(paths))
 
     def mask(self, paths: Paths) -> np.ndarray:
-        """Add a part and return a mask (N,) of its paths that are strong enough."""
+        """Add the N paths of one `Paths` object and return a mask (N,) of those paths that are strong enough."""
         levels = level(paths, self._radar)
         np.maximum.at(self.strongest, paths.pose, levels)
         return (levels >= self._share * self.strongest[paths.pose]) & (levels > 0)
 
 
 def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.ndarray]:
-    """Return, for each part, a mask of the paths with at least `share` times the amplitude of their pose's strongest path in all parts."""
+    """Return, for each `Paths` object in `parts`, a mask of its strong paths.
+
+    A path is strong if its amplitude is at least `share` times the amplitude of the strongest path at the same sensor pose in all `parts`.
+    """
     levels = [level(part, radar) for part in parts]
     strongest = np.zeros(parts[0].poses if parts else 0)
     for part, part_levels in zip(parts, levels, strict=True):
@@ -47,5 +53,5 @@ def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.
 
 
 def pruned(part: Paths, radar: Radar, share: float) -> Paths:
-    """Return the paths with at least `share` times the amplitude of the strongest path of their pose."""
+    """Return the paths whose amplitude is at least `share` times the amplitude of the strongest path at the same sensor pose."""
     return part.where(strong_masks([part], radar, share)[0])

@@ -1,4 +1,4 @@
-"""Radar cross-section of a mesh, in the far field or at a finite distance."""
+"""Compute the radar cross-section (RCS) of a mesh, in the far field or at a finite distance."""
 
 import numpy as np
 import trimesh
@@ -15,7 +15,7 @@ from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
 PIECES = 3  # a tube that straddles an edge is divided into this many pieces along each grid axis
-MAX_TUBES = 200_000_000  # tracing this many takes some minutes
+MAX_TUBES = 200_000_000  # largest number of ray tubes per call of `rcs`; tracing this number of tubes takes some minutes
 
 
 def rcs(
@@ -33,21 +33,24 @@ def rcs(
     """Compute the monostatic radar cross-section of a mesh in square metres.
 
     Args:
-        mesh: surface in metres. Edges sharper than 30 degrees stay sharp; across other edges the surface is curved.
-        direction: (3,) from the mesh origin towards the radar, of any length.
-        distance: metres from the mesh origin to the radar; the result is then (4 pi)^3 R^4 Pr/(Pt lambda^2). None: far field.
-        frequency: Hz.
-        material: the name of a material (a half-space of it), or a Layered stack.
-        polarization: transmit then receive, each V or H. V is the component of mesh +z across `direction` (of +x if they are parallel),
-            H is the cross product direction x V.
-        rays_per_wavelength2: ray tubes per square wavelength at the target, in the plane perpendicular to `direction`.
-        max_bounces: paths with 1 to this many reflections are summed.
-        seed: 0 aligns the grid of tubes with the target; another seed shifts the whole grid by a part of a cell.
+        mesh: surface with coordinates in metres. Edges sharper than 30 degrees stay sharp; across all other edges the surface is curved.
+        direction: (3,) vector from the mesh origin towards the radar, of any length.
+        distance: distance R from the mesh origin to the radar in metres; the result is then (4 pi)^3 R^4 Pr/(Pt lambda^2), with the
+            received power Pr and the transmitted power Pt. None computes the cross-section in the far field.
+        frequency: frequency in Hz.
+        material: name of a material, which then fills the half-space behind the surface, or a Layered stack.
+        polarization: polarisation of the transmitter, then of the receiver, each V or H. The V vector is the component of the mesh's +z
+            axis perpendicular to `direction`. If +z and `direction` are parallel, the +x axis replaces +z. The H vector is the cross
+            product of `direction` and V.
+        rays_per_wavelength2: number of ray tubes per square wavelength at the target, in the plane perpendicular to `direction`.
+        max_bounces: largest number of reflections per path. The function sums all paths with 1 to `max_bounces` reflections.
+        seed: 0 aligns the grid of tubes with the target; any other seed shifts the whole grid by a random fraction of a cell.
     Returns:
-        Cross-section in m^2.
+        Radar cross-section in m^2.
     Raises:
         SceneError: the radar is inside the mesh.
-        MeshError: the mesh has NaN, no faces or an implausible size. MaterialError: unknown material, or no values at this frequency.
+        MeshError: the mesh has NaN coordinates, no faces or an implausible size.
+        MaterialError: the material is unknown or has no values at this frequency.
         InputError: another argument has the wrong type or is out of range, or the settings need too many tubes.
     """
     check_mesh(mesh, "rcs mesh")
@@ -71,7 +74,7 @@ def rcs(
         return 0.0
     far = distance is None
     stand_off = 2 * target.extent_m + 1.0 if far else distance
-    # a plane wave travels to the middle of the target, which may differ from the mesh origin
+    # In the far field, the tubes of the plane wave are aimed at the middle of the target, which may differ from the mesh origin.
     position = (towards * stand_off + (target.centre if far else 0.0))[None]
     shift = tuple(np.random.default_rng(seed).random(2)) if seed else target.grid_shift
     grids = _grids(target, position, wavelength / np.sqrt(rays_per_wavelength2), shift, far)
@@ -83,7 +86,7 @@ def rcs(
         phase = np.exp(1j * wavenumber * (hits.length_in_m + hits.length_out_m))
         total += complex((hits.amplitude[:, 0] * phase).sum())
     if far:
-        # for a plane wave of unit field, the tracer returns E_s r / (2 k E_i)
+        # For a plane wave, the tracer returns E_s r / (2 k E_i), with the scattered field E_s at distance r and the incident field E_i.
         return float(4 * np.pi * abs(2 * wavenumber * total) ** 2)
     return float((4 * np.pi) ** 3 * stand_off**4 * abs(total) ** 2 / wavelength**2)
 
@@ -101,7 +104,7 @@ def _unit_direction(direction: ArrayLike) -> np.ndarray:
 def _grids(
     target: geometry_module.Geometry, position: np.ndarray, cell_m: float, shift: tuple[float, float], far: bool
 ) -> list[tube_grid.TubeGrid]:
-    """Return grids of tubes over the target, or over the whole sphere if the target is too close for a planar grid."""
+    """Return one grid of tubes over the target, or six grids that cover all directions if the target is too close for a planar grid."""
     grid = tube_grid.towards(target.hull_points(), position, target.centre, cell_m, shift, plane=far)
     if grid is None:
         reach = float(np.linalg.norm(target.hull_points() - position, axis=1).max())

@@ -1,4 +1,4 @@
-"""Simulation of a recording: from scene, radar and poses to IQ samples."""
+"""Simulate a radar recording: compute the IQ samples of a radar from a scene, a radar description and the poses of sensor and objects."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -17,9 +17,9 @@ from radartwin.simulation.checks import check_option, check_positive, check_whol
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import ELEMENTS, FRAMES_PER_BLOCK, received, thermal_noise
 
-MAX_RAYS = 200_000_000  # tubes per pose; tracing this many takes some minutes
-MAX_DENSITY = 10_000  # tubes per square wavelength: seven million tubes on a 10 cm plate
-MIN_AREA_M2 = 1e-14  # a surface whose faces all have less area is left out
+MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing this number of tubes takes some minutes
+MAX_DENSITY = 10_000  # largest number of ray tubes per square wavelength; this density gives seven million tubes on a 10 cm plate
+MIN_AREA_M2 = 1e-14  # the simulation ignores a surface if the area of each of its faces is below this limit, in square metres
 
 
 def simulate(
@@ -40,25 +40,26 @@ def simulate(
     """Simulate the raw FMCW samples that a radar would record of a scene.
 
     Args:
-        scene: surfaces in world coordinates, except surfaces named in `motion`, which are in their own frames.
-        radar: waveform, array, element pattern and noise figure.
-        sensor_poses: (F, 4, 4) sensor-to-world at frame starts, or one pose for all frames.
-        motion: object-to-world poses (F, 4, 4) by surface name.
-        max_bounces: reflections per path, at least 1.
-        rays: number of ray tubes per pose over the sphere (over the object if there is no room). None: chosen from the tube width that the
-            tracer needs.
-        noise: whether to add thermal noise (from the radar's noise figure and transmit power), and phase noise if the radar has any.
-        seed: root seed of the noise; the same seed gives the same bytes.
-        rays_per_wavelength2: ray tubes per square wavelength on objects.
-        variant: "auto", "llvm" or "cuda".
-        simulator: the name of a simulator, or the result of `backend(name, ...)`. Only "mitsuba" reads max_bounces, rays,
+        scene: surfaces in world coordinates. A surface whose name is a key of `motion` is in its own coordinate frame instead.
+        radar: waveform, antenna array, element pattern and noise figure.
+        sensor_poses: (F, 4, 4) transformations from the sensor frame to the world at the start of each frame, or one pose for all frames.
+        motion: transformations (F, 4, 4) from a surface's own frame to the world, by surface name; None if no surface moves.
+        max_bounces: largest number of reflections per path, at least 1.
+        rays: number of ray tubes per sensor pose over all directions, or over the object if the scene has no room. None lets the tracer
+            choose the number from the tube width that it needs.
+        noise: whether to add thermal noise, whose power follows from the radar's noise figure and transmit power. If the radar has phase
+            noise, `noise` also adds phase noise.
+        seed: seed of the random noise; equal seeds give byte-identical samples.
+        rays_per_wavelength2: number of ray tubes per square wavelength on objects.
+        variant: Mitsuba variant that traces the tubes: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
+        simulator: the name of a simulator, or the result of `backend(name, ...)`. Only the simulator "mitsuba" reads max_bounces, rays,
             rays_per_wavelength2 and variant.
-        elements: "exact" uses the distance to each antenna element. "planar" assumes plane waves across the array. "auto" uses planar waves
-            if their phase error is small.
+        elements: "exact" computes the path length to each antenna element. "planar" assumes plane waves across the antenna array. "auto"
+            assumes plane waves if their phase error is small.
     Returns:
-        A Recording with iq (F, chirps, tx, rx, samples) in amplitude units.
+        A Recording with samples iq (F frames, chirps, transmitters, receivers, samples) in amplitude units.
     Raises:
-        PoseError, SceneError, MaterialError, InputError, BackendError: an argument is wrong; the message names it and the remedy.
+        PoseError, SceneError, MaterialError, InputError, BackendError: an argument is wrong. The message names the argument and the remedy.
 
     >>> import trimesh
     >>> from radartwin.scene.scene import Surface
@@ -99,10 +100,15 @@ def trace_paths(
     settings: TraceSettings,
     tracer: Backend | None = None,
 ) -> tuple[list[Paths], np.ndarray]:
-    """Check the arguments of `simulate` and trace the paths. Without a `tracer`, Mitsuba traces with `settings`.
+    """Check the arguments of `simulate` and trace the propagation paths.
 
+    Args:
+        scene, radar, sensor_poses, motion: as in `simulate`.
+        settings: settings of the tracer on Mitsuba.
+        tracer: simulator that traces the paths; None traces with Mitsuba and `settings`.
     Returns:
-        The parts whose signals add up, each with F poses or with one pose that holds for all frames; and the sensor poses (F, 4, 4).
+        A list of `Paths` objects, whose signals add up, and the sensor poses (F, 4, 4). Each `Paths` object has F poses, or one pose that
+        is valid for all frames.
     """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):

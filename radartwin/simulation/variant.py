@@ -1,7 +1,8 @@
-"""Choice of the Mitsuba variant and of the LLVM library for CPU variants.
+"""Choose the Mitsuba variant (CPU or GPU) of a process, and the LLVM library that the CPU variant needs.
 
-Dr.Jit compiles CPU kernels with the system's LLVM. It refuses version 14, and versions 15 and 16 abort the whole process (they
-cannot compile fmaximum). This module therefore chooses the library before Dr.Jit loads one.
+Dr.Jit, the compiler inside Mitsuba, compiles CPU kernels with the LLVM library of the system. Dr.Jit refuses LLVM 14. LLVM 15 and 16 abort
+the whole process, because they cannot compile the operation fmaximum. This module therefore selects a newer LLVM library before Dr.Jit
+loads one.
 """
 
 import argparse
@@ -30,7 +31,10 @@ REMEDY = "install LLVM 17 or newer (Debian/Ubuntu: apt-get install libllvm19) or
 
 
 def llvm_version(library: Path) -> int | None:
-    """Return the major version of an LLVM library, from its file name (libLLVM-19.so) or from the library; None if unreadable."""
+    """Return the major version of an LLVM library, or None if the version cannot be read.
+
+    The function reads the version from the file name (for example libLLVM-19.so), or else from the library itself.
+    """
     match = re.search(r"libLLVM(?:-|\.so\.)(\d+)", library.resolve().name) or re.search(r"libLLVM(?:-|\.so\.)(\d+)", library.name)
     if match:
         return int(match.group(1))
@@ -44,7 +48,10 @@ def llvm_version(library: Path) -> int | None:
 
 
 def find_llvm() -> Path | None:
-    """Return the newest usable LLVM library, or None. If DRJIT_LIBLLVM_PATH is set, only the library at this path is considered."""
+    """Return the path of the newest LLVM library of version LLVM_MINIMUM or newer, or None if the system has no such library.
+
+    If the environment variable DRJIT_LIBLLVM_PATH is set, the function considers only the library at this path.
+    """
     explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
     if explicit:
         candidates = [Path(explicit)]
@@ -65,13 +72,15 @@ def has_cuda() -> bool:
 
 @functools.cache
 def activate(preference: str = "auto", color: str = "rgb") -> str:
-    """Set the Mitsuba variant of this process and return its name. From then on, the process does not return freed memory to the system.
+    """Set the Mitsuba variant of this process and return its name.
+
+    After the call, the process keeps freed memory for its own use instead of returning it to the operating system.
 
     Args:
-        preference: "auto" (CUDA if a GPU is found, else LLVM), "llvm" or "cuda".
-        color: colour mode of the variant, e.g. "rgb".
+        preference: "llvm" for the CPU, "cuda" for the GPU, or "auto" for the GPU if nvidia-smi finds a GPU and otherwise the CPU.
+        color: colour mode of the Mitsuba variant, for example "rgb".
     Raises:
-        BackendError: there is no GPU for "cuda", the CPU variant finds no LLVM 17 or newer, or another variant is already active.
+        BackendError: "cuda" is requested and there is no GPU, the CPU variant finds no LLVM 17 or newer, or another variant is active.
     """
     if preference not in ("auto", "llvm", "cuda"):
         raise BackendError(f"simulator variant {preference!r} is not one of auto, llvm, cuda")
@@ -96,7 +105,11 @@ def activate(preference: str = "auto", color: str = "rgb") -> str:
 
 
 def ensure_llvm() -> int:
-    """Install LLVM if sudo needs no password; otherwise print the command to type. Returns an exit status."""
+    """Install LLVM if the computer has neither a GPU nor a usable LLVM library. If the installation fails, print the command to type.
+
+    Returns:
+        Exit status: 0 if a GPU or a usable LLVM library exists, 2 otherwise.
+    """
     if has_cuda() or find_llvm() is not None:
         return 0
     prefix = [] if os.geteuid() == 0 else ["sudo", "-n"]

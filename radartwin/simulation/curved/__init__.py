@@ -1,1 +1,1 @@
-"""Ray tubes with physical optics, for curved and small surfaces."""
+"""Simulate echoes of curved and small surfaces by ray tubes with physical optics."""

@@ -1,6 +1,6 @@
-"""Contact of tubes with surfaces: ray casting, surface geometry, visibility and mirror reflection.
+"""Compute where ray tubes meet surfaces: ray casting, surface normals and curvature, visibility and mirror reflection.
 
-Formulas and symbols as in `radartwin.simulation.curved.tubes`. Import only after a Mitsuba variant is active.
+`radartwin.simulation.curved.tubes` explains the formulas and symbols. Import this module only after a Mitsuba variant is active.
 """
 
 from dataclasses import dataclass
@@ -13,39 +13,46 @@ from radartwin.simulation.curved.device import Device, rows
 from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.hits import LABEL_BITS, Occluder
 
-COS_GRAZING = 1e-3  # at smaller cosines of incidence, a tube cannot resolve the return of a smooth surface
-FLAT = 1e-10  # a facet is flat if the squared difference of its vertex normals is smaller
-SHADOW_SHORT = 1e-4  # visibility tests end this fraction of the distance before the target (for an occluder, this many metres)
+COS_GRAZING = 1e-3  # tubes with a smaller cosine of incidence are ignored, because they cannot resolve the echo of a smooth surface
+FLAT = 1e-10  # a facet counts as flat if the sum of the squared differences of its unit vertex normals is below this limit
+# A visibility test ends before its target point, by this fraction of the distance. The test against an occluder ends this many metres
+# before its target point.
+SHADOW_SHORT = 1e-4
 
 
 @dataclass
 class Contact:
-    """Hold the points where tubes meet a surface, seen from the lit side."""
+    """Hold the points where ray tubes meet facets, with all normals on the side of the facet that the tube illuminates (the lit side)."""
 
-    face: Any  # index
-    outside: Any  # whether the lit side is the outer side, on which the corners run counter-clockwise
-    flat_normal: Any  # of the facet
-    normal: Any  # of the curved surface that the facet's vertex normals define
-    facet_point: Any  # on the facet
-    point: Any  # lifted onto the curved surface
-    cosine: Any  # of incidence
-    edges: list[Any]  # two edge vectors of the facet
-    normal_turns: list[Any]  # change of the vertex normal along each edge
+    face: Any  # index of the facet that each tube meets
+    outside: Any  # whether the lit side is the outer side of the mesh, on which the facet's corners run counter-clockwise
+    flat_normal: Any  # unit normal of the flat facet
+    normal: Any  # unit normal of the curved surface that the facet's vertex normals define
+    facet_point: Any  # point where the tube meets the flat facet, in metres
+    point: Any  # `facet_point` lifted onto the curved surface that the facet's vertex normals define, in metres
+    cosine: Any  # cosine of the angle of incidence, relative to `normal`
+    edges: list[Any]  # two edge vectors of the facet from its first corner, in metres
+    normal_turns: list[Any]  # change of the unit vertex normal along each of the two edge vectors
 
     def mirrored(self, direction: Any) -> Any:
-        """Return the direction after mirror reflection."""
+        """Return the direction of a tube after mirror reflection at the surface."""
         return direction + self.normal * (2 * self.cosine)
 
     def step(self, direction: Any, derivative: Any) -> Any:
-        """Return the step on the surface from tube to tube, for tubes along `direction` with this `derivative` of position."""
+        """Return the vector on the surface from the centre of one tube to the centre of its neighbour in the grid.
+
+        Args:
+            direction: unit direction of the tube.
+            derivative: change of the ray position from one tube to its neighbour, in metres.
+        """
         return derivative + direction * (dr.dot(derivative, self.normal) * dr.rcp(self.cosine))
 
     def is_curved(self) -> Any:
-        """Return whether the facet is part of a curved surface."""
+        """Return whether the facet belongs to a curved surface, because its vertex normals differ."""
         return dr.squared_norm(self.normal_turns[0]) + dr.squared_norm(self.normal_turns[1]) > FLAT
 
     def turn(self, step: Any) -> Any:
-        """Return the change of the normal along a tangent vector `step`, which is the curvature times the step."""
+        """Return the change of the unit normal along a tangent vector `step` of the surface, which is the curvature times `step`."""
         first, second = self.edges
         g11, g12, g22 = dr.squared_norm(first), dr.dot(first, second), dr.squared_norm(second)
         c1, c2 = dr.dot(step, first), dr.dot(step, second)
@@ -54,27 +61,31 @@ class Contact:
 
 
 def across_incidence(direction: Any, normal: Any) -> Any:
-    """Return the unit vector perpendicular to the plane of incidence; at normal incidence, any unit vector across the normal."""
+    """Return the unit vector perpendicular to the plane of incidence.
+
+    At normal incidence the plane of incidence is undefined, and the function returns some unit vector perpendicular to the normal.
+    """
     across = dr.cross(direction, normal)
     size = dr.squared_norm(across)
     return dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(normal)[0])
 
 
 def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
-    """Find the next face of each tube. Returns the lanes that meet a face."""
+    """Find the facet that the centre ray of each tube meets next. The function returns a mask of the tubes that meet a facet."""
     hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first, active=alive)
     tubes.face, tubes.inner_u, tubes.inner_v = hit.prim_index, hit.prim_uv.x, hit.prim_uv.y
     return hit.is_valid() & alive
 
 
 def surface(device: Device, face: Any, inner_u: Any, inner_v: Any, origin: Any, direction: Any, active: Any) -> Contact:
-    """Compute the contact at barycentric coordinates of the face that rays from `origin` meet."""
+    """Compute the `Contact` of rays from `origin` along `direction` with a facet, at the barycentric coordinates `inner_u`, `inner_v`."""
     corners = device.corners(device.corner, face, active)
     barycentric = [1 - inner_u - inner_v, inner_u, inner_v]
     flat = dr.normalize(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
-    # computed from the corners: the ray's distance has the rounding error of a far source and could put the point below the facet
+    # The point is computed from the corners, because the distance along a ray from a far source has a rounding error that could put the
+    # point below the facet.
     facet_point = corners[0] * barycentric[0] + corners[1] * barycentric[1] + corners[2] * barycentric[2]
-    facet_point = dr.select(active, facet_point, origin)  # a ray without a hit gathers arbitrary values, which must not be used
+    facet_point = dr.select(active, facet_point, origin)  # for a ray that meets no facet, the corners are arbitrary values
     outside = dr.dot(direction, flat) <= 0
     side = dr.select(outside, 1.0, -1.0)
     edges = [corners[1] - corners[0], corners[2] - corners[0]]
@@ -92,9 +103,13 @@ def surface(device: Device, face: Any, inner_u: Any, inner_v: Any, origin: Any, 
 
 
 def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contact, Any]:
-    """Move tubes to the face found by `cast`. Returns the contact and the active lanes that do not graze it.
+    """Move each tube to the facet that `cast` found.
 
-    The length grows by the distance, and the position derivatives grow with it. The field's phase turns by 90 degrees at each caustic.
+    The function increases the tube's length by the distance to the facet, updates the position derivatives, and turns the phase of the
+    field by 90 degrees at each caustic on the way.
+
+    Returns:
+        The `Contact`, and a mask of the active tubes that do not meet the facet at grazing incidence.
     """
     contact = surface(device, tubes.face, tubes.inner_u, tubes.inner_v, tubes.origin, tubes.direction, active)
     distance = dr.dot(mi.Vector3d(contact.point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
@@ -113,9 +128,10 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
 
 
 def pass_caustics(tubes: Tubes, distance: Any) -> None:
-    """Turn the phase of fields by +90 degrees (for exp(+j w t)) at each zero of the tubes' cross-section within the distance.
+    """Turn the phase of each tube's field by +90 degrees at each caustic within `distance`, for the time convention exp(+j w t).
 
-    The cross-section is a quadratic in the distance with real zeros, because the curvature of a wavefront is symmetric.
+    A caustic is a zero of the tube's cross-section. The cross-section is a quadratic function of the distance along the tube. Both zeros of
+    this function are real, because the curvature matrix of a wavefront is symmetric.
     """
     here, there, between = (
         dr.dot(dr.cross(u, v), tubes.direction)
@@ -127,7 +143,7 @@ def pass_caustics(tubes: Tubes, distance: Any) -> None:
     )
     between *= distance * distance
     slope = there - here - between
-    turning = -0.5 * slope  # divided by `between`: the fraction of the distance where the cross-section is smallest
+    turning = -0.5 * slope  # turning/between is the fraction of `distance` at which the quadratic cross-section has its extremum
     both = (here * there > 0) & (here * between > 0) & (turning * between > 0) & (dr.abs(turning) < dr.abs(between))
     one = here * there < 0
     for node in range(len(tubes.field_re)):
@@ -137,20 +153,20 @@ def pass_caustics(tubes: Tubes, distance: Any) -> None:
 
 
 def limited(origin: Any, direction: Any, reach: Any) -> Any:
-    """Return a ray that ends at the distance `reach`."""
+    """Return a ray from `origin` along `direction` that ends after `reach` metres."""
     ray = mi.Ray3f(origin, direction)
     ray.maxt = reach
     return ray
 
 
 def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> Any:
-    """Return the lanes of `seen` whose line to the receiver is not blocked."""
+    """Return a mask of those tubes in `seen` for which no facet blocks the line from the contact to the receiver."""
     reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
     return seen & ~device.scene.ray_test(limited(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
 
 
 def blocked(occluder: Occluder, pose: Any, first: Any, last: Any, active: Any) -> Any:
-    """Return whether the occluder blocks the line between two points in the object's frame."""
+    """Return whether the occluder blocks the line between the points `first` and `last`, which are given in the object's frame."""
     turn = [rows(occluder.rotation[:, i])(pose, active) for i in range(3)]
     offset = rows(occluder.translation)(pose, active)
     a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
@@ -159,16 +175,20 @@ def blocked(occluder: Occluder, pose: Any, first: Any, last: Any, active: Any) -
 
 
 def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
-    """Start tubes along their mirrored directions. Returns the lanes that leave their facet."""
+    """Start tubes from their contact along the mirrored direction. The function returns a mask of the tubes that leave their facet."""
     tubes.direction = contact.mirrored(tubes.direction)
     tubes.origin = contact.facet_point + contact.flat_normal * device.lift
     return dr.dot(tubes.direction, contact.flat_normal) > 0
 
 
 def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
-    """Reflect tubes (`scatter` has already reflected their fields) and cast them. Returns the lanes that meet a face."""
+    """Reflect the geometry of tubes and find the next facet of each tube. `scatter` must already have reflected the fields of the tubes.
+
+    Returns:
+        A mask of the tubes that meet another facet.
+    """
     mirrored = contact.mirrored(tubes.direction)
-    # the ray starts at the facet, but the length is counted from the lifted point
+    # The ray starts at the flat facet, but the tube's length is counted from the point that was lifted onto the curved surface.
     tubes.length = tubes.length - mi.Float64(dr.dot(contact.point - contact.facet_point, mirrored))
     steps = [contact.step(tubes.direction, derivative) for derivative in (tubes.position_du, tubes.position_dv)]
     spreads = [d - contact.normal * (2 * dr.dot(d, contact.normal)) for d in (tubes.direction_du, tubes.direction_dv)]

@@ -1,14 +1,16 @@
-"""Division of a tube grid into whole tubes and pieces of tubes, in blocks that fit in memory.
+"""Divide the cells of a ray-tube grid into whole tubes and pieces of tubes, in blocks that fit in memory.
 
-A tube contributes as if all of it met the surface that its centre ray hits, which is wrong for a tube that straddles an edge. To find such
-tubes, test rays without fields are cast through the middles and corners of all cells. A cell straddles an edge if its test rays hit
-different sequences of smooth patches. Such cells, and cells that a curved surface spreads onto another surface, are traced as pieces of a
-finer grid. The division is exact: a box weight is the sum of its pieces, and a hat weight is the sum of hats n times finer,
+The tracer assumes that a whole tube meets the surface that its centre ray hits. This assumption is wrong for a tube that straddles an edge
+between two surfaces. To find such tubes, the module casts test rays without fields through the middles and the corners of all grid cells. A
+cell straddles an edge if its test rays hit different sequences of smooth surface patches. The tracer divides such a cell into pieces of a
+finer grid. It also divides a cell whose tube is reflected by a curved surface onto another surface. The division of the tube's weight
+function is exact: a box weight is the sum of the box weights of its pieces, and a hat (triangle) weight is the sum of hats n times finer,
 
     hat(x) = sum over |k| < n of (1 - |k|/n) hat(n x - k)
 
-so that divided and whole hats still sum to one. A piece therefore has two weights: the sum of its factors in the divided hats around it,
-and whether it lies in a divided box. Cells whose test rays hit nothing are skipped. Import only after a Mitsuba variant is active.
+so that the hats of divided and whole tubes still sum to one. A piece therefore has two weights. Its hat weight is the sum of its factors in
+all divided hats that contain it. Its box weight is 1 if it lies in a divided cell and 0 otherwise. Cells whose test rays hit nothing are
+not traced. Import this module only after a Mitsuba variant is active.
 """
 
 from collections.abc import Iterator
@@ -26,23 +28,26 @@ from radartwin.simulation.curved.hits import TraceOptions
 from radartwin.simulation.curved.transit import Walls
 from radartwin.simulation.curved.tube_grid import TubeGrid
 
-MAX_TUBES = (1 << 32) - 1  # indices have 32 bits
-TUBES_PER_BLOCK = 1 << 20  # limits the memory of a kernel to a few hundred megabytes
-SPREADING = 1 << 31  # flag of a patch sequence: a curved surface reflects the ray to another surface
+MAX_TUBES = (1 << 32) - 1  # largest number of tubes in a grid, because tube indices have 32 bits
+TUBES_PER_BLOCK = 1 << 20  # number of tubes traced at once; it limits the memory of a kernel to a few hundred megabytes
+SPREADING = 1 << 31  # bit in the number of a patch sequence, set if a curved surface reflects the test ray onto another surface
 
 
 def blocks(
     device: Device, grid: TubeGrid, corners: np.ndarray, options: TraceOptions, selected: np.ndarray | None, walls: Walls | None
 ) -> Iterator[TubeSelection]:
-    """Yield the tubes of a grid in blocks of whole poses; a pose larger than a block is split.
+    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or a part of the tubes of one large pose.
 
-    No tube is divided if `options.pieces` is 1 or if a pose is too large for one block.
+    The function divides no tube if `options.pieces` is 1 or if the tubes of a pose do not fit into one block.
 
     Args:
-        corners: (N, 3, 3) corners of the facets. In a pose larger than a block, tubes that meet no facet are skipped.
-        options: only bounces, first cluster and pieces are read.
-        selected: (N,) sorted indices of the tubes to trace; None: all.
-        walls: walls of shells through which tubes pass. None: tubes are reflected on the outside.
+        device: geometry on the device, for the test rays.
+        grid: grid of tubes.
+        corners: (N, 3, 3) corners of N facets. If the tubes of a pose do not fit into one block, the function leaves out the tubes whose
+            centre ray cannot meet a facet.
+        options: trace options, of which the function reads the number of bounces, the first cluster and the number of pieces.
+        selected: sorted indices of the tubes to trace; None traces all tubes.
+        walls: walls of hollow objects through which the tubes pass; None for tubes that are reflected on the outside of the surfaces.
     Raises:
         BackendError: the grid has more tubes than MAX_TUBES.
     """
@@ -75,17 +80,19 @@ def _parts(index: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray:
-    """Return the indices of the tubes of a pose that can meet a facet."""
+    """Return the indices of those tubes of one sensor pose whose centre ray can meet a facet."""
     cells = tube_grid.covered(grid, pose, corners)
     return pose * grid.per_pose + (np.arange(grid.per_pose) if cells is None else cells)
 
 
 def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], options: TraceOptions, walls: Walls | None) -> np.ndarray:
-    """Cast the test rays and return a number for the sequence of smooth patches that each ray meets; 0 for no patch.
+    """Cast the test rays and return, for each ray, a number that identifies the sequence of smooth surface patches that the ray meets.
 
     Returns:
-        (poses, count_u count_v + (count_u + 1)(count_v + 1)) uint32: middles of cells, then corners, in rows along u. SPREADING is set
-        if a curved surface reflects the ray to another surface. With walls, a sequence is the patch of the wall and the next patch.
+        Numbers (poses, count_u count_v + (count_u + 1)(count_v + 1)), uint32. Each row lists first the test rays through the middles of the
+        grid cells, then the test rays through the corners of the cells, each in rows along u. The number is 0 if a ray meets no patch. Its
+        bit SPREADING is set if a curved surface reflects the ray onto another surface. With `walls`, the sequence of a ray consists of the
+        patch of the first wall and the next patch behind this wall.
     """
     middles, corners = grid.per_pose, (grid.count_u + 1) * (grid.count_v + 1)
     index = dr.arange(mi.UInt32, (poses[1] - poses[0]) * (middles + corners))
@@ -110,7 +117,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
             alive = device.in_cluster(contact.face, options.first_cluster, alive)
         if walls and bounce == 0:
             alive = walls.enter(tubes, contact, alive)
-        # an odd factor, so that the number depends on the sequence of the patches
+        # The multiplication by an odd constant makes the number depend on the order in which the ray meets the patches.
         sequence = dr.select(alive, (sequence * 0x9E3779B1) ^ dr.gather(mi.UInt32, device.patch, contact.face, alive), sequence)
         if walls and bounce == 0:
             continue
@@ -118,13 +125,21 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
             spreading = spreading | (alive & curved)
             curved = curved | (alive & contact.is_curved())
         alive &= leave(device, tubes, contact)
-    # the lowest bit distinguishes every sequence from 0
+    # The lowest bit is set for every sequence of patches, so that no sequence has the number 0.
     sequence = dr.select(sequence > 0, ((sequence << 1) & (SPREADING - 1)) | 1, 0) | dr.select(spreading, mi.UInt32(SPREADING), 0)
     return sequence.numpy().reshape(poses[1] - poses[0], -1)
 
 
 def divided(sequences: np.ndarray, grid: TubeGrid, first_pose: int, pieces: int, curved: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (index, hat_share, in_box) of a `TubeSelection` for the poses from `first_pose`, from their `patch_sequences`."""
+    """Divide the cells that straddle an edge and return the arrays index, hat_share and in_box of a `TubeSelection`.
+
+    Args:
+        sequences: result of `patch_sequences` for consecutive sensor poses.
+        grid: grid of tubes.
+        first_pose: index of the first of these poses.
+        pieces: number of pieces of a divided cell along each grid axis.
+        curved: whether the geometry has curved facets, on which tubes have hat weights.
+    """
     poses, (rows, columns) = len(sequences), (grid.count_v, grid.count_u)
     middle = sequences[:, : rows * columns].reshape(poses, rows, columns)
     corner = sequences[:, rows * columns :].reshape(poses, rows + 1, columns + 1)
@@ -133,7 +148,7 @@ def divided(sequences: np.ndarray, grid: TubeGrid, first_pose: int, pieces: int,
         for j in (0, 1):
             straddles |= corner[:, i : i + rows, j : j + columns] != middle
     straddles |= middle >= SPREADING
-    if curved:  # a hat extends to the middles of the neighbouring cells
+    if curved:  # the hat weight of a tube extends to the middles of the neighbouring cells
         padded = np.pad(middle, ((0, 0), (1, 1), (1, 1)), mode="edge")
         for i in range(3):
             for j in range(3):
@@ -144,7 +159,8 @@ def divided(sequences: np.ndarray, grid: TubeGrid, first_pose: int, pieces: int,
     fine_rows, fine_columns = pieces * rows + 2 * margin, pieces * columns + 2 * margin
     reach = np.arange(-2 * margin, 2 * margin + 1) if curved else np.arange(-margin, margin + 1)
     tent = 1 - np.abs(reach) / pieces
-    # the pieces of each straddling cell (hats extend twice as far); the factors of a piece in several hats are summed
+    # List the pieces of each cell that straddles an edge. Hat weights reach twice as far as box weights, so a piece may lie in several
+    # hats, whose factors are summed.
     fine_v = (v[:, None] * pieces + 2 * margin + reach)[:, :, None]
     fine_u = (u[:, None] * pieces + 2 * margin + reach)[:, None, :]
     piece = ((pose[:, None, None] * fine_rows + fine_v) * fine_columns + fine_u).reshape(-1)

@@ -1,6 +1,6 @@
-"""State of the tubes (one Dr.Jit lane per tube) and their start at the source.
+"""Define the state of ray tubes between two reflections (one Dr.Jit lane per tube) and start the tubes at the transmitter.
 
-Symbols as in `radartwin.simulation.curved.tubes`. Import only after a Mitsuba variant is active.
+`radartwin.simulation.curved.tubes` explains the symbols. Import this module only after a Mitsuba variant is active.
 """
 
 from collections.abc import Iterator
@@ -17,47 +17,47 @@ from radartwin.simulation.curved.tube_grid import TubeGrid
 
 @dataclass(frozen=True)
 class TubeSelection:
-    """Select the tubes of a grid to trace: whole cells and pieces of divided cells."""
+    """List the N tubes of a grid to trace, which are whole grid cells or pieces of divided cells."""
 
-    # (N,) uint32. An index below the number of cells of all poses is a whole cell. A larger index is a piece: an index in the grid that is
-    # `pieces` times finer along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
+    # (N,) uint32 tube indices. An index below the number of cells of all poses selects a whole cell. A larger index selects a piece of a
+    # finer grid, which has `pieces` times as many cells along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
     index: np.ndarray
-    hat_share: np.ndarray | None = None  # (N,) factor of the tube's hat weight; None if all tubes are whole cells
-    in_box: np.ndarray | None = None  # (N,) whether the tube contributes with box weights; None as for hat_share
-    pieces: int = 1  # odd number of pieces of a divided cell along each axis
+    hat_share: np.ndarray | None = None  # (N,) factor of each tube's hat weight; None if all tubes are whole cells
+    in_box: np.ndarray | None = None  # (N,) whether each tube contributes on surfaces with box weights; None if all tubes are whole cells
+    pieces: int = 1  # number of pieces of a divided cell along each grid axis, an odd number
 
 
 @dataclass
 class Tubes:
-    """Hold the state of tubes between two hits."""
+    """Hold the state of ray tubes between two hits, with one array entry per tube."""
 
-    index: Any  # of the tube in its grid
-    pose: Any
-    origin: Any  # of the ray
-    direction: Any
-    position_du: Any  # derivatives of position and direction along the grid axes
-    position_dv: Any
-    direction_du: Any
-    direction_dv: Any
-    weight: Any  # solid angle at the source, or area for a plane wave
-    hat_share: Any  # as in TubeSelection
-    in_box: Any
-    departure: Any  # direction at the source
-    field_re: list[Any]  # real and imaginary part of the field vector per frequency node
-    field_im: list[Any]
-    length: Any  # float64, unfolded length from the source to here
-    first: Any  # float64, unfolded length from the source to the first hit
-    sequence: Any  # labels of the faces met, see `hits.unpack_labels`
-    face: Any = None  # triangle and two barycentric coordinates of the next hit, set by `contact.cast`
-    inner_u: Any = None
-    inner_v: Any = None
+    index: Any  # index of the tube in its grid
+    pose: Any  # index of the sensor pose
+    origin: Any  # start point of the tube's centre ray, in metres
+    direction: Any  # unit direction of the tube's centre ray
+    position_du: Any  # derivative of the ray's position along the grid's u axis, per grid cell
+    position_dv: Any  # derivative of the ray's position along the grid's v axis, per grid cell
+    direction_du: Any  # derivative of the ray's direction along the grid's u axis, per grid cell
+    direction_dv: Any  # derivative of the ray's direction along the grid's v axis, per grid cell
+    weight: Any  # solid angle of the tube at the source in steradians, or the tube's area in square metres for a plane wave
+    hat_share: Any  # factor of the tube's hat weight, as in TubeSelection
+    in_box: Any  # whether the tube contributes on surfaces with box weights, as in TubeSelection
+    departure: Any  # unit direction of the ray at the source
+    field_re: list[Any]  # real part of the electric field vector, one entry per frequency node
+    field_im: list[Any]  # imaginary part of the electric field vector, one entry per frequency node
+    length: Any  # float64 path length from the source over all hits to the current position, in metres
+    first: Any  # float64 path length from the source to the first hit, in metres
+    sequence: Any  # packed labels of the facets that the tube has met, see `hits.unpack_labels`
+    face: Any = None  # index of the triangle that the tube meets next, set by `contact.cast`
+    inner_u: Any = None  # first barycentric coordinate of the next hit, set by `contact.cast`
+    inner_v: Any = None  # second barycentric coordinate of the next hit, set by `contact.cast`
 
     def evaluate(self, *others: Any) -> None:
-        """Evaluate all values and `others` in one kernel."""
+        """Compute the state of all tubes and the values `others` in one compiled kernel."""
         dr.eval(*(value for value in self._values() if value is not None), *others)
 
     def compacted(self, alive: Any) -> "Tubes":
-        """Return the tubes at these lane indices."""
+        """Return only the tubes at the lane indices `alive`."""
 
         def pick(value: Any) -> Any:
             if value is None:
@@ -71,15 +71,18 @@ class Tubes:
 
 
 def project(axis: Any, direction: Any) -> Any:
-    """Return the normalised component of `axis` perpendicular to `direction`."""
+    """Return the component of the vector `axis` perpendicular to the unit vector `direction`, normalised to unit length."""
     across = axis - direction * dr.dot(axis, direction)
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
 def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Return origin, direction, two derivatives along the grid axes, and weight of the tubes at grid coordinates.
+    """Compute the centre rays of tubes at the grid coordinates `cell_u` and `cell_v`.
 
-    A spherical wave has derivatives of the direction and a solid angle as weight. A plane wave has derivatives of the position and an area.
+    Returns:
+        Origin and direction of the rays, derivatives along the grid axes u and v, and weights of the tubes. For a spherical wave, the
+        derivatives are those of the direction, and the weight is a solid angle. For a plane wave, the derivatives are those of the
+        position, and the weight is an area.
     """
     step_u, step_v = scalars(grid.step_u)(pose), scalars(grid.step_v)(pose)
     u = scalars(grid.low_u)(pose) + cell_u * step_u
@@ -95,7 +98,15 @@ def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any,
 
 
 def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelection, nodes: int) -> Tubes:
-    """Start the selected tubes at their source. Fields lie along the projected antenna axis; `cross` turns them by 90 degrees for H."""
+    """Start the selected tubes of a grid at their source.
+
+    Args:
+        grid: grid of tubes for F sensor poses.
+        axis: (F, 3) antenna axes. The electric field of a tube lies along the projection of the axis perpendicular to its ray.
+        cross: whether the electric field is turned by 90 degrees about the ray, for horizontal (H) polarisation.
+        selection: tubes to start.
+        nodes: number of frequency nodes.
+    """
     index = upload(mi.UInt32, selection.index)
     per_pose, count_u = dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u)
     cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)
@@ -109,7 +120,7 @@ def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelectio
         size = dr.select(piece, dr.opaque(mi.Float, 1 / selection.pieces), size)
         offset = dr.select(piece, dr.opaque(mi.Float, margin / selection.pieces), offset)
     pose = cell // per_pose
-    cell = cell - pose * per_pose  # not in place, because `cell` and `index` may be the same array
+    cell = cell - pose * per_pose  # an in-place operation would be wrong, because `cell` and `index` may be the same array
     cell_v = cell // count_u
     cell_u = cell - cell_v * count_u
     origin, direction, direction_du, direction_dv, weight = rays(
@@ -117,7 +128,7 @@ def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelectio
     )
     direction_du, direction_dv, weight = direction_du * size, direction_dv * size, weight * size * size
     field = project(rows(axis)(pose), direction)
-    if cross:  # H = (direction to the radar) x V, and the ray points away from the radar
+    if cross:  # the H vector is the cross product of the direction towards the radar with the V vector; the ray points away from the radar
         field = dr.cross(-direction, field)
     nothing = dr.zeros(mi.Vector3f, dr.width(index))
     position_du, position_dv = (direction_du, direction_dv) if grid.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))

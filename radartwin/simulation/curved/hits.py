@@ -1,4 +1,4 @@
-"""Input and output of the tube tracer: antennas, options, hits, and the face labels packed into one number per hit."""
+"""Define the input and output of the ray-tube tracer: antennas, trace options, hits, and face labels packed into one number per hit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -7,12 +7,16 @@ import numpy as np
 
 from radartwin.simulation.geometry import Geometry
 
-LABEL_BITS = 12  # per bounce: five bounces fit in 64 bits
-OTHER_LABEL = (1 << LABEL_BITS) - 2  # the largest label, for faces without a label of their own
+LABEL_BITS = 12  # number of bits for the face label of one bounce, so that the labels of five bounces fit in 64 bits
+OTHER_LABEL = (1 << LABEL_BITS) - 2  # largest face label, which all faces without an individual label share
 
 
 def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
-    """Return the labels of the faces that a path met, first to last. `sequence` holds 1 + label per bounce, the last in the lowest bits.
+    """Return the labels of the faces that a path met, in the order of its bounces.
+
+    Args:
+        sequence: packed labels. Each bounce has LABEL_BITS bits that hold 1 + label; the last bounce has the lowest bits.
+        bounces: number of bounces of the path.
 
     >>> unpack_labels((3 << LABEL_BITS) + 8, 2)
     (2, 7)
@@ -22,55 +26,59 @@ def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class Antennas:
-    """Describe transmit or receive antennas, one per pose, in the geometry's frame."""
+    """Describe the transmit antenna or the receive antenna at each of F sensor poses, in the geometry's frame."""
 
-    position: np.ndarray  # (F, 3) metres; for a plane wave a point far away, of which only the direction matters
-    axis: np.ndarray  # (F, 3) unit vectors; the polarisation is the normalised component perpendicular to the ray
-    cross: bool = False  # whether the polarisation is turned by 90 degrees about the ray (H instead of V)
+    position: np.ndarray  # (F, 3) antenna positions in metres; for a plane wave, far points of which only the direction matters
+    axis: np.ndarray  # (F, 3) unit vectors of the antenna axis; its normalised component perpendicular to a ray is the polarisation
+    cross: bool = False  # whether the polarisation is turned by 90 degrees about the ray (horizontal instead of vertical)
 
 
 @dataclass(frozen=True)
 class Occluder:
-    """Describe static geometry that can block the line between sensor and object."""
+    """Describe static surfaces that can block the line between sensor and object."""
 
-    geometry: Geometry
-    rotation: np.ndarray  # (F, 3, 3), from the object's frame to the occluder's frame at each pose
-    translation: np.ndarray  # (F, 3)
+    geometry: Geometry  # triangles of the static surfaces
+    rotation: np.ndarray  # (F, 3, 3) rotation matrices from the object's frame to the frame of the static surfaces, for F sensor poses
+    translation: np.ndarray  # (F, 3) translations from the object's frame to the frame of the static surfaces, in metres
 
 
 @dataclass(frozen=True)
 class TraceOptions:
     """Set how a grid of tubes is traced."""
 
-    max_bounces: int  # largest number of reflections
-    # (faces,) cluster of each face, or None. Only tubes whose first hit is on a face of cluster `first_cluster` contribute, so that grids
-    # of different density do not count a path twice.
+    max_bounces: int  # largest number of reflections per path
+    # (faces,) number of the object cluster of each face, or None. Only tubes whose first hit is on a face of cluster `first_cluster`
+    # contribute, so that two grids of different tube density never count the same path twice.
     cluster: np.ndarray | None = None
-    first_cluster: int = 0
-    labels: np.ndarray | None = None  # (faces,) numbers below 4095, packed into `Hits.sequence`. None: not recorded
-    occluder: Occluder | None = None  # may block the lines from the sensor to the first hit and from the last hit to the sensor
-    prune: float = 0.0  # drop hits weaker than this times the strongest amplitude of their pose in the same block (`division.blocks`)
-    hats: bool = False  # whether all tubes have hat weights, as rooms need; if False, only tubes on curved facets have hat weights
-    # odd number of pieces, along each grid axis, of a tube that straddles two smooth patches or that a curved surface spreads onto another
+    first_cluster: int = 0  # number of the object cluster that the first hit of a tube must belong to
+    labels: np.ndarray | None = None  # (faces,) face labels below 4095, which `Hits.sequence` then records; None records no labels
+    occluder: Occluder | None = None  # surfaces that may block the line from the sensor to the first hit or from the last hit to the sensor
+    # The tracer drops hits whose amplitude is below this factor times the strongest amplitude of the same pose in the same block of tubes
+    # (`division.blocks`).
+    prune: float = 0.0
+    hats: bool = False  # True gives all tubes hat weights, which rooms need; False gives hat weights only to tubes on curved facets
+    # Number of pieces along each grid axis, an odd number. The tracer divides a tube into pieces if the tube straddles two smooth surface
+    # patches, or if a curved surface reflects the tube onto another surface.
     pieces: int = 1
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Hold the N contributing hits of a grid of tubes."""
+    """Hold the N hits of a grid of tubes that contribute to the received signal."""
 
-    pose: np.ndarray  # (N,) index
-    bounce: np.ndarray  # (N,) number of reflections, from 1
-    amplitude: np.ndarray  # (N, Q) complex, for signals exp(+j k L), without the propagation phase
-    length_in_m: np.ndarray  # (N,) float64, unfolded length from source to hit
-    length_out_m: np.ndarray  # (N,) float64, distance from hit to receiver
-    departure: np.ndarray  # (N, 3) unit vectors from the source towards the path
-    arrival: np.ndarray  # (N, 3) unit vectors from the receiver towards the path
-    first_m: np.ndarray  # (N,) float64, distance from source to first hit
-    sequence: np.ndarray  # (N,) uint64, labels of the faces met, see `unpack_labels`
+    pose: np.ndarray  # (N,) index of the sensor pose
+    bounce: np.ndarray  # (N,) number of reflections of the path, at least 1
+    # (N, Q) complex amplitudes at Q frequency nodes, without the propagation phase, for signals with the phase factor exp(+j k L)
+    amplitude: np.ndarray
+    length_in_m: np.ndarray  # (N,) float64 path length from the transmitter over all reflections to the hit, in metres
+    length_out_m: np.ndarray  # (N,) float64 distance from the hit to the receiver, in metres
+    departure: np.ndarray  # (N, 3) unit vectors from the transmitter towards the first hit of the path
+    arrival: np.ndarray  # (N, 3) unit vectors from the receiver towards the last hit of the path
+    first_m: np.ndarray  # (N,) float64 distance from the transmitter to the first hit of the path, in metres
+    sequence: np.ndarray  # (N,) uint64 packed labels of the faces that the path met, see `unpack_labels`
 
     def where(self, keep: np.ndarray) -> "Hits":
-        """Return the hits selected by a mask or by indices."""
+        """Return the hits that the mask or the index array `keep` selects."""
         return Hits(*(getattr(self, field.name)[keep] for field in fields(Hits)))
 
     @staticmethod
@@ -81,7 +89,7 @@ class Hits:
 
     @staticmethod
     def none(nodes: int) -> "Hits":
-        """Return an empty set of hits at `nodes` frequencies."""
+        """Return a `Hits` object without hits, whose amplitude array has `nodes` frequency nodes."""
         index, length, vectors = np.zeros(0, int), np.zeros(0), np.zeros((0, 3))
         amplitude, sequence = np.zeros((0, nodes), complex), np.zeros(0, np.uint64)
         return Hits(index, index, amplitude, length, length, vectors, vectors, length, sequence)

@@ -1,6 +1,6 @@
-"""Contribution of a tube's footprint to the receiver. Formulas and symbols as in `radartwin.simulation.curved.tubes`.
+"""Compute the contribution of a ray tube's footprint (its cross-section on the surface) to the received signal.
 
-Import only after a Mitsuba variant is active.
+`radartwin.simulation.curved.tubes` explains the formulas and symbols. Import this module only after a Mitsuba variant is active.
 """
 
 from collections.abc import Sequence
@@ -14,24 +14,30 @@ from radartwin.simulation.curved.contact import Contact, across_incidence
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
 
-MOST_BEND = 3.0  # radians; limit of the second-order phase on a curved surface, unless the first-order phase is steep
-TERMINATOR = 0.4  # cosine of incidence below which currents on a curved surface fade out, except towards the mirror direction
-STEEP = 14.0  # radians of phase across half a tube; beyond it, the integral follows from the kinks of the weight
-MOST_TWIST = 2.0  # radians; limit of the mixed second-order phase
+# Largest second-order phase across a tube's footprint on a curved surface, in radians. A steep first-order phase raises this limit.
+MOST_BEND = 3.0
+TERMINATOR = 0.4  # cosine of incidence below which the currents on a curved surface fade out, except towards the mirror direction
+# If the phase changes by more than this many radians across half a tube, the footprint integral is computed from the kinks of the weight.
+STEEP = 14.0
+MOST_TWIST = 2.0  # largest mixed second-order phase (the term u v of the phase expansion) across a tube's footprint, in radians
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
 class Reception(NamedTuple):
-    """Describe the receiver as seen from the contacts."""
+    """Describe the receiver as seen from the points where tubes meet surfaces."""
 
-    direction: Any  # unit vector from the contact to the receiver
-    length: Any  # distance, metres
-    axis: Any  # receive polarisation P, or per node its (real, imaginary) parts
-    plane: bool  # whether the receiver is infinitely far away
+    direction: Any  # unit vector from the point on the surface to the receiver
+    length: Any  # distance from the point on the surface to the receiver, in metres
+    axis: Any  # receive polarisation vector, or a list with its (real part, imaginary part) at each frequency node
+    plane: bool  # whether the receiver is infinitely far away, as for the far-field radar cross-section
 
 
 def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> list[tuple[Any, Any]]:
-    """Compute every tube's contribution to the receiver, per node (real, imaginary), and reflect the tubes' fields."""
+    """Compute the contribution of every tube to the received signal, and reflect the fields of the tubes.
+
+    Returns:
+        One pair of arrays (real part, imaginary part) per frequency node.
+    """
     s = across_incidence(tubes.direction, contact.normal)
     mirrored = contact.mirrored(tubes.direction)
     p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
@@ -61,11 +67,14 @@ def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception
 
 
 def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> tuple[Any, Any]:
-    """Return real and imaginary part of sqrt(dOmega A)/(8 pi L_o cos t) I; zero in inactive lanes."""
+    """Return the real and imaginary part of sqrt(dOmega A)/(8 pi L_o cos t) I, the scalar factor of each tube's contribution.
+
+    Both parts are zero for inactive tubes.
+    """
     outgoing = reception.direction
     inverse_out = mi.Float(0.0) if reception.plane else dr.rcp(reception.length)
-    gradient = tubes.direction - outgoing  # gradient of the path length at the hit
-    # change of the path length if the hit lies deeper along the ray
+    gradient = tubes.direction - outgoing  # gradient of the path length with respect to the position of the hit
+    # Increase of the path length per metre by which the surface lies deeper, measured along the normal.
     deeper = (1 - dr.dot(tubes.direction, outgoing)) * dr.rcp(contact.cosine)
     spreads = tubes.direction_du, tubes.direction_dv
     steps = [contact.step(tubes.direction, derivative) for derivative in (tubes.position_du, tubes.position_dv)]
@@ -81,16 +90,18 @@ def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Recept
         hat = hat | contact.is_curved()
     slopes = [wavenumber * dr.dot(gradient, step) for step in steps]
     bends = [0.5 * wavenumber * bend(i, i) for i in range(2)]
-    if device.curved:  # near a shadow line, the expansion is not valid beyond this limit
+    if device.curved:  # near the shadow line of a curved surface, the second-order expansion of the phase is not valid beyond this limit
         for i, slope in enumerate(slopes):
             most = dr.select(contact.is_curved(), dr.maximum(0.25 * dr.abs(slope), MOST_BEND), dr.inf)
             bends[i] = dr.clip(bends[i], -most, most)
     re, im = footprint_integral(slopes, bends, wavenumber * bend(0, 1), hat)
-    # the field varies as the inverse square root of the cross-section, so field times area stays finite at zero cross-section
+    # The field varies as the inverse square root of the tube's cross-section. The product of field and area therefore stays finite where
+    # the cross-section is zero.
     cross_section = dr.abs(dr.dot(dr.cross(tubes.position_du, tubes.position_dv), tubes.direction))
     level = dr.sqrt(tubes.weight * cross_section) * dr.rcp(8 * np.pi * contact.cosine) * (1.0 if reception.plane else inverse_out)
     if device.curved:
-        # physical optics cuts the currents at the shadow line of a curved surface; fade them out there, except towards the mirrored ray
+        # Physical optics ends the currents abruptly at the shadow line of a curved surface. Fade the currents out near this line, except
+        # for receivers in the mirror direction.
         fade = TERMINATOR * 0.5 * (1 - dr.dot(contact.mirrored(tubes.direction), outgoing))
         least = dr.minimum(contact.cosine, dr.dot(contact.normal, outgoing))
         x = dr.clip(least * dr.rcp(dr.maximum(fade, 1e-6)), 0, 1)
@@ -101,13 +112,16 @@ def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Recept
 
 
 def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
-    """Return the integrals of w(x) exp(-j beta x^2) times cos(alpha x), x sin(alpha x) and x^2 cos(alpha x), as real and imaginary parts.
+    """Compute the integrals of w(x) exp(-j beta x^2) times cos(alpha x), times x sin(alpha x) and times x^2 cos(alpha x).
 
-    The weight w is a hat on [-1, 1] or a box on [-1/2, 1/2].
+    The variable x is a grid coordinate across the tube, in tube widths. The weight w is a triangle (hat) on [-1, 1] where `hat` is true,
+    and a constant (box) on [-1/2, 1/2] elsewhere. If the phase changes by less than about two cycles across half the weight, the function
+    uses Gauss-Legendre quadrature with an error of 1e-7. If the phase changes more, the function uses an asymptotic expression for the
+    first integral and sets the second and third integral to zero. For a hat, this expression contains the leading terms of its three kinks
+    and has an error below 2e-3. For a box, the expression is the exact integral for beta = 0.
 
-    If the phase changes by less than about two cycles per side, the integrals are computed by Gauss-Legendre quadrature (error: 1e-7).
-    Otherwise the first integral is the leading asymptotic term of the hat's three kinks (error: below 2e-3), or of the box without
-    curvature, and the other two integrals are zero.
+    Returns:
+        One pair (real part, imaginary part) for each of the three integrals.
     """
     half, slope = dr.select(hat, mi.Float(1.0), 0.5), dr.select(hat, mi.Float(1.0), 0.0)
     moments = [[mi.Float(0.0), mi.Float(0.0)] for _ in range(3)]
@@ -130,9 +144,12 @@ def footprint_moments(alpha: Any, beta: Any, hat: Any) -> list[tuple[Any, Any]]:
 
 
 def footprint_integral(alpha: Sequence[Any], beta: Sequence[Any], twist: Any, hat: Any) -> tuple[Any, Any]:
-    """Integrate w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a footprint; real and imaginary part.
+    """Integrate w(x) w(y) exp(-j (alpha . (x, y) + beta . (x^2, y^2) + twist x y)) over a tube's footprint.
 
-    The factor exp(-j twist x y) is expanded to second order.
+    The function expands the factor exp(-j twist x y) to second order in `twist`.
+
+    Returns:
+        Real part and imaginary part of the integral.
     """
     first, second = (footprint_moments(a, b, hat) for a, b in zip(alpha, beta, strict=True))
     products = [(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]) for a, b in zip(first, second, strict=True)]

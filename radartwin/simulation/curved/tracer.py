@@ -1,6 +1,6 @@
-"""The bounce loop of the tube tracer on the device. Formulas and symbols as in `radartwin.simulation.curved.tubes`.
+"""Trace ray tubes from reflection to reflection on the GPU or CPU.
 
-Import only after a Mitsuba variant is active.
+`radartwin.simulation.curved.tubes` explains the formulas and symbols. Import this module only after a Mitsuba variant is active.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,7 +26,7 @@ from radartwin.simulation.reflection_table import ReflectionTable
 
 
 class Tracer:
-    """Trace the tubes of one grid, on the outside of surfaces or through the walls of `shells`."""
+    """Trace the tubes of one grid. Without `shells`, tubes stay outside all surfaces; with `shells`, they pass through walls of shells."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Tracer:
         return self._traced(selected, _read_hits)
 
     def tube_indices(self) -> list[np.ndarray]:
-        """Return the grid indices of the tubes that contribute."""
+        """Return the grid indices of the tubes that contribute to the received signal."""
         return self._traced(None, _read_indices)
 
     def _traced(self, selected: np.ndarray | None, read: Callable) -> list:
@@ -58,7 +58,7 @@ class Tracer:
         return [part for selection in blocks for part in self._block(selection, read)]
 
     def _block(self, selection: flight.TubeSelection, read: Callable) -> Iterator:
-        """Trace one block of tubes and yield the result of `read` for each bounce with hits."""
+        """Trace one block of tubes. For each bounce with hits, the function yields the value that `read` returns for these hits."""
         options = self.options
         strongest = dr.zeros(mi.Float, self.grid.poses)
         tubes = flight.start(self.grid, self.transmit.axis, self.transmit.cross, selection, self.device.nodes)
@@ -73,12 +73,12 @@ class Tracer:
             )  # fmt: skip
             level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, self.device.nodes)
             if options.prune:
-                # because the default reduction mode would compile the number of poses into the kernel
+                # Local reduction is necessary, because Dr.Jit's default reduction mode would compile the number of poses into the kernel.
                 dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen, mode=dr.ReduceMode.Local)
             onward = bounce < options.max_bounces
             if onward:
                 active = contacts.bounce(self.device, tubes, contact, active)
-            # evaluate all ray casts in one kernel, because an unevaluated array would cast its rays again when it is read
+            # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
             tubes.evaluate(lanes, level, strongest, seen, active)
             if options.prune:
                 seen = seen & (level >= dr.opaque(mi.Float, options.prune**2) * dr.gather(mi.Float, strongest, lanes[0], seen))
@@ -92,7 +92,12 @@ class Tracer:
                 tubes, active = tubes.compacted(alive), mi.Bool(True)
 
     def _meet(self, tubes: Tubes, origin: Any, bounce: int, active: Any) -> tuple[Contact, Contact, Any]:
-        """Return the reflecting contact, the contact nearest to the source (different behind a wall) and the lanes that stay active."""
+        """Move the tubes to their next facet.
+
+        Returns:
+            The contact at which the tubes are reflected, the contact nearest to the transmitter, and a mask of the tubes that stay active.
+            The two contacts differ if the tubes first pass through the wall of a shell.
+        """
         contact, active = contacts.meet(self.device, tubes, bounce == 1, active)
         near = contact
         if bounce == 1:
@@ -106,13 +111,14 @@ class Tracer:
         return contact, near, active
 
     def _reception(self, tubes: Tubes, contact: Contact, near: Contact, bounce: int, active: Any) -> tuple[Reception, Any]:
-        """Return the receiver's direction, distance and polarisation at the contact, and the lanes that the receiver sees."""
+        """Return direction, distance and polarisation of the receiver at each contact, and a mask of contacts that the receiver sees."""
         plane = self.grid.plane
         receiver = self.receiver_at(tubes.pose, active)
         outgoing = dr.normalize(-self.forward_at(tubes.pose, active) if plane else receiver - contact.point)
         length = dr.dot(receiver - contact.point, outgoing)
         seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
-        first_of_receiver = self.monostatic and bounce == 1  # the receiver always sees the first hit of a tube that starts at the receiver
+        # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
+        first_of_receiver = self.monostatic and bounce == 1
         wall = near
         if self.walls:
             if not first_of_receiver:
@@ -130,7 +136,7 @@ class Tracer:
 
 
 def _picked(lanes: tuple, keep: Any) -> list:
-    """Gather the lanes at the indices `keep` on the device."""
+    """Select the tubes at the lane indices `keep`, while the arrays stay on the device."""
 
     def pick(value: Any) -> Any:
         return [pick(v) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
@@ -145,12 +151,18 @@ def _read_indices(lanes: tuple, keep: Any, bounce: int) -> np.ndarray:
 
 
 def _vectors(lanes: Any) -> np.ndarray:
-    """Read vectors (N, 3) float64 by component, because a kernel that joins the components would be compiled for every N."""
+    """Copy vectors from the device to a NumPy array (N, 3), float64.
+
+    The function copies each component separately, because Dr.Jit would compile a kernel that joins the components anew for every N.
+    """
     return np.stack([component.numpy() for component in lanes], axis=1).astype(float)
 
 
 def _read_hits(lanes: tuple, keep: Any, bounce: int) -> Hits:
-    """Return the lanes `keep` as NumPy arrays. The amplitude is -j (re + j im), conjugated."""
+    """Return the hits at the lane indices `keep` as NumPy arrays.
+
+    The amplitude is the complex conjugate of -j (re + j im), because `Hits` uses signals with the phase factor exp(+j k L).
+    """
     pose, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes[:-1], keep)
     amplitude = np.empty((len(keep), len(values)), complex)
     for node, (re, im) in enumerate(values):

@@ -1,4 +1,4 @@
-"""Transmission of tubes through the walls of shells. Import only after a Mitsuba variant is active."""
+"""Pass ray tubes through the walls of hollow objects (shells). Import this module only after a Mitsuba variant is active."""
 
 from typing import Any
 
@@ -12,16 +12,21 @@ from radartwin.simulation.curved.shell import Shells
 
 
 class Walls:
-    """Hold the walls of shells on the device."""
+    """Hold the walls of shells as arrays on the GPU or CPU that traces the tubes."""
 
     def __init__(self, device: Device, shells: Shells):
-        """Upload the walls. `device` holds the geometry with the reflection inside its shells."""
+        """Copy the walls of the shells to the device.
+
+        Args:
+            device: geometry with the reflection table for waves inside its shells.
+            shells: shells of this geometry.
+        """
         self.device = device
         self.faces = upload(mi.Bool, shells.faces)
         self.coefficients = device.tabulated(shells.te, shells.tm)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
-        """Pass tubes straight through walls that they meet from outside. Returns the active lanes that pass."""
+        """Pass tubes straight through shell walls that they meet from outside. The function returns a mask of the tubes that pass."""
         active = active & dr.gather(mi.Bool, self.faces, near.face, active) & near.outside
         for node in range(len(tubes.field_re)):
             tubes.field_re[node], tubes.field_im[node] = self._passed(
@@ -32,7 +37,11 @@ class Walls:
         return active
 
     def exit(self, far: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> tuple[Contact, Any]:
-        """Return the wall between each inside contact and the receiver, and the lanes of `seen` that pass only this wall."""
+        """Find the wall between each contact inside a shell and the receiver.
+
+        Returns:
+            The contact with this wall, and a mask of the tubes in `seen` whose line to the receiver passes no further surface.
+        """
         origin = far.facet_point + far.flat_normal * self.device.lift
         hit = self.device.scene.ray_intersect_preliminary(mi.Ray3f(origin, outgoing), coherent=False, active=seen)
         seen = seen & hit.is_valid()
@@ -43,12 +52,18 @@ class Walls:
         return wall, seen & ~self.device.scene.ray_test(ray, seen)
 
     def received(self, wall: Contact, outgoing: Any, axis: Any, active: Any) -> list[tuple[Any, Any]]:
-        """Return the receive polarisation behind the wall, (real, imaginary) per node; transmission is reciprocal."""
+        """Return the receive polarisation vector on the inner side of the wall, as (real part, imaginary part) at each frequency node.
+
+        The function transmits the polarisation vector through the wall like a field, because transmission is reciprocal.
+        """
         nothing = dr.zeros(mi.Vector3f)
         return [self._passed(wall, outgoing, axis, nothing, node, active) for node in range(self.device.nodes)]
 
     def _passed(self, wall: Contact, direction: Any, re: Any, im: Any, node: int, active: Any) -> tuple[Any, Any]:
-        """Transmit a field perpendicular to `direction` through a wall."""
+        """Multiply the TE and TM parts of a field (real part `re`, imaginary part `im`) by the wall's transmission coefficients.
+
+        The field is perpendicular to the direction of propagation `direction`.
+        """
         s = across_incidence(direction, wall.normal)
         p = dr.cross(direction, s)
         te_re, te_im, tm_re, tm_im = self.device.lookup(self.coefficients, wall.face, dr.abs(wall.cosine), node, active)

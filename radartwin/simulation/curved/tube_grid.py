@@ -1,7 +1,7 @@
-"""Regular grids of ray tubes: from a phase centre over a solid angle, or parallel tubes of a plane wave.
+"""Define regular grids of ray tubes, which start at a phase centre and cover a solid angle, or which are parallel (plane wave).
 
-Grids are regular because the tubes must cover the wavefront without gaps and overlaps. A random seed may shift the whole grid by a part of
-a cell, but never a single ray within its tube.
+The grids are regular because the tubes must cover the wavefront without gaps and overlaps. A random seed may shift the whole grid by a
+fraction of a cell, but it never moves a single ray within its tube.
 """
 
 from dataclasses import dataclass
@@ -10,25 +10,28 @@ import numpy as np
 
 from radartwin.compiled import compiled
 
-MARGIN = 1  # cells added around the bounding box of a facet
-MIN_DEPTH = 1e-3  # smallest depth of a corner in front of the source, relative to its distance
+MARGIN = 1  # number of grid cells added on each side of a facet's bounding box
+# Smallest ratio of a facet corner's depth (its distance along the viewing axis in front of the source) to its distance from the source.
+MIN_DEPTH = 1e-3
 
 
 @dataclass(frozen=True)
 class TubeGrid:
-    """Describe a regular grid of tubes per pose, in the geometry's frame."""
+    """Describe one regular grid of tubes for each of F sensor poses, in the geometry's frame."""
 
-    source: np.ndarray  # (F, 3) phase centres; for a plane wave, points on the start plane
-    forward: np.ndarray  # (F, 3); forward, u_axis and v_axis are orthonormal
-    u_axis: np.ndarray
-    v_axis: np.ndarray
-    low_u: np.ndarray  # (F,) centre of the first tube, in the plane at unit distance (for a plane wave, in metres)
-    low_v: np.ndarray
-    step_u: np.ndarray  # (F,) grid spacing, in the unit of low_u and low_v
-    step_v: np.ndarray
-    count_u: int  # tubes along each axis, the same for all poses
-    count_v: int
-    plane: bool = False  # whether the wave is a plane wave along `forward` instead of a spherical wave
+    source: np.ndarray  # (F, 3) phase centres in metres; for a plane wave, points on the start plane of the tubes
+    forward: np.ndarray  # (F, 3) unit vectors along the middle of the grid; forward, u_axis and v_axis are orthonormal
+    u_axis: np.ndarray  # (F, 3) unit vectors along the first grid axis
+    v_axis: np.ndarray  # (F, 3) unit vectors along the second grid axis
+    # (F,) u coordinate of the first tube's centre. For a spherical wave, the coordinate is measured in the plane at unit distance from the
+    # source and has no unit. For a plane wave, it is in metres.
+    low_u: np.ndarray
+    low_v: np.ndarray  # (F,) v coordinate of the first tube's centre, in the unit of low_u
+    step_u: np.ndarray  # (F,) spacing of the tubes along u_axis, in the unit of low_u
+    step_v: np.ndarray  # (F,) spacing of the tubes along v_axis, in the unit of low_u
+    count_u: int  # number of tubes along u_axis, the same for all poses
+    count_v: int  # number of tubes along v_axis, the same for all poses
+    plane: bool = False  # True for a plane wave along `forward`, False for a spherical wave from `source`
 
     @property
     def poses(self) -> int:
@@ -49,9 +52,12 @@ def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _grid(low: np.ndarray, high: np.ndarray, step: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return (centre of the first tube, step, count) of whole cells that cover the interval [low, high] of every pose.
+    """Divide the interval [low, high] of every pose into grid cells of equal width, which is at most `step`.
 
-    The cells fit the interval exactly, so that the edges of a plate seen from its front fall between two tubes.
+    Whole cells fill the interval exactly, so that the edges of a plate seen from its front fall between two tubes.
+
+    Returns:
+        Coordinate of the first tube's centre (F,), cell width (F,), and number of cells, which is the same for all poses.
     """
     cells = np.maximum(np.ceil((high - low) / step - 1e-9), 1)
     fitted = np.maximum((high - low) / cells, 1e-3 * step)
@@ -64,13 +70,14 @@ def towards(
     """Build a grid of tubes from each source over the bounding box of the points in its view.
 
     Args:
-        points: (V, 3) hull points of the target.
-        source: (F, 3) phase centres; for a plane wave, any point towards the radar.
-        centre: (3,) middle of the target. cell_m: width of a tube at the middle.
-        shift: offset of the grid in cells, each in [0, 1).
-        plane: whether the rays are parallel to the direction to the centre.
+        points: (V, 3) points of the target in metres, whose bounding box in every view contains the target.
+        source: (F, 3) phase centres in metres; for a plane wave, any points in the direction of the radar.
+        centre: (3,) middle of the target in metres.
+        cell_m: width of a tube at the middle of the target, in metres.
+        shift: offsets of the grid along its two axes, in cells, each in [0, 1).
+        plane: True for parallel rays along the direction from `source` to `centre`, False for rays that start at `source`.
     Returns:
-        The grid, or None if a source is inside or too close to the target for one planar grid.
+        The grid, or None if a source is inside the target or too close to it for one planar grid.
     """
     offset = centre - source
     distance = np.linalg.norm(offset, axis=-1)
@@ -107,15 +114,15 @@ _CUBE = np.array(
 
 
 def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int = 6) -> list[TubeGrid]:
-    """Build grids of tubes over the sphere, one grid per face of a cube in the sensor's frame.
+    """Build grids of tubes over all directions around the sensor, one grid per face of a cube in the sensor's frame.
 
-    Cells of neighbouring cube faces meet at the common edge, where their hat weights overlap symmetrically.
+    Cells of neighbouring cube faces meet at the common edge of the faces, where the hat weights of their tubes overlap symmetrically.
 
     Args:
-        source: (F, 3) phase centres.
-        rotation: (F, 3, 3) sensor-to-world rotations.
-        rays: number of tubes per pose over six faces.
-        faces: 6 for the whole sphere, 5 without the face behind the sensor.
+        source: (F, 3) phase centres in metres.
+        rotation: (F, 3, 3) rotation matrices from the sensor frame to the world.
+        rays: number of tubes per pose over all six faces of the cube.
+        faces: number of cube faces that get a grid: 6 for all directions, or 5 to leave out the face behind the sensor.
     """
     cells = max(2, round(np.sqrt(rays / 6)))
     step = np.full(len(source), 2 / cells)
@@ -128,12 +135,15 @@ def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int =
 
 
 def covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray | None:
-    """Return the cells of one pose, ascending, whose centre ray can meet a facet; None if a facet is not in front of the source.
+    """Return the ascending indices of those grid cells of one pose whose centre ray can meet a facet.
 
-    A large object seen from near may fill a few percent of its grid.
+    The function returns None if a facet is not completely in front of the source. It saves time because a large object close to the radar
+    may fill only a few percent of its grid.
 
     Args:
-        corners: (N, 3, 3) corners of the facets, in the grid's frame.
+        grid: grid of tubes.
+        pose: index of the sensor pose.
+        corners: (N, 3, 3) corners of N facets in metres, in the frame of `grid.source`.
     """
     relative = corners - grid.source[pose]
     u, v = relative @ grid.u_axis[pose], relative @ grid.v_axis[pose]
@@ -151,7 +161,7 @@ def covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray | None
 
 @compiled
 def _mark(seen: np.ndarray, u: np.ndarray, v: np.ndarray) -> None:
-    """Mark the cells in the bounding boxes of facets. The corners u, v (N, 3) are in units of cells."""
+    """Mark the grid cells inside the bounding boxes of N facets. The corner coordinates u, v (N, 3) are in units of grid cells."""
     rows, columns = seen.shape
     for n in range(len(u)):
         left, right = max(0, int(np.floor(u[n].min())) - MARGIN), min(columns, int(np.ceil(u[n].max())) + MARGIN + 1)

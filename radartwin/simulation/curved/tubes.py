@@ -1,7 +1,7 @@
-"""Shooting and bouncing ray tubes with physical optics.
+"""Trace ray tubes from the radar over several reflections and sum their echoes by physical optics (shooting and bouncing rays).
 
-At each hit that the receiver sees, a tube contributes the integral of the surface currents over its footprint, with the phase expanded to
-second order:
+At each hit that the receiver sees, a tube adds the amplitude a to the received signal. This amplitude is the integral of the surface
+currents over the footprint of the tube on the surface. The phase of the integrand is expanded to second order in the grid coordinates u, v:
 
     a = -j/(8 pi) [P . V] sqrt(dOmega A)/(L_o cos t) I exp(-j k (L_i + L_o))
     V = n x (k_i x E_i + k_r x E_r) + ((E_i + E_r) x n) x s
@@ -9,27 +9,36 @@ second order:
     p_u = x_u + k_i (x_u . n)/cos t        s_u = (k_i - s) . p_u
     b_uv = d_u . p_v + (p_u . p_v - (p_u . s)(p_v . s))/L_o - (k_i - s) . n (dn(p_u) . p_v)
 
-Symbols: L_i -> length_in (unfolded, source to hit), L_o -> length_out (hit to receiver); k_i, k_r, s -> unit vectors of incidence, of
-reflection and towards the receiver; n -> normal on the lit side, dn(p) -> its change along p; E_i, E_r -> incident and reflected field by
-the TE and TM coefficients of the surface; P -> receive polarisation; x_u, d_u -> position_du, direction_du, derivatives of the ray's
-position and direction along the grid; p_u -> step on the surface from tube to tube; dOmega -> weight, the solid angle of a tube (of a
-plane wave, its area); A = |x_u x x_v . k_i| -> cross-section of the tube. |a|^2 is received over transmitted power between isotropic
-antennas. On a perfect conductor, V is the textbook 2 n x (k x E).
+Symbols of the formulas and their names in the code:
+- k is the wavenumber and t the angle of incidence.
+- L_i -> length_in, path length from the source over all reflections to the hit. L_o -> length_out, distance from the hit to the receiver.
+- k_i, k_r, s -> unit vectors of the incident ray, of the reflected ray and from the hit towards the receiver.
+- n -> surface normal on the illuminated side; dn(p) -> change of the normal along the vector p.
+- E_i, E_r -> incident field, and reflected field by the TE and TM coefficients of the surface.
+- P -> receive polarisation vector.
+- x_u, d_u -> position_du and direction_du, derivatives of the ray's position and direction along the grid axis u.
+- p_u -> step on the surface from the centre of one tube to the centre of its neighbour along u.
+- dOmega -> weight, the solid angle of a tube, or its area if the wave is plane.
+- A = |x_u x x_v . k_i| -> cross-section of the tube.
+|a|^2 is received over transmitted power between isotropic antennas. On a perfect conductor, V is the textbook expression 2 n x (k x E).
 
-Tubes are ray differentials. Over a distance t, x_u grows by t d_u. A reflection sets x_u = p_u and
-d_u = d_u - 2 (d_u . n) n + 2 cos t dn(p_u) - 2 (k_i . dn(p_u)) n. A tube therefore spreads behind a curved surface, its field varies as
-the inverse square root of its cross-section, and its phase turns by 90 degrees at each caustic. The contribution depends only on the
-product of field and area, which goes to zero at the caustic.
+The tracer describes a tube by ray differentials. Over a distance t, the derivative x_u grows by t d_u. A reflection sets x_u = p_u and
+d_u = d_u - 2 (d_u . n) n + 2 cos t dn(p_u) - 2 (k_i . dn(p_u)) n. A tube therefore spreads behind a curved surface. Its field varies as the
+inverse square root of its cross-section, and the phase of the field turns by 90 degrees at each caustic. The amplitude a depends only on
+the product of field and cross-section, which goes to zero at a caustic.
 
-The weight w is a hat (triangle function) on [-1, 1] on curved facets and in rooms, where tubes overlap by half and their weights sum to
-one. It is a box (constant) on [-1/2, 1/2] on flat facets of objects. Hats smooth the phase steps between neighbouring tubes, but taper the
-edges of a plate. Away from its specular direction, the echo of a plate comes only from its edges. For a 10 cm plate tilted by 10 degrees
-and one tube per square wavelength, the error of the echo is -1.8 dB with hats and 0.0 dB with boxes. Tubes that straddle an edge are
-divided (radartwin.simulation.curved.division). docs/decisions/001 gives the measured errors.
+On curved facets and in rooms, the weight function w is a triangle (hat) on [-1, 1] in units of the tube width. There, neighbouring tubes
+overlap by half, and their weights sum to one. On flat facets of objects, the weight function w is a constant (box) on [-1/2, 1/2] in units
+of the tube width. Hats smooth the phase steps between neighbouring tubes, but they taper the edges of a plate. Away from the specular
+direction of a plate, its echo comes only from its edges. For a 10 cm plate tilted by 10 degrees and one tube per square wavelength, the
+error of the echo is -1.8 dB with hats and 0.0 dB with boxes. radartwin.simulation.curved.division divides tubes that straddle an edge.
+docs/decisions/001 gives the measured errors.
 
-On a curved facet, the hit is lifted by h = -1/2 sum_{i<j} b_i b_j (n_i - n_j).(p_j - p_i) along the interpolated normal, where b are its
-barycentric coordinates. Amplitudes are returned conjugated, for signals exp(+j k L), and without the propagation phase.
-Ref: H. Ling, R. Chou, S. Lee, IEEE Trans. Antennas Propag. 37 (1989) 194, with an integral per tube in place of point sums.
+On a curved facet, the tracer lifts the hit by h = -1/2 sum_{i<j} b_i b_j (n_i - n_j).(p_j - p_i) along the interpolated normal. Here b are
+the barycentric coordinates of the hit, p the corners of the facet and n the normals at the corners. The tracer returns the complex
+conjugate of each amplitude, for signals with the phase factor exp(+j k L), and without the propagation phase.
+Reference: H. Ling, R. Chou, S. Lee, IEEE Trans. Antennas Propag. 37 (1989) 194. That paper sums point contributions where this module
+computes an integral per tube.
 """
 
 from dataclasses import replace
@@ -46,16 +55,20 @@ from radartwin.simulation.reflection_table import ReflectionTable
 def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: Antennas, receive: Antennas, options: TraceOptions) -> Hits:
     """Trace a grid of tubes and return all hits. A Mitsuba variant must be active.
 
-    Tubes also pass through the walls of shells (`shell.find_shells`): straight in through the near wall, reflections inside, straight out.
-    In a room with several frequency nodes and pruning, the tracer first finds the tubes that matter (a few in a hundred) at one node with
-    the largest reflection over the sweep, then traces only these tubes at all nodes.
+    Tubes also pass through the walls of hollow objects (`shell.find_shells`). They enter straight through the near wall, are reflected
+    inside and leave straight through a wall. In a room with several frequency nodes and pruning, the tracer works in two steps. It first
+    traces all tubes at a single frequency node, with the largest reflection over the frequency sweep, and so finds the few percent of the
+    tubes that contribute. It then traces only these tubes at all frequency nodes.
 
     Args:
-        geometry: the surfaces. table: their reflection at Q frequencies.
-        grid: tubes of F poses. transmit, receive: antennas of the same poses. Antennas at equal positions have one phase centre.
-        options: bounces, pruning, occlusion and division.
+        geometry: triangles of the surfaces.
+        table: reflection coefficients of the surfaces at Q frequency nodes.
+        grid: grid of tubes for F sensor poses.
+        transmit: transmit antennas at the F sensor poses.
+        receive: receive antennas at the F sensor poses. Transmit and receive antennas at equal positions have one common phase centre.
+        options: number of bounces, pruning, occlusion and division of tubes.
     """
-    # a ray that leaves a convex body does not meet it again
+    # A ray that leaves a convex body does not meet this body again, so one bounce is enough.
     parts = _traced(geometry, table, None, grid, transmit, receive, replace(options, max_bounces=1) if geometry.convex else options)
     cluster = options.cluster
     shells = shell.find_shells(geometry, table, None if cluster is None else cluster == options.first_cluster)
@@ -74,7 +87,7 @@ def _traced(
     receive: Antennas,
     options: TraceOptions,
 ) -> list[Hits]:
-    """Return the hits of reflections on the outside or, with `shells`, of tubes that pass through their walls."""
+    """Return the hits of tubes that stay outside all surfaces or, if `shells` is given, of tubes that pass through the walls of shells."""
     from radartwin.simulation.curved import tracer
 
     if not len(geometry.corners):

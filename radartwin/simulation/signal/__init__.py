@@ -1,1 +1,1 @@
-"""Synthesis of IQ samples from paths."""
+"""Compute the IQ samples of a radar from propagation paths."""

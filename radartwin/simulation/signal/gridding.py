@@ -1,8 +1,9 @@
-"""Compiled kernels of the synthesis: spread paths over a grid of delays, transform the grid, and form the chirps.
+"""Contain the compiled functions of the signal synthesis: they spread paths over a grid of delays, transform the grid, and form the chirps.
 
-A task is a range of paths of one frame with its own grid, so that no two threads write to the same cell and terms are summed in a fixed
-sequence. Large frames are split into several tasks. Geometry, phases and grids have double precision; the transform and the chirps have
-single precision (error: 1e-7 of the frame's strongest echo). Channels are ordered by transmitter, then receiver. The kernels share one file
+A task is a group of consecutive paths of one frame. Each task has its own grid of delays, so that no two threads write to the same grid
+cell, and the sum over paths always has the same order. Large frames are split into several tasks. Path lengths, phases and grids have
+double precision. The Fourier transform and the chirps have single precision, which causes an error of 1e-7 of the frame's strongest echo.
+The channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. All these functions are in one file
 of over 300 lines, because Numba does not recompile a cached function when a function in another file changes.
 """
 
@@ -12,53 +13,58 @@ import numpy as np
 
 from radartwin.compiled import compiled, innermost
 
-TAPS = 6  # width of the spreading kernel in grid cells
-PAD = TAPS + 2  # additional cells for kernels at the end of the grid
-_BLOCK = 8  # rows transposed at once, for the processor's cache
-_TAPS_BEFORE = TAPS // 2 - 1  # number of taps before the cell to the left of a point
-_SMALL = 1e-4  # for smaller arguments, three terms of the Bessel functions' series are exact
+TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
+PAD = TAPS + 2  # number of cells appended to the delay grid, for kernels that extend beyond the end of the grid
+_BLOCK = 8  # number of grid rows that `_gather` transposes at once, so that the rows fit into the processor's cache
+_TAPS_BEFORE = TAPS // 2 - 1  # number of kernel taps to the left of the grid cell in which the delay of a path lies
+_SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel functions' power series are exact in double precision
 
 
 class PathArrays(NamedTuple):
-    """Hold the paths of all tasks; the first five as in `Paths`, but without a mirror (0, 3, 3) if the hits are fixed points."""
+    """Hold the N paths of all tasks.
+
+    The first five arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path.
+    """
 
     length_in: Any
     length_out: Any
     departure: Any
     arrival: Any
     mirror: Any
-    drift: Any  # (N,) change of length in the middle of the frame, metres
-    motion: Any  # (N,) argument of the Bessel functions
-    amplitude: Any  # (N, Q) coefficients of Q polynomials over the band
+    drift: Any  # (N,) change of each path's length from the start to the middle of the frame, in metres
+    motion: Any  # (N,) argument of the Bessel functions that represent the phase caused by each path's motion, in radians
+    amplitude: Any  # (N, Q) coefficients of Q Chebyshev polynomials that represent each path's amplitude over frequency
 
 
 class Elements(NamedTuple):
-    """Hold the positions of the antenna elements in metres."""
+    """Hold the positions of the antenna elements in the sensor frame, in metres."""
 
-    tx: Any  # (T, 3)
-    rx: Any  # (R, 3)
-    planar: Any  # whether all elements see a path in the same direction
+    tx: Any  # (T, 3) positions of the transmit antennas, in metres
+    rx: Any  # (R, 3) positions of the receive antennas, in metres
+    planar: Any  # True assumes plane waves, so that all antenna elements see a path in the same direction
 
 
 class GridScale(NamedTuple):
-    """Define how path lengths map to phases and grid cells."""
+    """Define how a path length in metres is converted to a phase and to a position in the delay grid."""
 
-    cycles_per_m: Any  # phase per metre of path at the middle of the sweep
-    cells_per_m: Any  # grid cells per metre of path
-    terms: Any  # number of Chebyshev terms that represent the motion
-    kernel: Any  # (degree + 1, TAPS) polynomials of each tap's weight in the point's place between two cells, highest power first
-    least: Any  # weights with a smaller magnitude are skipped
+    cycles_per_m: Any  # phase per metre of path length at the middle of the frequency sweep, in cycles
+    cells_per_m: Any  # number of delay-grid cells per metre of path length
+    terms: Any  # number of Chebyshev terms that represent the motion of the paths within a frame
+    # (degree + 1, TAPS) polynomial coefficients, highest power first. The polynomial of a tap gives its kernel weight as a function of the
+    # position (0 to 1) of a path between two grid cells.
+    kernel: Any
+    least: Any  # the synthesis skips terms of a path whose weight has a smaller magnitude than this
 
 
 class Grid(NamedTuple):
-    """Hold real and imaginary part of the grids, each (tasks, channels x terms x Q, cells + PAD)."""
+    """Hold the real and the imaginary part of the delay grids of all tasks, each of shape (tasks, channels x terms x Q, cells + PAD)."""
 
     re: Any
     im: Any
 
 
 class Workspace(NamedTuple):
-    """Hold the preallocated arrays of `spread`."""
+    """Hold the arrays that `spread` allocates once, before its loop over paths."""
 
     weight_re: Any
     weight_im: Any
@@ -69,7 +75,7 @@ class Workspace(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Hold cosine and sine, each (cells,) in single precision, of one full turn of phase over the grid."""
+    """Hold the cosine and the sine of the angles 2 pi m/cells for m = 0 to cells - 1, each (cells,) in single precision."""
 
     cosine: Any
     sine: Any
@@ -77,7 +83,10 @@ class Turn(NamedTuple):
 
 @compiled
 def _turn(cycles):
-    """Return cosine and sine of 2 pi cycles (error: 1e-11), from the Taylor series of half the angle, which is at most pi/2."""
+    """Return cosine and sine of the angle 2 pi cycles, with an error of 1e-11.
+
+    The function uses Taylor series of half the angle, whose magnitude is at most pi/2.
+    """
     half = np.pi * (cycles - np.floor(cycles + 0.5))
     z = half * half
     sine = 1 - z * (1 / 156) * (1 - z * (1 / 210))
@@ -118,7 +127,10 @@ def bessel(argument, out):
 
 @innermost
 def _element_distance(length, direction, position, planar):
-    """Return the distance from an element to the point at `length` along `direction` from the phase centre (planar: plane wave)."""
+    """Return the distance in metres from an antenna element to the point that is `length` metres from the phase centre along `direction`.
+
+    If `planar` is True, the function assumes a plane wave.
+    """
     along = direction[0] * position[0] + direction[1] * position[1] + direction[2] * position[2]
     if planar:
         return length - along
@@ -129,7 +141,11 @@ def _element_distance(length, direction, position, planar):
 
 @innermost
 def _image_distance(length, direction, mirror, transmitter, receiver, planar):
-    """Return the distance of a receiver from a transmitter's image; the phase centre's image is at `length` along `direction`."""
+    """Return the distance in metres of a receive element from the mirror image of a transmit element.
+
+    The mirror image of the sensor's phase centre is `length` metres from the phase centre along `direction`. If `planar` is True, the
+    function assumes a plane wave.
+    """
     x, y, z = -receiver[0], -receiver[1], -receiver[2]
     for i in range(3):
         x += mirror[0, i] * transmitter[i]
@@ -143,7 +159,7 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
 
 @innermost
 def _motion(w, amplitude, weight_re, weight_im, orders):
-    """Write the weights (2 - [k=0]) j^k J_k(w) amplitude_q of motion term k and band term q at index k Q + q."""
+    """Write the weight (2 - [k=0]) j^k J_k(w) amplitude_q of Chebyshev term k of the motion and frequency term q to index k Q + q."""
     bessel(w, orders)
     nodes = len(amplitude)
     for k in range(len(orders)):
@@ -160,10 +176,16 @@ def _motion(w, amplitude, weight_re, weight_im, orders):
 
 @compiled
 def spread(first, last, starts, paths, elements, scale, grid):
-    """Add the paths of tasks `first` to `last` to their grids, which must be zero.
+    """Add the paths of the tasks `first` to `last` - 1 to the delay grids of these tasks.
+
+    The caller must set the delay grids to zero before the call.
 
     Args:
-        starts: (tasks + 1,) the first path of each task. paths: PathArrays. elements: Elements. scale: GridScale. grid: Grid.
+        starts: (tasks + 1,) index of the first path of each task.
+        paths: the PathArrays of all tasks.
+        elements: the Elements of the radar's antenna array.
+        scale: the GridScale that converts path lengths to phases and grid positions.
+        grid: the Grid to which the paths are added.
     """
     terms, rows = scale.terms, scale.terms * paths.amplitude.shape[1]
     room = Workspace(
@@ -174,7 +196,7 @@ def spread(first, last, starts, paths, elements, scale, grid):
 
 @innermost
 def _spread(first, last, starts, paths, elements, scale, grid, room):
-    """Do the work of `spread` with a preallocated workspace."""
+    """Do the work of `spread` with the arrays of a Workspace, which `room` holds."""
     length_in, length_out, departure, arrival, mirror = paths.length_in, paths.length_out, paths.departure, paths.arrival, paths.mirror
     drift, motion, amplitude = paths.drift, paths.motion, paths.amplitude
     tx, rx, planar = elements.tx, elements.rx, elements.planar
@@ -227,7 +249,10 @@ def _spread(first, last, starts, paths, elements, scale, grid, room):
 
 @compiled
 def _gather(task, stop, grid, out):
-    """Sum the grids of tasks `task` to `stop`, fold their ends, and transpose them to (cells x rows,) in single precision."""
+    """Sum the delay grids of the tasks `task` to `stop` - 1 of one frame and write the sum to `out`, (cells x rows,) in single precision.
+
+    The PAD cells beyond the ends of the grid are added to the cells at its opposite end, because the delay grid is periodic.
+    """
     rows, cells = grid.shape[1], grid.shape[2] - PAD
     lines = np.empty((_BLOCK, cells))
     for low in range(0, rows, _BLOCK):
@@ -250,12 +275,16 @@ def _gather(task, stop, grid, out):
 
 @compiled
 def transform(re, im, other_re, other_im, rows, cosine, sine):
-    """Compute sum_m x[m] exp(+j 2 pi m n/M) along the first axis of flat (M, rows) arrays, by Stockham passes of radix 4 and 2.
+    """Compute the Fourier sum sum_m x[m] exp(+j 2 pi m n/M) along the first axis of flattened (M, rows) arrays.
+
+    The function uses the Stockham FFT with radix 4 and 2. The length M must be a power of two.
 
     Args:
-        re, im: input, overwritten. other_re, other_im: workspace. cosine, sine: (M,) values at 2 pi m/M. M is a power of two.
+        re, im: real and imaginary part of the input x; the function overwrites both arrays.
+        other_re, other_im: work arrays of the same size as `re` and `im`.
+        cosine, sine: (M,) cosine and sine of the angles 2 pi m/M.
     Returns:
-        The pair of arrays that holds the result.
+        The pair of arrays (real part, imaginary part) that holds the result.
     """
     size = len(cosine)
     n, stride, turns = size, rows, 1
@@ -293,12 +322,15 @@ def transform(re, im, other_re, other_im, rows, cosine, sine):
 
 @compiled
 def finish(first, last, tasks, grid, turn, band, slow, iq):
-    """Transform the grids of frames `first` to `last` and add them to `iq` (F, C, T, R, N).
+    """Compute the IQ samples of the frames `first` to `last` - 1 from their delay grids, and add the samples to `iq` (F, C, T, R, N).
 
     Args:
-        tasks: (F + 1,) the first task of each frame. grid: Grid. turn: Turn.
-        band: (Q, N) single precision, polynomials over the samples times the correction for the kernel.
-        slow: (T, C, terms, N) single precision, Chebyshev polynomials of f tau.
+        tasks: (F + 1,) index of the first task of each frame.
+        grid: the Grid that `spread` has filled.
+        turn: the Turn for the Fourier transform over the grid cells.
+        band: (Q, N) single precision. Row q is Chebyshev polynomial q over the N samples of a chirp, divided by the Fourier transform of
+            the spreading kernel.
+        slow: (T, C, terms, N) single precision. Entry k of the third axis is Chebyshev polynomial k of the product of frequency and time.
     """
     rows, cells = grid.re.shape[1], grid.re.shape[2] - PAD
     nodes, samples = band.shape
@@ -308,7 +340,7 @@ def finish(first, last, tasks, grid, turn, band, slow, iq):
     other_re, other_im = np.empty_like(re), np.empty_like(im)
     term_re, term_im = np.empty((terms, samples), np.float32), np.empty((terms, samples), np.float32)
     sum_re, sum_im = np.empty(samples, np.float32), np.empty(samples, np.float32)
-    wrap = samples // 2  # the middle sample of the sweep has index zero in the transform
+    wrap = samples // 2  # the middle sample of the frequency sweep has index zero in the Fourier transform
     for frame in range(first, last):
         if tasks[frame] == tasks[frame + 1]:
             continue

@@ -4,12 +4,14 @@ For transmitter t, receiver r, loop c and sample n the signal is
 
     s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
 
-where v_p is the rate of change of the path's length and L_p,t,r is the path's length between the antenna elements (see
-radartwin.simulation.paths). The Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), w = 2 pi v X/c, x = f_n tau/X,
-separates the motion. The number of transforms per frame is a few more than |w| in radians, independent of the number of chirps. The sum
-over delays is a type-1 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci.
-Comput. 41 (2019) C479, on a grid of at least twice as many cells as samples. Equal inputs give equal bytes on any number of cores. The
-loops are in radartwin.simulation.signal.gridding.
+where p counts the paths, a_p is the amplitude of path p, v_p is the rate of change of its length, and L_p,t,r is its length between the
+antenna elements t and r (see radartwin.simulation.paths). The Jacobi-Anger expansion
+exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), with w = 2 pi v X/c, x = f_n tau/X and X the largest magnitude of f_n tau, separates the
+motion of a path from its delay. The number of Fourier transforms per frame is a few more than the largest |w| of the paths, in radians. It
+does not depend on the number of chirps. The sum over delays is a type-1 non-uniform FFT with the exponential-of-semicircle kernel of
+A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479, on a grid of delays with at least twice as many cells as a
+chirp has samples. Equal inputs give byte-identical samples on any number of processor cores. radartwin.simulation.signal.gridding contains
+the compiled loops over paths and grid cells.
 """
 
 import functools
@@ -30,31 +32,37 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
 
 ELEMENTS = ("exact", "planar", "auto")
-PLANAR_PHASE = 0.01  # radians; largest phase error of plane waves that elements="auto" accepts (iwr1843: all paths beyond 1.93 m)
+# Largest phase error, in radians, of the plane-wave assumption with which elements="auto" still assumes plane waves. The array of the
+# IWR1843 has a smaller error for all path lengths above 1.93 m.
+PLANAR_PHASE = 0.01
 _SHAPE = 2.30 * gridding.TAPS
-_DEGREE = gridding.TAPS + 1  # degree of the polynomials that approximate the kernel (error: 1e-6 of its peak)
+_DEGREE = gridding.TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
 _BESSEL_TAIL = 1e-5
-FRAMES_PER_BLOCK = 256  # limits the memory of the noise processes
-DELAY_BAND = 0.1  # relative width of a band of delays with the same phase noise (error: at most a twentieth of the phase noise)
-_LEAST = 3e-6  # terms of a path below this times the root mean square amplitude are skipped; they are below the kernel's error
+FRAMES_PER_BLOCK = 256  # number of frames for which noise is computed at once; it limits the memory of the noise arrays
+# Relative width of a band of echo delays that get the same phase noise. The resulting error is at most a twentieth of the phase noise.
+DELAY_BAND = 0.1
+# The synthesis skips terms of a path that are weaker than this factor times the root mean square amplitude of all paths, because such terms
+# are smaller than the error of the spreading kernel.
+_LEAST = 3e-6
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
-_PATHS_AT_ONCE = 500_000  # parts are concatenated up to this size, because the transforms of a frame take as long as a thousand paths
-_GRID_BYTES = 64_000_000  # limits the grids in memory
+# `received` joins `Paths` objects up to this number of paths, because the Fourier transforms of a frame take as long as a thousand paths.
+_PATHS_AT_ONCE = 500_000
+_GRID_BYTES = 64_000_000  # largest size of the delay grids in memory, in bytes
 _signals_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str, bool], list[tuple[np.ndarray, float]]]] = (
     weakref.WeakKeyDictionary()
 )
 
 
 def _kernel(x: np.ndarray) -> np.ndarray:
-    """Return the kernel exp(beta (sqrt(1 - z^2) - 1)) for taps at distance x from the point, in grid cells."""
+    """Return the spreading kernel exp(beta (sqrt(1 - z^2) - 1)), z = 2 x/TAPS, at distances x (in grid cells) from a path's position."""
     z2 = np.clip((2 * x / gridding.TAPS) ** 2, 0, 1)
     return np.exp(_SHAPE * (np.sqrt(1 - z2) - 1))
 
 
 @functools.cache
 def _kernel_transform(samples: int, grid: int) -> np.ndarray:
-    """Return the Fourier transform (samples,) of the kernel at the centred sample indices."""
+    """Return the Fourier transform (samples,) of the spreading kernel at the sample indices relative to the middle sample."""
     nodes, weights = np.polynomial.legendre.leggauss(64)
     x = nodes * gridding.TAPS / 2
     index = np.arange(samples) - samples // 2
@@ -63,7 +71,10 @@ def _kernel_transform(samples: int, grid: int) -> np.ndarray:
 
 @functools.cache
 def _kernel_polynomials() -> np.ndarray:
-    """Return coefficients (degree + 1, TAPS) of each tap's polynomial in the point's position between two cells, highest power first."""
+    """Return polynomial coefficients (degree + 1, TAPS), highest power first, for the weights of the spreading kernel's taps.
+
+    The polynomial of a tap gives its weight as a function of the position (0 to 1) of a path between two grid cells.
+    """
     place = (1 + np.polynomial.chebyshev.chebpts1(4 * _DEGREE)) / 2
     taps = _kernel(place[:, None] - np.arange(gridding.TAPS) + gridding.TAPS // 2 - 1)
     return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
@@ -81,10 +92,12 @@ def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
 
 
 def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Expand the amplitudes over the band in Chebyshev series, without the highest terms if they are below `least` for all paths.
+    """Expand the amplitude of each path over frequency in a Chebyshev series.
+
+    The function drops the highest terms of the series if the magnitudes of their coefficients are below `least` for all paths.
 
     Returns:
-        Coefficients (N, Q') and polynomials (Q', samples).
+        Chebyshev coefficients (N, Q') of N paths, and the values (Q', samples) of the Q' polynomials at the sample frequencies.
     """
     middle = (nodes_hz.min() + nodes_hz.max()) / 2
     half = (nodes_hz.max() - nodes_hz.min()) / 2 or 1.0
@@ -96,18 +109,19 @@ def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray,
 
 
 def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
-    """Compute the IQ samples of all poses, one frame per pose.
+    """Compute the IQ samples of all sensor poses of `paths`, one frame per pose, without noise.
 
     Args:
-        paths: of F poses, ascending in pose.
-        radar: T transmitters, R receivers, C loops, N samples.
-        elements: "exact" uses the distance to every antenna element. "planar" assumes plane waves, for comparison; it saves at most a
-            seventh of the time. "auto" uses plane waves if no path's phase error exceeds PLANAR_PHASE.
-        out: (F, C, T, R, N) complex array to which the samples are added. None: a new array of zeros.
+        paths: propagation paths of F poses, sorted by pose.
+        radar: radar with T transmitters, R receivers, C chirp loops per frame and N samples per chirp.
+        elements: "exact" computes the path length to every antenna element. "planar" assumes plane waves across the array; it exists for
+            comparison and shortens the run time by at most a seventh. "auto" assumes plane waves if the phase error of no path exceeds
+            PLANAR_PHASE.
+        out: (F, C, T, R, N) complex array to which the function adds the samples. If `out` is None, the function creates an array of zeros.
     Returns:
-        `out` or a complex64 array, (F, C, T, R, N) in amplitude units: its squared magnitude is received over transmitted power.
+        Samples (F, C, T, R, N) in `out`, or in a new complex64 array. The squared magnitude of a sample is received over transmitted power.
     Raises:
-        InputError: `elements` is unknown, `out` has a wrong shape, or paths are not finite.
+        InputError: `elements` is unknown, `out` has a wrong shape, or a path has a value that is not finite.
     """
     check_option("elements", elements, ELEMENTS)
     shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
@@ -159,10 +173,16 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
 def _motion_terms(
     rate_mps: np.ndarray, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the length change at mid-frame (N,), Bessel arguments (N,), and Chebyshev polynomials (T, C, terms, samples)."""
+    """Return the quantities that represent the motion of N paths within a frame.
+
+    Returns:
+        The change of each path's length from the start to the middle of the frame (N,) in metres, the Bessel function arguments (N,) in
+        radians, and the Chebyshev polynomials (T, C, terms, samples) of the product of frequency and time.
+    """
     chirp_start = radar.chirp_times()
     middle = (chirp_start.max() + fast_time[-1]) / 2
-    # frequency times time from the middle of the frame, (C, T, samples); times v_p/c it is the motion's phase in cycles
+    # Product of frequency and time relative to the middle of the frame, (C, T, samples). This product times v_p/c is the phase, in cycles,
+    # that the motion of path p causes.
     moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
     reach = float(np.abs(moving).max()) or 1.0
     motion = 2 * np.pi * reach / SPEED_OF_LIGHT * rate_mps
@@ -172,7 +192,11 @@ def _motion_terms(
 
 
 def planar_phase(paths: Paths, radar: Radar) -> float:
-    """Return an upper limit of the phase error of plane waves in radians: k p^2/(2 L) of the outermost element, for both ends."""
+    """Return an upper limit of the phase error, in radians, that the plane-wave assumption causes.
+
+    The limit is the sum of k p^2/(2 L) for transmitter and receiver, where k is the wavenumber, p the distance of the outermost antenna
+    element from the phase centre and L the length of the path.
+    """
     if not len(paths):
         return 0.0
     wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
@@ -184,9 +208,12 @@ def planar_phase(paths: Paths, radar: Radar) -> float:
 
 
 def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split frames into tasks. Returns the first path of each task (tasks + 1,) and the first task of each frame (F + 1,).
+    """Split the paths of each frame into tasks. The split does not depend on the number of processor cores.
 
-    Frame f has the paths edges[f] to edges[f + 1]. The split does not depend on the number of cores.
+    Args:
+        edges: (F + 1,) path indices; frame f has the paths edges[f] to edges[f + 1] - 1.
+    Returns:
+        The index of the first path of each task (tasks + 1,), and the index of the first task of each frame (F + 1,).
     """
     counts = np.diff(edges)
     pieces = np.clip(-(-counts // _PATHS_PER_TASK), np.minimum(counts, 1), _TASKS_PER_FRAME)
@@ -200,7 +227,10 @@ def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
-    """Return complex64 receiver noise in amplitude units, with power k T0 fs F over the transmitted power, T0 = 290 K.
+    """Return complex64 thermal noise of the receiver, in the amplitude units of the samples.
+
+    The noise power is k T0 fs F divided by the transmitted power, where k is Boltzmann's constant, T0 = 290 K, fs the sample rate and F the
+    noise figure.
 
     >>> bool(thermal_noise((4, 2), Radar.iwr1843(), np.random.default_rng(0)).std() > 0)
     True
@@ -215,16 +245,20 @@ def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator
 def received(
     parts: Sequence[Paths], radar: Radar, frames: int, *, elements: str = "exact", oscillator: np.random.Generator | None = None
 ) -> np.ndarray:
-    """Sum the IQ of all parts, with phase noise if `oscillator` is given and the radar has phase noise.
+    """Compute the sum of the IQ samples of all `Paths` objects in `parts`, without thermal noise.
 
-    To first order in the phase phi (a few milliradians), phase noise multiplies an echo of delay tau by 1 + j phi(t; tau). Echoes in one
-    band of delays (width DELAY_BAND) get the phase noise of the band's mean delay, so that each path is synthesised once.
+    The sum includes phase noise if `oscillator` is given and the radar has phase noise. To first order in the phase error phi, which is a
+    few milliradians, phase noise multiplies an echo of delay tau by 1 + j phi(t; tau). All echoes in one band of delays, whose relative
+    width is DELAY_BAND, get the phase noise of the mean delay of this band, so that the function synthesises each path only once.
 
     Args:
-        parts: each has F poses, or one pose that holds for all frames.
-        elements: as in `synthesize`.
+        parts: propagation paths. Each `Paths` object has F poses, or one pose that is valid for all frames.
+        radar: radar with T transmitters, R receivers, C chirp loops per frame and N samples per chirp.
+        frames: number of frames, F.
+        elements: "exact", "planar" or "auto", as in `synthesize`.
+        oscillator: random generator of the phase noise; None leaves out phase noise.
     Returns:
-        complex64 (F, C, T, R, N), without thermal noise.
+        Samples (F, C, T, R, N), complex64.
     """
     out = np.zeros((frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), np.complex64)
     parts = [part for part in parts if len(part)]
@@ -259,7 +293,7 @@ def received(
 
 
 def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
-    """Group the parts that can be concatenated."""
+    """Group the `Paths` objects that `Paths.concatenate` can join: those with equal frequency nodes, and either with or without mirrors."""
     groups: dict[tuple[bytes, bool], list[Paths]] = {}
     for part in parts:
         groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None), []).append(part)
@@ -267,7 +301,11 @@ def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
 
 
 def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -> list[tuple[np.ndarray, float]]:
-    """Return the signals of a resting part, whole or by delay band, with mean path lengths; cached while the part exists."""
+    """Return the signals of paths that do not change over the frames, each with the mean path length in metres.
+
+    If `by_delay` is True, each band of delays has its own signal; otherwise all paths together have one signal. The function keeps the
+    signals in memory as long as the `Paths` object exists.
+    """
     cached = _signals_of_part.setdefault(part, {})
     key = (radar, elements, by_delay)
     if key not in cached:
@@ -277,7 +315,7 @@ def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -
 
 
 def _delay_bands(part: Paths) -> Iterator[tuple[Paths, float]]:
-    """Yield the paths of each delay band, with their mean length in metres."""
+    """Yield the paths of each band of delays, with the middle of the band's shortest and longest path length in metres."""
     band = np.floor(np.log(np.maximum(part.length_m, 1e-6)) / DELAY_BAND).astype(np.int64)
     for index in np.unique(band).tolist():
         chosen = part.where(band == index)
