@@ -1,1 +1,1 @@
-"""Turn a scan into a scene: read and check it, segment it into surfaces, flatten the surfaces, and label them."""
+"""Turn a scan of a room into a scene: read and check the scan, segment it into surfaces, and flatten the surfaces."""

@@ -1,4 +1,4 @@
-"""Convert the axis conventions of scans: the world axis that points up, and the convention of the camera poses.
+"""Convert the axis conventions of scans: the world axis that points up, and the axes and direction of the camera poses.
 
 This library uses a world with z up and camera-to-world poses with the OpenCV camera axes (x right, y down, z forward). OpenGL, ARKit and
 Blender use camera axes with y up and z backward. Structure-from-motion tools such as COLMAP write world-to-camera poses.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# Rotations that turn an up axis into z. They permute the axes cyclically, so that handedness does not change.
+# Rotations that turn an up axis into z. The rotations permute the axes cyclically, so that handedness does not change.
 TO_Z_UP = {
     "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -18,7 +18,7 @@ TO_Z_UP = {
     "-z": np.diag([1, -1, -1]),
 }
 CAMERA_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # converts OpenGL camera axes to OpenCV axes and back
-# The values of `--poses` and their meaning.
+# The values of the command-line option `--poses` and their meaning.
 POSE_CONVENTIONS = {
     "opencv": "camera-to-world, x right, y down, z forward",
     "opengl": "camera-to-world, x right, y up, z back",
@@ -28,7 +28,7 @@ POSE_CONVENTIONS = {
 
 
 def camera_to_world(poses: np.ndarray, convention: str) -> np.ndarray:
-    """Convert poses (N, 4, 4) from one of POSE_CONVENTIONS to camera-to-world with OpenCV axes. Does not check that poses are rigid."""
+    """Convert poses (N, 4, 4) from one of POSE_CONVENTIONS to camera-to-world with OpenCV axes. The function does not check the poses."""
     if convention.endswith("-inverse"):
         rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
         inverse = poses.copy()
@@ -39,7 +39,7 @@ def camera_to_world(poses: np.ndarray, convention: str) -> np.ndarray:
 
 
 def z_up(poses: np.ndarray, up: str) -> np.ndarray:
-    """Rotate the world of poses (N, 4, 4) so that its axis `up` becomes z."""
+    """Rotate the world frame of poses (N, 4, 4) so that the world axis `up` becomes z."""
     rotation = np.eye(4)
     rotation[:3, :3] = TO_Z_UP[up]
     return rotation @ poses

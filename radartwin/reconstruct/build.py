@@ -1,7 +1,7 @@
-"""Turn a scan into a labelled scene: read or fuse it, segment it, outline and complete its planes, assign one material, and save it.
+"""Turn a scan into a scene: read or fuse the scan, segment it, outline and complete its planes, assign one material, and save the scene.
 
-Files in the scene folder: scene.glb, manifest.json, photos/*.jpg, photos.json, `scan.ply` (the scan as it was read or fused, in metres with
-z up) and `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1).
+The scene folder contains scene.glb, manifest.json, photos/*.jpg, photos.json, `scan.ply` (the mesh of the scan before segmentation, in
+metres with z up) and `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1).
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.scene import Scene
 
 MESH_FILE, FACE_SURFACES_FILE = "scan.ply", "scan_surfaces.npy"
-PHOTOS = 40  # largest number of saved pictures
-TURN_M = 1.5  # when pictures are chosen, a shift of this length counts as much as a rotation by one radian
+PHOTOS = 40  # largest number of colour pictures saved in the scene folder
+TURN_M = 1.5  # when pictures are selected by camera pose, a shift of this length counts as much as a rotation by one radian
 
 
 @dataclasses.dataclass(frozen=True)
 class ScanOptions:
-    """Options for reading a scan. An option that does not apply to the kind of scan is an error.
+    """Options for reading a scan. An option that does not apply to the kind of scan (mesh file or frame folder) is an error.
 
     Attributes:
-        up: the scan's up axis; "auto" determines it from the scan.
-        unit, is_object: for a mesh file, see `radartwin.reconstruct.mesh_file.load_scan`.
-        depth_model: weights of a monocular depth model, for frames without depth.
-        intrinsics, depth_unit_m, poses: for frames, see `radartwin.reconstruct.frames.layouts.load_frames`.
+        up: axis of the scan's coordinates that points up (such as "y"); "auto" determines this axis from the scan.
+        unit, is_object: options for a mesh file; `radartwin.reconstruct.mesh_file.load_scan` explains them.
+        depth_model: name or folder of the weights of a monocular depth model, which estimates the depth of frames without depth pictures.
+        intrinsics, depth_unit_m, poses: options for a frame folder; `radartwin.reconstruct.frames.layouts.load_frames` explains them.
     """
 
     up: Axis = "auto"
@@ -64,9 +64,10 @@ class Scan:
     """A scan as one mesh, in metres with z up.
 
     Attributes:
-        report, lines: facts about the scan, as plain values for the scene's provenance and as text.
-        scan_of: identifier of the scanned place.
-        frames: the frames that the mesh was fused from, at their aligned poses; None for a mesh file.
+        report: facts about the scan, such as its size, as a dictionary that is stored in the scene's provenance.
+        lines: the same facts about the scan as lines of text.
+        scan_of: identifier of the scanned room (room name or file digest).
+        frames: colour-and-depth frames from which the mesh was fused, with their aligned poses; None for a mesh file.
     """
 
     mesh: trimesh.Trimesh
@@ -88,11 +89,11 @@ def reconstruct(
 
     Args:
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
-        out: folder for the scene; None writes nothing.
-        material: material of every surface, until a material source assigns better materials.
-        progress: receives progress lines; silent by default.
+        out: folder into which the scene is written; with None, no file is written.
+        material: material assigned to every surface; a later labelling step can replace it per surface.
+        progress: function that receives each progress message as a line of text; by default no messages are printed.
     Returns:
-        The scene. Its provenance holds the scan report and the distances by which flattening moved the scanned faces.
+        The scene. The scene's provenance holds the scan report and the distances by which flattening moved the scanned faces.
     Raises:
         MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid.
         MaterialError, OutputError: the material is unknown, or `out` cannot be written.
@@ -131,7 +132,7 @@ def _from_mesh_file(path: Path, options: ScanOptions, progress: Progress) -> Sca
 
 
 def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
-    """Fuse a folder of frames, with their own depth or with the depth that a monocular model estimates."""
+    """Fuse a folder of frames into a mesh, with the depth pictures of the folder or with depth estimated by a monocular model."""
     if options.is_object is not None:
         raise ScanError(f"{path}: --object does not apply to frames, which show only the side that the camera saw; leave it out")
     if options.unit != "auto":
@@ -167,9 +168,10 @@ def _cameras(frames: Frames) -> Cameras:
 
 
 def _save(scene: Scene, folder: Path, scan: Scan, surface_of_face: np.ndarray, progress: Progress) -> None:
-    """Write the scene, the scan and the photographs. `surface_of_face` (F,) is the surface index of each face of the scan's mesh.
+    """Write the scene, the scan's mesh and the photographs. `surface_of_face` (F,) is the surface index of each face of the scan's mesh.
 
-    The old manifest is removed first and the new manifest is written last, so that readers reject a folder whose writing was interrupted.
+    The function removes the old manifest first and writes the new manifest last, so that an interrupted write leaves a folder without
+    manifest, which `Scene.load` rejects.
     """
     files.make_folder(folder)
     files.sweep(folder)
@@ -189,12 +191,12 @@ def _save(scene: Scene, folder: Path, scan: Scan, surface_of_face: np.ndarray, p
 
 
 def distinct_views(poses: np.ndarray, count: int) -> list[int]:
-    """Return the ascending indices of at most `count` poses (N, 4, 4) that differ most in position and direction."""
+    """Return the ascending indices of at most `count` of the poses (N, 4, 4), selected to differ most in position and viewing direction."""
     return sorted(set(farthest_points(np.column_stack([poses[:, :3, 3], TURN_M * poses[:, :3, 2]]), count)))
 
 
 def _photos(frames: Frames, progress: Progress):
-    """Yield up to PHOTOS pictures as (colour, pose, intrinsics). Twice as many frames are read, because some may have no colour."""
+    """Yield up to PHOTOS colour pictures as (colour, pose, intrinsics). Up to 2 PHOTOS frames are read, because some may have no colour."""
     saved = 0
     for i in progress.over(distinct_views(frames.poses, 2 * PHOTOS), "photographs"):
         frame = frames[i]
@@ -204,7 +206,7 @@ def _photos(frames: Frames, progress: Progress):
 
 
 def summary(scene: Scene, rows: int = 30) -> list[str]:
-    """Return text lines with a table of the surfaces, largest first, and the extent of the scene."""
+    """Return text lines with a table of the scene's surfaces, sorted by area (largest first), and with the extent of the scene."""
     order = sorted(scene, key=lambda s: -float(s.mesh.area))
     lines = [f"{'surface':16} {'m2':>8} {'faces':>6} {'kind':>7}  shape"]
     for surface in order[:rows]:

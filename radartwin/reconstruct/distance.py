@@ -13,10 +13,11 @@ NEIGHBOURS = 6
 
 
 class Nearest:
-    """Finds the nearest triangle of several meshes to each point, with the help of samples on the triangles about `spacing_m` apart.
+    """Finds the triangle nearest to each given point among the triangles of several meshes, from sample points on the triangles.
 
-    For each point, the exact distances to the triangles of the NEIGHBOURS nearest samples are computed. The smallest of these distances
-    exceeds the true distance d to the meshes by less than spacing_m^2 / (2 d).
+    The sample points are about `spacing_m` apart. For each given point, the search computes the exact distances to the triangles of the
+    NEIGHBOURS nearest sample points. The smallest of these distances exceeds the true distance d to the meshes by less than
+    spacing_m^2 / (2 d).
     """
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], spacing_m: float = SPACING_M) -> None:
@@ -27,7 +28,7 @@ class Nearest:
         self._tree = KDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the distance (N,) in metres from points (N, 3) to the nearest triangle, and its index (N,) in `triangles`."""
+        """Return the distance (N,) in metres from points (N, 3) to the nearest triangle, and the triangle's index (N,) in `triangles`."""
         points = np.asarray(points, dtype=np.float64)
         _, near = self._tree.query(points, k=min(NEIGHBOURS, self._tree.n), workers=-1)
         near = near.reshape(len(points), -1)
@@ -52,9 +53,9 @@ def to_mesh(points: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sample triangles (F, 3, 3) so that every point of a triangle lies within about the spacing of one of its samples.
+    """Sample triangles (F, 3, 3) so that every point of a triangle is at most about `spacing_m` away from a sample on this triangle.
 
-    Returns the samples (N, 3), and the index (N,) of each sample's triangle.
+    Returns the samples (N, 3) in metres, and the index (N,) of the triangle on which each sample lies.
     """
     longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     steps = np.maximum(np.ceil(longest / spacing_m).astype(int), 1)
@@ -74,7 +75,7 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
 
 
 def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (N, 3) on a mesh, each for an equal share of its area of about spacing_m^2, and the face index (N,) of each point."""
+    """Return points (N, 3) spread evenly on a mesh, one point per area of about spacing_m^2, and the face index (N,) of each point."""
     points, face = covered(np.asarray(mesh.triangles), spacing_m)
     area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
     total = np.cumsum(area[face])
@@ -84,7 +85,7 @@ def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndar
 
 
 def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]:
-    """Return the indices of `count` points of (N, D) that are far apart, by farthest-point sampling that starts at the point `first`."""
+    """Select `count` of the points (N, D) far apart by farthest-point sampling from point number `first`, and return their indices."""
     chosen = [first]
     distance = np.linalg.norm(points - points[first], axis=1)
     while len(chosen) < min(count, len(points)):

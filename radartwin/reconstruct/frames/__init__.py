@@ -1,1 +1,1 @@
-"""Read and write colour-and-depth frames with camera poses, in several folder layouts."""
+"""Read and write folders of colour-and-depth frames with camera poses, in the file formats of several programs."""

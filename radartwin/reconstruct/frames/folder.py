@@ -1,4 +1,4 @@
-"""Read and write this library's folder layout for frames.
+"""Read and write folders of colour-and-depth frames in RadarTwin's own file format.
 
     frames.json               {"format": "radartwin-frames", "version": 1, "up": "z", "camera": "x right, y down, z forward",
                                "depth_unit_m": 0.001, "scan_of": the scanned place or "",
@@ -35,7 +35,7 @@ JPEG_QUALITY = 95
 
 
 def save_frames(frames: Frames, folder: str | Path) -> Path:
-    """Write frames in this library's layout. Depth is rounded to millimetres, and colour is stored as JPEG."""
+    """Write frames in RadarTwin's own folder format. Depth is rounded to millimetres, and colour is stored as JPEG."""
     folder = Path(folder)
     make_folder(folder)
     (folder / INDEX).unlink(missing_ok=True)
@@ -87,7 +87,7 @@ def _write(pixels: np.ndarray, folder: Path, name: str) -> str:
 
 
 def load_own(folder: Path, colour_only: bool) -> Frames:
-    """Open a folder that `save_frames` wrote."""
+    """Open a folder of frames that `save_frames` wrote."""
     try:
         index = untrusted_json.read(folder / INDEX)
         if (index["format"], index["version"]) != (FORMAT, VERSION):

@@ -23,10 +23,10 @@ from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled, scan_digest
 from radartwin.reconstruct.frames.pictures import check_depth, picture_size, read_colour, read_depth, read_picture
 
-ARKIT_PICTURE = (1920, 1440)  # picture size that the exported intrinsics refer to
+ARKIT_PICTURE = (1920, 1440)  # size (width, height) in pixels of the picture to which the exported intrinsics refer
 ARKIT_UNIT_M = POSE_FILE_UNIT_M = 0.001
 TUM_UNIT_M = 0.0002
-TUM_MAX_S = 0.02  # largest time difference between a depth picture and its pose or colour picture, as in the data set's own tools
+TUM_MAX_S = 0.02  # largest time difference between a depth picture and its pose or colour picture, as in the tools of the TUM data set
 
 
 def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frames:
@@ -60,7 +60,7 @@ def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frame
 
 
 def _arkit_camera(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read the pose (4, 4) in ARKit's axes, and the intrinsics (3, 3)."""
+    """Read a frame's camera-to-world pose (4, 4) in ARKit's axes, and its intrinsics (3, 3) in pixels."""
     try:
         content = untrusted_json.read(path)
         pose = np.array(content["cameraPoseARFrame"], dtype=np.float64).reshape(4, 4)
@@ -72,7 +72,7 @@ def _arkit_camera(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def load_pose_file(
     folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, convention: str
 ) -> Frames:
-    """Open a folder with pose.txt; `convention` is one of `axes.POSE_CONVENTIONS`."""
+    """Open a folder of frames whose poses are in pose.txt; `convention` is one of `axes.POSE_CONVENTIONS`."""
     rows = _numbers(folder / "pose.txt", 7)
     depths = _pictures(folder, ("depth",))
     colours = _pictures(folder, ("color", "colour", "rgb"))
@@ -86,7 +86,7 @@ def load_pose_file(
 
 
 def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up: str | None, colour_only: bool, convention: str) -> Frames:
-    """Open a folder with the TUM RGB-D layout; `convention` is one of `axes.POSE_CONVENTIONS`."""
+    """Open a folder of frames in the TUM RGB-D format; `convention` is one of `axes.POSE_CONVENTIONS`."""
     truth = _numbers(folder / "groundtruth.txt", 8)
     depth_times, depth_files = _listed(folder / "depth.txt") if not colour_only else (np.zeros(0), [])
     colour_times, colour_files = _listed(folder / "rgb.txt") if (folder / "rgb.txt").is_file() else (np.zeros(0), [])
@@ -119,7 +119,7 @@ class _Pictures(NamedTuple):
 def _one_camera(
     folder: Path, pictures: _Pictures, poses: np.ndarray, intrinsics: Sequence[float] | None, up: str | None, pose_file: Path
 ) -> Frames:
-    """Make the frames of a camera whose colour pictures show the same view as its depth pictures."""
+    """Make a `Frames` sequence for a single camera whose colour pictures and depth pictures show the same view."""
     names, depths, colours, unit_m, colour_only = pictures
     camera = _camera(folder, intrinsics)
     if not colour_only:
@@ -156,7 +156,7 @@ def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:
 
 
 def _numbers(path: Path, columns: int) -> np.ndarray:
-    """Read the rows (N, columns) of a text file; # starts a comment."""
+    """Read the numbers (N, columns) of a text file with one row per line; the character # starts a comment."""
     rows = []
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         words = line.partition("#")[0].replace(",", " ").split()
@@ -175,7 +175,7 @@ def _numbers(path: Path, columns: int) -> np.ndarray:
 
 
 def _listed(path: Path) -> tuple[np.ndarray, list[Path]]:
-    """Read the times (N,) and files of a TUM list."""
+    """Read the times (N,) in seconds and the file paths from a TUM list such as depth.txt."""
     if not path.is_file():
         raise MissingError(f"{path} does not exist; a TUM folder has rgb.txt, depth.txt and groundtruth.txt")
     words = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and not line.startswith("#")]
@@ -195,7 +195,7 @@ def _nearest(times: np.ndarray, time: float) -> int | None:
 
 
 def _pictures(folder: Path, names: Sequence[str]) -> list[Path]:
-    """List the pictures in the first existing folder of `names`, ordered by the numbers in their file names."""
+    """List the pictures in the first folder among `names` that exists, ordered by the numbers in the file names."""
     for name in names:
         if (folder / name).is_dir():
             found = [p for p in (folder / name).iterdir() if p.suffix.lower() in (".png", ".pgm", ".jpg", ".jpeg", ".tif", ".tiff")]
@@ -204,7 +204,7 @@ def _pictures(folder: Path, names: Sequence[str]) -> list[Path]:
 
 
 def _from_quaternions(rows: np.ndarray) -> np.ndarray:
-    """Convert rows tx ty tz qx qy qz qw (N, 7) to poses (N, 4, 4)."""
+    """Convert rows (N, 7) of position and quaternion, tx ty tz qx qy qz qw, to poses (N, 4, 4)."""
     from scipy.spatial.transform import Rotation
 
     lengths = np.linalg.norm(rows[:, 3:], axis=1)
@@ -218,10 +218,13 @@ def _from_quaternions(rows: np.ndarray) -> np.ndarray:
 
 
 def _upward(poses: np.ndarray, folder: Path) -> str:
-    """Return the world axis nearest to the mean upward direction of the cameras, because people hold cameras upright."""
+    """Return the world axis nearest to the mean upward direction of the cameras.
+
+    This axis points up, because people hold cameras upright.
+    """
     mean = -poses[:, :3, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(mean)))
-    if np.abs(mean[axis]) < 0.6:  # cosine for upright cameras that look 50 degrees downwards
+    if np.abs(mean[axis]) < 0.6:  # the mean is the cosine 0.64 if upright cameras look 50 degrees downwards
         raise ScanError(
             f"{folder}: the cameras' mean up vector {np.round(mean, 2).tolist()} is near no axis; give --up {', '.join(TO_Z_UP)}"
         )

@@ -1,8 +1,8 @@
 """Define colour-and-depth frames with camera poses.
 
-World: z up, metres. Poses are 4x4 camera-to-world matrices with OpenCV camera axes (x right, y down, z forward). Pixel centres have integer
-coordinates, so the top left corner of a picture lies at (-0.5, -0.5). Depth is measured along the camera's z axis, not along the ray.
-`frames.layouts.load_frames` reads folders of frames, `frames.folder.save_frames` writes one.
+The world frame has z up and is in metres. Poses are 4x4 camera-to-world matrices with OpenCV camera axes (x right, y down, z forward).
+Pixel centres have integer coordinates, so the top left corner of a picture lies at (-0.5, -0.5). Depth is measured along the camera's z
+axis, not along the ray. `frames.layouts.load_frames` reads a folder of frames, and `frames.folder.save_frames` writes a folder of frames.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ import numpy as np
 
 from radartwin.errors import MissingError, PoseError, ScanError
 
-RIGID_TOLERANCE = 1e-3  # on R^T R; ARKit and text files with six digits stay below 1e-5
+RIGID_TOLERANCE = 1e-3  # largest deviation of R^T R from the identity; ARKit poses and text files with six digits deviate by less than 1e-5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Frame:
-    """One view of a scan.
+    """A colour-and-depth view of a scan, taken from a single camera pose.
 
     Attributes:
-        name: name of the frame, unique within a scan.
+        name: name of the frame, different for each frame of a scan.
         pose: (4, 4) camera-to-world, OpenCV axes, metres.
         intrinsics: (3, 3) pinhole matrix of the depth picture, pixels.
-        depth_m: (h, w) float32 depth along the camera's z axis; 0 where there is no depth.
-        colour: (H, W, 3) uint8 sRGB picture of the same view, usually with more pixels than the depth; or None.
+        depth_m: (h, w) float32 depth along the camera's z axis, metres; 0 at pixels without depth.
+        colour: (H, W, 3) uint8 sRGB picture of the same view, usually with more pixels than `depth_m`; None if the frame has no colour.
         colour_intrinsics: (3, 3) pinhole matrix of `colour`; None if `colour` is None.
-        confidence: (h, w) uint8, 0 low, 1 medium, 2 high (as ARKit's ARConfidenceLevel), or None.
+        confidence: (h, w) uint8 confidence of each depth pixel: 0 low, 1 medium, 2 high (as ARKit's ARConfidenceLevel); None if unknown.
     """
 
     name: str
@@ -49,12 +49,13 @@ class Frame:
 
 
 class Frames(Sequence[Frame]):
-    """A sequence of frames in the order of recording. Each access to a frame reads it from its source again.
+    """A sequence of frames in the order of recording. Each access to a frame reads the frame from its files again.
 
     Args:
-        read: function that returns frame i. `poses` (N, 4, 4), camera-to-world, replace the pose of the frame that `read` returns.
-        source: text that names the frames in error messages.
-        scan_of: identifier of the scanned place: the name of a procedural room, or the digest of a real scan's files; empty if unknown.
+        read: function that returns frame i.
+        poses: (N, 4, 4) camera-to-world poses in metres; they replace the poses of the frames that `read` returns.
+        source: name of the folder of frames in error messages.
+        scan_of: identifier of the scanned room: the name of a procedural room, or the digest of a real scan's files; empty if unknown.
     Raises:
         ScanError: there are no frames, a name is repeated, or the numbers of poses and names differ.
         PoseError: a pose is not finite, is mirrored, or is not rigid.
@@ -76,7 +77,7 @@ class Frames(Sequence[Frame]):
 
     @classmethod
     def of(cls, frames: Iterable[Frame], source: str = "frames", scan_of: str = "") -> Frames:
-        """Make a sequence of frames that are already in memory."""
+        """Make a `Frames` sequence from frames that are already in memory."""
         frames = list(frames)
         poses = np.array([f.pose for f in frames]).reshape(-1, 4, 4)
         return cls((f.name for f in frames), poses, frames.__getitem__, source, scan_of)
@@ -99,7 +100,7 @@ class Frames(Sequence[Frame]):
         return (self[i] for i in range(len(self)))
 
     def with_poses(self, poses: np.ndarray) -> Frames:
-        """Return the same frames with other poses (N, 4, 4)."""
+        """Return the same frames with their poses replaced by `poses` (N, 4, 4), camera-to-world."""
         return Frames(self.names, poses, self._read, self.source, self.scan_of)
 
 
@@ -133,7 +134,7 @@ def check_poses(poses: np.ndarray, source: str, names: Sequence[str]) -> np.ndar
 
 
 def rescaled(intrinsics: np.ndarray, size: tuple[int, int], to: tuple[int, int]) -> np.ndarray:
-    """Convert the intrinsics (3, 3) of a picture with `size` (width, height) to those of the same view with the picture size `to`."""
+    """Convert the intrinsics (3, 3) of a picture with `size` (width, height) pixels to the intrinsics of the same view at the size `to`."""
     scale = np.divide(to, size)
     moved = np.array(intrinsics, dtype=np.float64)
     moved[:2, :2] *= scale[:, None]
@@ -142,7 +143,7 @@ def rescaled(intrinsics: np.ndarray, size: tuple[int, int], to: tuple[int, int])
 
 
 def points(frame: Frame) -> np.ndarray:
-    """Return the world points (h, w, 3) of the depth pixels in metres; NaN where there is no depth."""
+    """Return the world points (h, w, 3) of the depth pixels in metres; NaN at pixels without depth."""
     v, u = np.indices(frame.depth_m.shape)
     k = frame.intrinsics
     depth = np.where(frame.depth_m > 0, frame.depth_m, np.nan).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Detect the layout of a folder of frames, and read the frames."""
+"""Detect which program wrote a folder of frames (the folder layout), and read the frames."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from radartwin.reconstruct.frames.frames import Frames
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """A known folder layout, and the command-line options that apply to this layout.
+    """A known layout of files in a folder of frames, and the command-line options that apply to such folders.
 
     Attributes:
-        metadata_file: the file that holds the poses.
-        unit_m: default metres per count of the depth pictures; None where `metadata_file` states the unit.
+        metadata_file: name of the file that holds the camera poses.
+        unit_m: default value of metres per count of the depth pictures; None if `metadata_file` states the unit.
     """
 
     metadata_file: str
@@ -34,7 +34,7 @@ POSE_FILE = Layout("pose.txt", POSE_FILE_UNIT_M, TUM.options)
 
 
 def layout_of(folder: Path) -> Layout:
-    """Detect the layout of a folder from its files. For the errors see `load_frames`."""
+    """Detect the layout of a folder of frames from its file names. The docstring of `load_frames` lists the errors."""
     if not folder.is_dir():
         raise MissingError(f"{folder} is not a folder; give the folder that holds the scan's frames")
     if (folder / INDEX).is_file():
@@ -57,22 +57,24 @@ def load_frames(
     colour_only: bool = False,
     poses: str | None = None,
 ) -> Frames:
-    """Open a folder of frames in any known layout: ARKit export of 3d Scanner App, TUM RGB-D, pose.txt, or this library's layout.
+    """Open a folder of frames in any known folder layout: ARKit export of 3d Scanner App, TUM RGB-D, pose.txt, or RadarTwin's own layout.
 
-    The poses, the numbers of files and some depth pictures are checked here, and the pictures of a frame when the frame is read.
+    This function checks the poses, the numbers of files and some depth pictures. All pictures of a frame are checked when the frame is
+    read.
 
     Args:
-        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, only for pose.txt and TUM. The default is the folder's intrinsics.json
-            {"fx": , "fy": , "cx": , "cy": }.
-        depth_unit_m: metres per count of the depth pictures. Give it if the layout's default (1/5000 m for TUM, 1 mm otherwise) is wrong.
-        up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit and this library's layout define it. For pose.txt and
-            TUM the default is the axis nearest to the cameras' mean upward direction.
+        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, only for pose.txt and TUM. By default they are read from the folder's
+            file intrinsics.json, {"fx": , "fy": , "cx": , "cy": }.
+        depth_unit_m: metres per count of the depth pictures. The default of the folder layout is 1/5000 m for TUM and 1 mm otherwise.
+        up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit folders and RadarTwin's own folders define this axis. For
+            pose.txt and TUM the default is the axis nearest to the cameras' mean upward direction.
         poses: pose convention, one of `radartwin.reconstruct.axes.POSE_CONVENTIONS`, only for pose.txt and TUM; "opencv" by default.
-        colour_only: ignore the depth pictures, which may be missing, because a model estimates the depth.
+        colour_only: whether to ignore the depth pictures, because a monocular model estimates the depth; the depth pictures may then be
+            missing.
     Raises:
         MissingError: the folder or one of its pictures does not exist.
-        ScanError: the layout is unknown, poses or intrinsics are missing, the numbers of files differ, a picture is damaged or has no
-            depth, the depth unit is implausible, or an option does not apply to the layout.
+        ScanError: the folder layout is unknown, poses or intrinsics are missing, the numbers of files differ, a picture is damaged or has
+            no depth, the depth unit is implausible, or an option does not apply to this folder layout.
         PoseError: a pose is mirrored or not rigid.
     """
     folder = Path(folder)

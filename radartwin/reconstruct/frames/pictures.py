@@ -37,7 +37,7 @@ def _opened(path: Path, read: Callable[[Any], Any]) -> Any:
 
 
 def read_depth(path: Path, unit_m: float) -> np.ndarray:
-    """Read a depth picture of one channel. Return the depth (h, w) float32 in metres; 0 where there is no depth."""
+    """Read a depth picture of one channel. Return the depth (h, w) as float32 in metres; 0 at pixels without depth."""
     counts = read_picture(path)
     if counts.ndim != 2:
         raise ScanError(f"{path}: a depth picture has one channel, this one has shape {counts.shape}; is it a colour picture?")
@@ -54,9 +54,9 @@ def read_colour(path: Path) -> np.ndarray:
 
 
 def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str = "give --depth-unit") -> None:
-    """Raise a ScanError if all depth pictures are empty, or if the median depth of three pictures is implausible for a room.
+    """Raise a ScanError if all depth pictures are empty, or if the median depth of three non-empty pictures is implausible for a room.
 
-    The pictures are read in the order first, middle, last, then pictures between these.
+    The function reads the first, the middle and the last picture first, and then pictures between them until three are not empty.
     """
     seen: list[np.ndarray] = []
     for path in (paths[i] for i in _bisected(len(paths))):
@@ -76,12 +76,12 @@ def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str =
 
 
 def plausible(median_m: float) -> bool:
-    """Return whether an indoor depth picture can have this median depth."""
+    """Return whether the depth picture of a room can have the median depth `median_m`, in metres."""
     return MEDIAN_DEPTH_M[0] <= median_m <= MEDIAN_DEPTH_M[1]
 
 
 def _bisected(count: int) -> list[int]:
-    """Return the numbers 0 to count - 1 in the order first, middle, last, then evenly between these in ever finer steps."""
+    """Return the numbers 0 to count - 1 in the order first, middle, last, followed by the numbers between them in ever finer steps."""
     order, parts = dict.fromkeys([0, count // 2, count - 1]), 4
     while len(order) < count:
         order |= dict.fromkeys(min(count * k // parts, count - 1) for k in range(parts))

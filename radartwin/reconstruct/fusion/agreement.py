@@ -1,8 +1,9 @@
 """Check the depth unit and the pose convention of frames by comparing overlapping views.
 
-A moving camera sees the same surfaces from several positions. The surfaces in these views coincide only if depth unit and pose convention
-are right. The check measures the distance between overlapping views for all known units and conventions, after all views are scaled to the
-same median depth. If another unit or convention than the given one agrees clearly better, the check raises an error that names it.
+A moving camera sees the same surfaces from several positions. The surfaces in these views coincide only if the depth unit and the pose
+convention are right. The check scales all views to the same median depth. It then measures the distance between the surfaces of
+overlapping views, for each known depth unit and pose convention. If the surfaces coincide clearly better with another unit or convention
+than with the user's, the check raises an error that names the better unit or convention.
 """
 
 from __future__ import annotations
@@ -23,18 +24,19 @@ from radartwin.reconstruct.fusion.views import prepared
 from radartwin.reconstruct.fusion.volume import View
 from radartwin.reconstruct.mesh_file import ScanWarning
 
-COMPARED_VIEWS = 40  # number of compared views, evenly distributed over the scan
+COMPARED_VIEWS = 40  # number of views that are compared, evenly distributed over the scan
 MEDIAN_M = 2.0  # all views are scaled to this median depth
-CLEARLY_BETTER = 0.5  # largest ratio of two disagreements at which the smaller disagreement is clearly better
-EQUAL_RATIO = 1.5  # two disagreements with a smaller ratio count as equal
-GOOD_M = 0.01  # a smaller disagreement at MEDIAN_M is explained by the noise and drift of a phone
-SUSPECT_M = 0.06  # a larger disagreement at MEDIAN_M shows an error; twice the drift of a phone over a large hall gives 0.05
-MIN_PAIRS = 0.7  # smallest number of overlapping pairs of an alternative, relative to that of the given choice
+CLEARLY_BETTER = 0.5  # ratio of two median distances between views, at or below which the smaller distance is clearly better
+EQUAL_RATIO = 1.5  # two median distances between views with a smaller ratio count as equal
+GOOD_M = 0.01  # depth noise and pose drift of a phone explain a smaller distance between views at the median depth MEDIAN_M
+# a larger distance between views at MEDIAN_M shows a wrong unit or convention; twice the drift of a phone in a large hall gives 0.05
+SUSPECT_M = 0.06
+MIN_PAIRS = 0.7  # smallest number of overlapping view pairs under another unit or convention, relative to the number under the user's
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well the views agree under the depth unit or pose convention `name`.
+    """The distance between overlapping views if the depth unit or pose convention is `name`.
 
     Attributes:
         pairs: number of overlapping view pairs.
@@ -52,17 +54,18 @@ class Agreement:
 
 
 def check_agreement(frames: Frames, unit_m: float | None, convention: str | None, metadata_file: str = INDEX) -> None:
-    """Raise an error if another depth unit or pose convention agrees clearly better than the given one.
+    """Raise an error if overlapping views coincide clearly better with another depth unit or pose convention than with the given one.
 
     Args:
-        frames: frames in the world of their poses, with any up axis.
-        unit_m: metres per count used to read the depth; None if the layout defines it.
-        convention: pose convention, one of `axes.POSE_CONVENTIONS`; None if the layout defines it.
-        metadata_file: name of the file that defines the convention if `convention` is None.
+        frames: frames with their original poses, so any world axis may point up.
+        unit_m: metres per count with which the depth pictures were read; None if the folder layout defines the unit.
+        convention: pose convention, one of `axes.POSE_CONVENTIONS`; None if the folder layout defines the convention.
+        metadata_file: name of the file that defines the pose convention if `convention` is None.
     Raises:
-        ScanError: another unit or convention agrees clearly better. The message names it and both disagreements.
+        ScanError: views coincide clearly better with another unit or convention. The message names this unit or convention, and gives the
+            median distance between views for both.
     Warns:
-        ScanWarning: the views disagree under every unit and convention, do not overlap, or fit several units.
+        ScanWarning: the views do not coincide with any unit and convention, do not overlap, or coincide equally well with several units.
     """
     count = len(frames)
     if count < 2:
@@ -91,7 +94,7 @@ def check_agreement(frames: Frames, unit_m: float | None, convention: str | None
 def _check_convention(
     source: str, views: list[View], poses: np.ndarray, convention: str | None, metadata_file: str, scale: float
 ) -> Agreement:
-    """Compare the given pose convention with the others, and return its agreement."""
+    """Compare the given pose convention with all other conventions, and return the `Agreement` of the given convention."""
     as_written = _as_written(poses, convention or "opencv")
     found = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
     agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, found, strict=True)}
@@ -107,7 +110,11 @@ def _check_convention(
 
 
 def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: np.ndarray, unit_m: float, given: Agreement) -> None:
-    """Compare the views for every plausible depth unit. A camera motion divided by k has the same effect as a depth multiplied by k."""
+    """Compare the views for every plausible depth unit.
+
+    To test a depth unit that is k times larger, the function divides the camera positions by k, which gives the same scene except for its
+    size.
+    """
     depth_m = float(np.median(np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])))
     others = [u for u in UNITS_M if not np.isclose(u, unit_m, rtol=0.01) and plausible(depth_m * u / unit_m)]
     moved = []
@@ -136,7 +143,7 @@ def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: 
 
 
 def _as_written(poses: np.ndarray, convention: str) -> np.ndarray:
-    """Convert the poses back to the file's convention; the inverse of `camera_to_world`."""
+    """Convert camera-to-world poses back to the pose convention of the file, as the inverse of `camera_to_world`."""
     flipped = camera_to_world(poses, "opengl") if convention.startswith("opengl") else poses
     return camera_to_world(flipped, "opencv-inverse") if convention.endswith("-inverse") else flipped
 
@@ -146,7 +153,7 @@ def _scaled(view: View, factor: float) -> View:
 
 
 def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:
-    """Return the extent (3,) in metres of the points in the frames, with depths multiplied by `factor` and without outliers."""
+    """Return the extent (3,) in metres, without outliers, of the depth points of the frames, after multiplying all depths by `factor`."""
     clouds = []
     for frame in chosen:
         offsets = points(frame)[::8, ::8].reshape(-1, 3) - frame.pose[:3, 3]

@@ -1,13 +1,14 @@
 """Correct the drift of a scan: adjust all poses together so that the surfaces of overlapping views coincide.
 
-The samples of each view are compared with every other view that sees the same surface. The residual is r = n . (q - x), where x is a sample
-with normal n, and q is the other view's surface point at the projection of x (point to plane, Chen and Medioni 1992; all pairs together as
-in Pulli 1999, Multiview registration for large data sets). Two priors limit the corrections: the motion between
-neighbouring views that the phone estimates, and the direction of gravity for roll and pitch. A Geman-McClure kernel reduces the weight of
-outliers; its scale shrinks from the size of the drift to the size of the noise. The residuals do not determine the position of the whole
-scan. The first part of the path therefore keeps its position.
+The surface samples of each view are compared with every other view that sees the same surface. The residual is r = n . (q - x), where x is
+a sample with normal n, and q is the other view's surface point at the projection of x (point-to-plane distance, Chen and Medioni 1992).
+All pairs of views are solved together, as in Pulli 1999, Multiview registration for large data sets. Two priors limit the corrections of
+the poses: the phone's own estimate of its motion between neighbouring views, and the direction of gravity for roll and pitch. A
+Geman-McClure kernel reduces the weight of outliers. During the iterations, the scale of the kernel shrinks from the size of the drift to
+the size of the depth noise. The residuals do not determine the position of the whole scan, so the first part of the camera path keeps its
+position.
 
-Symbols: delta_i -> rotation vector and shift of view i in the world, the rotation about `centre`.
+Symbols: delta_i -> correction of view i in world coordinates: a rotation vector, for a rotation about `centre`, and a shift.
 """
 
 from __future__ import annotations
@@ -26,20 +27,25 @@ from radartwin.reconstruct.fusion.volume import View, pinhole
 
 SAMPLES_ACROSS = 28  # samples along the width of a view: about 550 samples of a phone's depth map, which has 576 laser spots
 NORMALS_ACROSS = 43  # view width / distance of the neighbours that define a sample's normal; 6 pixels for a phone's depth map
-OVERLAP = 0.15  # two views are compared if the second view sees at least this share of the first view's samples
+OVERLAP = 0.15  # two views are compared if the second view sees at least this fraction of the first view's samples
 SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02, 0.015, 0.015)  # scale of the outlier kernel, one per iteration
-NOISE_M = 0.05  # noise of one residual; several times the pixel noise, because neighbouring residuals are correlated
-# Prior of the phone's motion: standard deviation after one metre, and at rest. The shift is ARKit's (Kim et al. 2022, Sensors 22:9873:
-# 0.02 m in three axes per second of walking). They give no rotation; the rotation here moves a point 3 m away by the same length.
+NOISE_M = 0.05  # standard deviation of a residual; several times the depth noise of a pixel, because neighbouring residuals are correlated
+# Standard deviation of the phone's motion estimate between views: per metre of path, and at rest. The shift is that of ARKit (Kim et al.
+# 2022, Sensors 22:9873: 0.02 m in three axes per second of walking). Kim et al. give no rotation error; the value below moves a point 3 m
+# away as far as the shift.
 SHIFT_M, REST_M = 0.012, 0.002
 TURN_RAD, REST_RAD = np.radians(0.2), np.radians(0.05)
 LEVEL_RAD = np.radians(0.2)  # error of the gravity direction on phones
-ANCHOR_M = 0.6  # length of the path's beginning that defines the position of the whole scan
+ANCHOR_M = 0.6  # length of the first part of the camera path, which defines the position of the whole scan
 
 
 @dataclasses.dataclass(frozen=True)
 class AlignmentReport:
-    """The number of compared view pairs, the median distance between their surfaces before and after, and the largest change of a pose."""
+    """The result of the drift correction.
+
+    It gives the number of compared view pairs, the median distance in metres between the surfaces of two views before and after the
+    correction, and the largest shift and rotation of a pose.
+    """
 
     pairs: int
     before_m: float
@@ -49,7 +55,10 @@ class AlignmentReport:
 
 
 class _Sampled(NamedTuple):
-    """Data of V views: samples (S, 7) per view (point and normal in camera coordinates, weight), depth maps, (fx, fy, cx, cy) (V, 4)."""
+    """Data of V views: surface samples, depth maps, and pinhole parameters (fx, fy, cx, cy) of shape (V, 4).
+
+    Each sample is a row of 7 numbers: point and normal in camera coordinates, and weight.
+    """
 
     samples: list[np.ndarray]
     depths: list[np.ndarray]
@@ -61,7 +70,7 @@ class _Sampled(NamedTuple):
 
 
 def align(views: Views) -> AlignmentReport:
-    """Correct the drift in the views' poses, in place."""
+    """Correct the drift in the poses of `views`, in place, and return a report of the correction."""
     sampled = _Sampled.of([views[i] for i in range(len(views))])
     start = views.poses.copy()
     poses = start.copy()
@@ -89,7 +98,9 @@ def align(views: Views) -> AlignmentReport:
 
 
 def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list[tuple[int, float]]:
-    """Return, for each set of poses (N, 4, 4), the number of overlapping view pairs, and the median distance between them in metres."""
+    """Return the number of overlapping view pairs and the median distance between their surfaces in metres, for each array of poses (N, 4,
+    4).
+    """
     sampled = _Sampled.of(views)
     found = []
     for poses in pose_sets:
@@ -97,7 +108,8 @@ def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list
         apart = float("nan")
         if len(pairs):
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", RuntimeWarning)  # views of opposite sides of surfaces have no residuals
+                # two views of opposite sides of a surface have no residuals, so their median is NaN
+                warnings.simplefilter("ignore", RuntimeWarning)
                 apart = _normal_equations(poses, sampled, pairs, np.zeros(3), SCALES_M[0])[1]
         found.append((len(pairs) if np.isfinite(apart) else 0, apart))
     return found
@@ -108,9 +120,10 @@ def _rotation_between(start: np.ndarray, poses: np.ndarray) -> Rotation:
 
 
 def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Move all poses together, so that heading and position fit the start of the path, and roll and pitch fit all views.
+    """Move all poses together by one rigid motion, so that heading and position fit the first views, and roll and pitch fit all views.
 
-    The start has several views, because the noise of a single view would move all other views.
+    The heading and position are averaged over several views at the beginning of the path, because the noise of a single view would move the
+    whole scan.
     """
     path = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1))])
     weight = np.exp(-path / ANCHOR_M)
@@ -125,7 +138,7 @@ def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:
 
 
 def _samples(view: View) -> np.ndarray:
-    """Return the samples (S, 7) of a view: points and normals in camera coordinates, and weights."""
+    """Return the surface samples (S, 7) of a view: points and normals in camera coordinates, and weights."""
     h, w = view.depth.shape
     step, reach = max(round(w / SAMPLES_ACROSS), 1), max(round(w / NORMALS_ACROSS), 1)
     v, u = (n.ravel() for n in np.mgrid[reach : h - reach : step, reach : w - reach : step])
@@ -139,14 +152,14 @@ def _samples(view: View) -> np.ndarray:
     (a, valid_a), (b, valid_b), (c, valid_c), (d, valid_d) = at(0, -reach), at(0, reach), at(-reach, 0), at(reach, 0)
     normal = np.cross(b - a, d - c)
     length = np.linalg.norm(normal, axis=1)
-    # On a plane the mean of two opposite neighbours equals the sample. At an edge it differs from the sample.
+    # On a plane the mean of two opposite neighbour points equals the sample point. At an edge this mean differs from the sample point.
     flat = (np.abs(a + b - 2 * point)[:, 2] < 0.02 * point[:, 2]) & (np.abs(c + d - 2 * point)[:, 2] < 0.02 * point[:, 2])
     good = valid & valid_a & valid_b & valid_c & valid_d & flat & (length > 0)
     return np.column_stack([point[good], (normal[good].T / length[good]).T, view.weight[v, u][good]])
 
 
 def _pairs(poses: np.ndarray, sampled: _Sampled) -> np.ndarray:
-    """Return the pairs (P, 2) of views that see the same surfaces. The samples of a pair come from its first view."""
+    """Return the index pairs (P, 2) of views that see the same surfaces. The first view of a pair provides the samples."""
     samples, depths, lenses = sampled
     found = []
     for i, own in enumerate(samples):
@@ -163,7 +176,10 @@ def _pairs(poses: np.ndarray, sampled: _Sampled) -> np.ndarray:
 def _normal_equations(
     poses: np.ndarray, sampled: _Sampled, pairs: np.ndarray, centre: np.ndarray, scale_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return the normal equations (P, 27) of each pair (21 of the upper triangle, 6 of the right side) and the median residual in m."""
+    """Return the least-squares normal equations (P, 27) of the P view pairs, and the median residual in metres.
+
+    Each row has 21 values of the upper triangle of the matrix and 6 values of the right side.
+    """
     samples, depths, lenses = sampled
     blocks, residuals = np.zeros((len(pairs), 27)), np.full(len(pairs), np.nan)
     worlds = [
@@ -180,7 +196,7 @@ def _normal_equations(
 
 
 def _assembled(blocks: np.ndarray, pairs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Assemble the matrix (6V, 6V) and the right side (6V,) of all pairs."""
+    """Assemble the normal-equation matrix (6V, 6V) and right side (6V,) for V views from the blocks of all view pairs."""
     upper = np.triu_indices(6)
     own = np.zeros((len(blocks), 6, 6))
     own[:, upper[0], upper[1]] = blocks[:, :21]
@@ -199,15 +215,18 @@ def _assembled(blocks: np.ndarray, pairs: np.ndarray, count: int) -> tuple[np.nd
 
 
 def _add_prior(matrix: np.ndarray, right: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> None:
-    """Add the priors of the phone's motion between neighbours and of gravity, linearised at the current poses, in place."""
+    """Add the two priors to `matrix` and `right`, in place: the phone's motion estimate between consecutive views, and gravity.
+
+    Both priors are linearised at the current poses.
+    """
     turn = _rotation_between(start, poses).as_rotvec()
-    # A correction moves x to x + turn x (x - centre) + shift. The next line computes the shift that moves the camera to its current
-    # position.
+    # A correction moves a point p to p + turn x (p - centre) + shift, where the symbol x in the middle is the cross product. The next line
+    # computes the shift that moves the camera to its current position.
     shift = poses[:, :3, 3] - start[:, :3, 3] - np.cross(turn, start[:, :3, 3] - centre)
     gap = np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1)
     for i in range(len(poses) - 1):
         a, b = slice(6 * i, 6 * i + 6), slice(6 * i + 6, 6 * i + 12)
-        # Shifts are compared at the cameras' positions. A rotation about the centre also moves these positions.
+        # Shifts are compared at the positions of the cameras. A rotation about `centre` also moves these positions.
         arm = (start[i, :3, 3] + start[i + 1, :3, 3]) / 2 - centre
         lever = np.eye(6)
         lever[3:, :3] = -np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
@@ -228,7 +247,7 @@ def _add_prior(matrix: np.ndarray, right: np.ndarray, start: np.ndarray, poses: 
 
 @compiled
 def _projected(x, y, z, pose, depth, lens):
-    """Return row and column of a world point in a view (-1 outside the view), and its depth in the view."""
+    """Return row and column of a world point in a view (-1 outside the view), and the depth of the point in the view."""
     a, b, c = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
     d = pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
     if d < 0.1:
@@ -243,7 +262,7 @@ def _projected(x, y, z, pose, depth, lens):
 
 @compiled
 def _shared(world, pose, depth, lens):
-    """Count the world points (N, 3) that lie on the surface in the view."""
+    """Return how many of the world points (N, 3) lie on the surface that a view measured."""
     count = 0
     for k in range(len(world)):
         m, n, d = _projected(world[k, 0], world[k, 1], world[k, 2], pose, depth, lens)
@@ -254,7 +273,7 @@ def _shared(world, pose, depth, lens):
 
 @compiled
 def _accumulate(world, pose, depth, lens, centre, scale, block):
-    """Add a pair's normal equations to `block` (27,). Return the pair's median residual; NaN if the two views share no surface."""
+    """Add the normal equations of a view pair to `block` (27,). Return the pair's median residual; NaN if the views share no surface."""
     row = np.empty(6)
     residuals = np.empty(len(world))
     count = 0
@@ -270,8 +289,8 @@ def _accumulate(world, pose, depth, lens, centre, scale, block):
             pose[1, 0] * a + pose[1, 1] * b + pose[1, 2] * q,
             pose[2, 0] * a + pose[2, 1] * b + pose[2, 2] * q,
         )
-        # Use only samples on the side of the surface that the other view sees, at a usable angle. Normals point into the surface, as rays
-        # do.
+        # Use only samples on the side of the surface that the second view sees, at a usable angle of incidence. Normals point into the
+        # surface, in the direction of the camera rays.
         if rx * nx + ry * ny + rz * nz < 0.2 * np.sqrt(rx * rx + ry * ry + rz * rz):
             continue
         qx, qy, qz = rx + pose[0, 3], ry + pose[1, 3], rz + pose[2, 3]

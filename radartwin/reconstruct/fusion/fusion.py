@@ -1,6 +1,7 @@
-"""Fuse frames with poses into a mesh, and report the quality.
+"""Fuse colour-and-depth frames with poses into a mesh, and report the quality of the mesh.
 
-`views` computes the weights of the pixels, `alignment` corrects the drift, `volume` averages the depth, and `marching` extracts triangles.
+The module `views` computes the weights of the pixels, `alignment` corrects the drift of the poses, `volume` averages the depth, and
+`marching` extracts triangles.
 """
 
 from __future__ import annotations
@@ -19,22 +20,25 @@ from radartwin.reconstruct.fusion.marching import extract
 from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
 
-VOXELS_ACROSS = 450  # number of voxels along the room's diagonal: 2 cm voxels for 9 m
+VOXELS_ACROSS = 450  # number of voxels along the room's diagonal, which gives 2 cm voxels for a diagonal of 9 m
 VOXEL_M = (0.01, 0.03)
 TRUNCATION_VOXELS = 4
 MAX_RANGE_M = 5.0  # range of phone LiDAR, as Apple states it; greater depths are ignored
 MAX_FRAMES = 400  # if there are more frames, every n-th frame is used
-SMALLEST_PART_M2 = 0.03  # smaller connected parts are removed as flying pixels
-RESIDUAL_STEP = 7  # the residual uses every seventh pixel in both directions
+SMALLEST_PART_M2 = 0.03  # smaller connected parts of the mesh are removed as flying pixels
+RESIDUAL_STEP = 7  # the distance of the depth pixels from the fused surface is computed at every seventh pixel in both directions
 
 
 @dataclasses.dataclass(frozen=True)
 class Holes:
-    """Measures of a mesh's boundary. The longest boundary loop of a connected part is its rim, and the other loops are holes.
+    """The boundary edges and holes of a mesh.
+
+    The longest boundary loop of a connected part is the rim of the part, and the other loops are holes.
 
     Attributes:
-        boundary_m: length of all boundary edges, rims included.
-        area_m2, largest_m2: area of triangle fans that would close all holes, and of the largest fan.
+        boundary_m: total length of all boundary edges in metres, including rims.
+        area_m2: total area of the triangle fans that would close all holes, m2.
+        largest_m2: area of the triangle fan that would close the largest hole, m2.
     """
 
     count: int
@@ -45,16 +49,16 @@ class Holes:
 
 @dataclasses.dataclass(frozen=True)
 class FusionReport:
-    """Facts about a fusion; lengths in metres.
+    """Facts about the fusion of frames into a mesh, with lengths in metres.
 
     Attributes:
         residual_rms_m, residual_median_m: rms and median distance of the used depth pixels from the fused surface, for pixels within the
             truncation distance.
-        explained: share of the used depth pixels that lie within the truncation distance of the surface.
-        coloured: share of the vertices that a colour picture shows.
-        small_parts: number of removed connected parts.
-        poses: (N, 4, 4) poses with which the frames were fused.
-        alignment: the drift correction, None if it was off.
+        explained: fraction (0 to 1) of the used depth pixels that lie within the truncation distance of the fused surface.
+        coloured: fraction (0 to 1) of the mesh vertices that a colour picture shows.
+        small_parts: number of connected parts of the mesh that were removed because of their small area.
+        poses: (N, 4, 4) camera-to-world poses with which the frames were fused.
+        alignment: report of the drift correction; None if the drift was not corrected.
         scale: source of the unit of length: "measured" by the depth sensor, or a description of the monocular model.
     """
 
@@ -79,11 +83,11 @@ class FusionReport:
     scale: str = "measured"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the report as plain values, without the poses."""
+        """Return the report without the poses, as a dictionary of plain values."""
         return dataclasses.asdict(dataclasses.replace(self, poses=np.zeros(0))) | {"poses": None}
 
     def lines(self) -> list[str]:
-        """Return the report as text, one fact per line."""
+        """Return the fusion report as lines of text, one fact per line."""
         x, y, z = self.extents_m
         lines = [
             f"{self.source}: {self.frames_used} of {self.frames} frames fused, voxels of {1000 * self.voxel_m:.0f} mm, scale {self.scale}",
@@ -112,15 +116,16 @@ def fuse(
     """Fuse frames into a coloured mesh of the surfaces that they show.
 
     Args:
-        frames: if there are more than MAX_FRAMES, every n-th frame is used.
-        voxel_m: edge of a voxel; None derives it from the room's size, about 2 cm.
-        refine: whether to correct the drift of the poses first, see `alignment`.
-        scale: source of the unit of length, for the report.
-        progress: called as progress(done, total) after each frame of both passes.
+        frames: frames to fuse; if there are more than MAX_FRAMES, only every n-th frame is used.
+        voxel_m: edge length of a voxel in metres; None derives the length from the size of the room, about 2 cm for a diagonal of 9 m.
+        refine: whether to correct the drift of the poses before the fusion, with the module `alignment`.
+        scale: text for the report that names the source of the unit of length.
+        progress: function that is called as progress(done, total) after each frame; the fusion passes over all frames twice.
     Returns:
-        The mesh in metres, z up, with RGBA vertex colours and triangles that face free space, and the report.
+        The mesh in metres with z up, RGBA vertex colours and triangles that face free space.
+        The report of the fusion.
     Raises:
-        ScanError: the frames have no usable depth or show no surface, or the room is too large for the voxels.
+        ScanError: the frames have no usable depth or show no surface, or the room needs more voxels than the memory limit allows.
     """
     if len(frames) > MAX_FRAMES:
         frames = frames[:: -(-len(frames) // MAX_FRAMES)]
@@ -132,7 +137,8 @@ def fuse(
         alignment = align(views)
         low, high, used = _bounds(views, lambda _: None)
     volume = _filled_volume(views, low, high, used, voxel_m, lambda i: progress(len(views) + i, steps) if progress else None)
-    # A surface needs a standard deviation below the truncation distance. A view that sees through a wrong surface removes the surface.
+    # A surface is kept only if the standard deviation of its distance is below the truncation distance. A view that sees through a wrong
+    # surface removes this surface.
     mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
     residual = np.concatenate([volume.distance(_points(views[i], RESIDUAL_STEP)) for i in used])
@@ -163,7 +169,10 @@ def fuse(
 def _filled_volume(
     views: Views, low: np.ndarray, high: np.ndarray, used: list[int], voxel_m: float | None, done: Callable[[int], None]
 ) -> Volume:
-    """Create the volume between two corners and integrate all views. Calls done(number of integrated views) after each view."""
+    """Create the signed distance volume between the corners `low` and `high` and average all views into the volume.
+
+    The function calls done(number of integrated views) after each view.
+    """
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)
     volume = Volume(low, high, voxel_m, TRUNCATION_VOXELS * voxel_m)
@@ -180,7 +189,7 @@ def without_small_parts(mesh: trimesh.Trimesh, values: np.ndarray) -> tuple[trim
     """Remove the connected parts of a mesh that are smaller than SMALLEST_PART_M2, except the largest part.
 
     Returns:
-        The mesh, the `values` (V,) of its remaining vertices, and the number of removed parts.
+        The mesh, the `values` (V,) of the remaining vertices, and the number of removed connected parts.
     """
     faces, colours = np.asarray(mesh.faces), np.asarray(mesh.visual.vertex_colors)  # type: ignore[union-attr]
     label = trimesh.graph.connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(mesh.vertices))
@@ -240,7 +249,7 @@ def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.n
 
 
 def _points(view: View, step: int) -> np.ndarray:
-    """Return the world points (N, 3) of every step-th pixel in both directions, if its weight is not 0."""
+    """Return the world points (N, 3) of every step-th depth pixel in both directions, without pixels of weight 0."""
     v, u = np.nonzero(view.weight[::step, ::step])
     u, v = u * step, v * step
     depth = view.depth[v, u].astype(np.float64)

@@ -1,4 +1,7 @@
-"""Extract the surface of a volume as coloured triangles: marching cubes (Lewiner et al. 2003, by scikit-image), piece by piece."""
+"""Extract the surface of a volume as coloured triangles: marching cubes (Lewiner et al. 2003, by scikit-image), piece by piece.
+
+A piece is a cube of PIECE^3 blocks of the volume, so that the dense arrays of marching cubes stay small.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +15,19 @@ from radartwin.compiled import compiled
 from radartwin.errors import ScanError
 from radartwin.reconstruct.fusion.volume import SIDE, Volume
 
-PIECE = 8  # blocks along a piece's edge: 65^3 samples at a time
+PIECE = 8  # number of blocks along the edge of a piece: marching cubes gets 65^3 samples at a time
 GREY = 128  # colour of vertices that no colour picture shows
 
 
 def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndarray]:
-    """Extract triangles where the signed distance changes its sign. They face free space.
+    """Extract triangles that face free space from a volume, where the signed distance changes its sign.
 
     Args:
-        min_weight: a cube gives triangles only if each of its eight corners has at least this weight.
+        min_weight: smallest weight W(x) of observed voxels; a cube of eight voxels gives triangles only if all eight have this weight.
     Returns:
-        The mesh with RGBA vertex colours, and a mask (V,) of the vertices that a colour picture shows.
+        The mesh with RGBA vertex colours, and a boolean mask (V,) of the vertices that a colour picture shows.
     Raises:
-        ScanError: the volume holds no surface.
+        ScanError: the volume contains no surface.
     """
     side = PIECE * SIDE + 1
     values, weights = np.empty((side, side, side), np.float32), np.empty((side, side, side), np.float32)
@@ -45,7 +48,7 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
     if not count:
         raise ScanError("the frames show no surface often enough; check that poses and depth belong to the same scan")
     mesh = trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)
-    mesh.merge_vertices(digits_vertex=4)  # in voxels; closes the seams between pieces
+    mesh.merge_vertices(digits_vertex=4)  # coordinates are in voxels here; merging closes the seams between pieces
     mesh.update_faces(mesh.nondegenerate_faces(height=1e-4))
     mesh.remove_unreferenced_vertices()
     cells = np.asarray(mesh.vertices)
@@ -55,7 +58,9 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
 
 
 def _whole_cubes(seen: np.ndarray) -> np.ndarray:
-    """Return a mask of the cubes whose eight corners were observed, marked at the highest corner, as scikit-image expects."""
+    """Return a mask of the cubes whose eight corner voxels were observed; each cube is marked at its highest corner, as scikit-image
+    expects.
+    """
     whole = np.zeros_like(seen)
     low, high = slice(None, -1), slice(1, None)
     whole[1:, 1:, 1:] = np.all([seen[corner] for corner in itertools.product((low, high), repeat=3)], axis=0)
@@ -85,7 +90,10 @@ def _gather(slot, sdf, weight, block, values, weights):
 
 @compiled
 def _colours(cells, slot, colour, colour_weight):
-    """Return colours (N, 3) at vertices (N, 3) in units of voxels, and a mask (N,) of the vertices with a coloured voxel around them."""
+    """Return the colours (N, 3) at the vertices `cells` (N, 3), which are in units of voxels.
+
+    The second returned array is a boolean mask (N,) of the vertices with at least one coloured voxel around them.
+    """
     out = np.full((len(cells), 3), GREY, np.uint8)
     known = np.zeros(len(cells), np.bool_)
     for p in range(len(cells)):

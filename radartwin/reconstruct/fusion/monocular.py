@@ -4,9 +4,10 @@
     model = DepthModel.load("depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf")    # or a folder with the weights
     mesh, report = fuse(with_depth(frames, model), scale=model.scale)
 
-The user chooses the weights. They are downloaded only if the user gives a name of the model hub. All lengths come from the model, not from
-a measurement. The lengths of metric models have errors of several per cent that differ between cameras. The report therefore states the
-source of the scale. This module resizes and normalises the pictures itself, because the fast processors of transformers need torchvision.
+The user chooses the model's weights. The weights are downloaded only if the user gives a name on the Hugging Face hub. All lengths of the
+fused scan come from the model, not from a measurement. The lengths estimated by metric models have errors of several per cent that differ
+between cameras. The fusion report therefore states that the unit of length comes from the model. This module resizes and normalises the
+pictures itself, because the fast image processors of transformers need torchvision.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from radartwin.errors import BackendError, MissingError, ScanError
 from radartwin.io import untrusted_json
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 
-DEPTH_WIDTH = 320  # width of the stored depth in pixels; the models hardly resolve finer details
-METRIC_TYPES = {"zoedepth", "glpn", "depth_pro"}  # architectures whose output is always metres
+DEPTH_WIDTH = 320  # width in pixels of the estimated depth picture that is kept; the models hardly resolve finer details
+METRIC_TYPES = {"zoedepth", "glpn", "depth_pro"}  # model types of transformers whose output is always in metres
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 DEFAULT_HEIGHT = 518  # input height of Depth Anything: 37 patches of 14 pixels
 
@@ -32,13 +33,14 @@ Estimator = Callable[[np.ndarray], np.ndarray]  # colour (H, W, 3) uint8 -> dept
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class DepthModel:
-    """A loaded metric depth model.
+    """A depth model that is loaded into memory and estimates depth in metres.
 
     Attributes:
-        network: the transformers model.
-        name: the user's name or folder of the model.
-        mean, std: of the colour normalisation.
-        height: picture height at the network's input, pixels; `multiple` divides the height and the width.
+        network: model object of the transformers library.
+        name: name or folder of the model, as given by the user.
+        mean, std: mean and standard deviation that normalise each colour channel of the input picture.
+        height: height in pixels of the input picture of the network.
+        multiple: number of pixels that divides the height and the width of the input picture.
     """
 
     network: Any
@@ -50,11 +52,12 @@ class DepthModel:
 
     @classmethod
     def load(cls, name: str | Path) -> DepthModel:
-        """Load a model from a folder with config.json and weights, or by a name of the model hub.
+        """Load a model from a folder with config.json and weights, or by a name on the Hugging Face hub.
 
         Raises:
-            BackendError, MissingError: transformers is not installed, or the model does not exist.
-            ScanError: the model estimates relative depth, which has no scale.
+            BackendError: the package transformers or torch is not installed.
+            MissingError: no folder or model with the given name exists.
+            ScanError: the model estimates relative depth, which has no unit of length.
         """
         try:
             import torch  # noqa: F401 - a missing torch gives a shorter message here than in transformers
@@ -80,11 +83,11 @@ class DepthModel:
 
     @property
     def scale(self) -> str:
-        """Text that names the model as source of the scale, for `fuse(scale=...)`."""
+        """Text for `fuse(scale=...)` that names the model as the source of the unit of length."""
         return f"estimated by {Path(self.name).name}, not measured"
 
     def __call__(self, colour: np.ndarray) -> np.ndarray:
-        """Estimate depth (h, w) float32 metres at the network's own resolution, from colour (H, W, 3) uint8."""
+        """Estimate the depth (h, w), float32 metres at the network's resolution, of a colour picture (H, W, 3) uint8."""
         import torch
         from PIL import Image
 
@@ -101,7 +104,7 @@ class DepthModel:
 
 
 def with_depth(frames: Frames, estimate: Estimator) -> Frames:
-    """Return the frames that have colour, with the depth that `estimate` (a `DepthModel`) returns."""
+    """Return the frames that have a colour picture, with the depth that `estimate`, such as a `DepthModel`, returns for this picture."""
     chosen = [i for i, frame in enumerate(frames) if frame.colour is not None]
     if not chosen:
         raise ScanError(f"{frames.source}: no frame has colour, so depth cannot be estimated; scan again with pictures")
@@ -138,7 +141,7 @@ def _check_metric(config: Any, name: str) -> None:
 
 
 def _processing(folder: Path) -> dict[str, Any]:
-    """Read normalisation and size from preprocessor_config.json beside the weights, if this file exists."""
+    """Read the colour normalisation and the input size from preprocessor_config.json in the folder of the weights, if this file exists."""
     file = folder / "preprocessor_config.json"
     if not file.is_file():
         return {}

@@ -10,22 +10,22 @@ from radartwin.compiled import compiled
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled
 from radartwin.reconstruct.fusion.volume import View
 
-# Standard deviation of depth z: floor + slope z + curve z^2 for low, medium and high confidence. High confidence gives 5 mm at 1 m and 13
-# mm at 5 m; only ratios matter. The values of low and medium are fitted to the real frames of docs/decisions/005-virtual-scanner.md (21 to
-# 111 mm and 12 to 43 mm from 1.25 to 3.25 m). A pixel of low confidence has little weight beside one of high confidence, but is often the
-# only one on dark and distant surfaces.
+# Standard deviation of the depth z: floor + slope z + curve z^2, for low, medium and high confidence. For high confidence it is 5 mm at 1 m
+# and 13 mm at 5 m; only ratios matter. The values for low and medium confidence are fitted to the real frames of
+# docs/decisions/005-virtual-scanner.md (low: 21 to 111 mm, medium: 12 to 43 mm, from 1.25 to 3.25 m). A pixel of low confidence has little
+# weight beside a pixel of high confidence, but dark and distant surfaces often have only pixels of low confidence.
 NOISE_FLOOR_M, NOISE_PER_M = 0.003, 0.002
 NOISE = np.array([[0.0, 0.0, 0.0105], [0.0, 0.0, 0.0041], [NOISE_FLOOR_M, NOISE_PER_M, 0.0]], np.float32)
 REFERENCE_NOISE_M = NOISE_FLOOR_M + NOISE_PER_M  # noise of a pixel with weight 1: high confidence, 1 m, normal incidence
-STEP = 2  # the slope is computed from the pixels at this distance on either side
-MIN_COSINE = 0.15  # pixels beyond 81 degrees are discarded as edges
+STEP = 2  # distance in pixels of the two pixels, on either side, from which the slope is computed
+MIN_COSINE = 0.15  # cosine of the angle of incidence; pixels beyond 81 degrees from the surface normal are discarded as edges
 CACHE_BYTES = 1_000_000_000
 
 
 class Views:
-    """Prepares views of frames for fusion, without depths over `max_range_m`.
+    """Prepares the depth pictures of frames for fusion, and discards depths over `max_range_m`.
 
-    Up to CACHE_BYTES of views are cached without colour, because fusion reads them several times.
+    Up to CACHE_BYTES of prepared views are cached without colour, because the fusion reads each view several times.
     """
 
     def __init__(self, frames: Frames, max_range_m: float) -> None:
@@ -38,7 +38,7 @@ class Views:
         return len(self.frames)
 
     def __getitem__(self, index: int) -> View:
-        """Return a view without colour, at its current pose."""
+        """Return the prepared view of frame `index` without colour, at its current pose."""
         view = self._cache.get(index)
         if view is None:
             view = prepared(self.frames[index], self.max_range_m)
@@ -48,14 +48,14 @@ class Views:
         return View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight)
 
     def coloured(self) -> Iterator[View]:
-        """Yield all views in order, with colour if the frame has colour."""
+        """Yield the prepared views of all frames in order, with colour if the frame has colour."""
         for index, frame in enumerate(self.frames):
             view = self._cache.get(index) or prepared(frame, self.max_range_m)
             yield View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight, *_reduced(frame))
 
 
 def prepared(frame: Frame, max_range_m: float) -> View:
-    """Prepare the view of one frame, without colour.
+    """Prepare the depth picture of a frame for fusion, without colour.
 
     >>> depth = np.full((9, 9), 2.0, np.float32)
     >>> intrinsics = np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]])
@@ -70,7 +70,10 @@ def prepared(frame: Frame, max_range_m: float) -> View:
 
 
 def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return the colour picture averaged to about the depth's resolution, so that voxels do not alias its texture, and its intrinsics."""
+    """Return the colour picture, averaged to about the resolution of the depth picture, and the intrinsics of the averaged picture.
+
+    Averaging prevents voxels from aliasing fine texture.
+    """
     if frame.colour is None or frame.colour_intrinsics is None:
         return None, None
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)
@@ -80,14 +83,17 @@ def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
 
 
 def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (h, w) of depths in metres. It is at least the standard deviation of high confidence."""
+    """Return the standard deviation (h, w) in metres of each depth pixel, at least that of a pixel of high confidence."""
     noise = NOISE[confidence]
     return np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
 
 
 @compiled
 def _slope(depth, sigma, fx, fy, cx, cy):
-    """Return the slope |n . r| and the weight, each (h, w); both are 0 where there is no depth or no surface around the pixel."""
+    """Return the slope |n . r| and the weight (inverse variance) of each depth pixel, each of shape (h, w).
+
+    Slope and weight are 0 at pixels without depth and at pixels without a surface around them.
+    """
     height, width = depth.shape
     slope, weight = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for v in range(height):
@@ -95,7 +101,7 @@ def _slope(depth, sigma, fx, fy, cx, cy):
             d = depth[v, u]
             if d <= 0:
                 continue
-            # One-sided differences at borders and beside pixels without depth.
+            # The difference is one-sided at borders and beside pixels without depth.
             u0, u1, v0, v1 = max(u - STEP, 0), min(u + STEP, width - 1), max(v - STEP, 0), min(v + STEP, height - 1)
             u0, u1 = (u0 if depth[v, u0] > 0 else u), (u1 if depth[v, u1] > 0 else u)
             v0, v1 = (v0 if depth[v0, u] > 0 else v), (v1 if depth[v1, u] > 0 else v)
@@ -103,7 +109,7 @@ def _slope(depth, sigma, fx, fy, cx, cy):
                 continue
             x, y = (u - cx) / fx, (v - cy) / fy
             zx, zy = (depth[v, u1] - depth[v, u0]) / (u1 - u0), (depth[v1, u] - depth[v0, u]) / (v1 - v0)
-            # Tangents of the surface z(u, v) are (z/fx + x zx, y zx, zx) and (x zy, z/fy + y zy, zy).
+            # The two tangents of the surface z(u, v) are (z/fx + x zx, y zx, zx) and (x zy, z/fy + y zy, zy).
             ax, ay, az = d / fx + x * zx, y * zx, zx
             bx, by, bz = x * zy, d / fy + y * zy, zy
             nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

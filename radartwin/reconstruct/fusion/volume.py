@@ -1,11 +1,14 @@
-"""Fill a truncated signed distance volume, stored in sparse blocks, from depth pictures. Ref: Curless and Levoy 1996, A volumetric method
-for building complex models from range images; blocks as in Niessner et al. 2013, Real-time 3D reconstruction at scale.
+"""Fill a truncated signed distance volume, stored in sparse blocks, from depth pictures.
 
-Symbols: D(x) -> sdf, positive in front of a surface; W(x) -> weight. The truncation is the largest stored distance on either side.
+Ref: Curless and Levoy 1996, A volumetric method for building complex models from range images. The blocks are stored as in Niessner et al.
+2013, Real-time 3D reconstruction at scale.
 
-The distance between a voxel and a pixel's surface is measured perpendicular to the surface, not along the ray. It is the depth difference
-times the pixel's `slope` |n . r|, with the surface normal n and the ray r of unit depth. Behind the surface the weight
-falls to zero at the truncation, so that the two sides of a thin board disturb each other less.
+Symbols: D(x) -> sdf, positive in front of a surface; W(x) -> weight. The truncation distance is the largest distance
+from a surface that the volume stores, on either side of the surface.
+
+The distance between a voxel and the surface at a pixel is measured perpendicular to the surface, not along the ray. This distance is the
+depth difference times the pixel's `slope` |n . r|, where n is the surface normal and r is the ray with a depth component of 1. Behind the
+surface, the weight of a voxel decreases to zero at the truncation distance, so that the two sides of a thin board disturb each other less.
 """
 
 from __future__ import annotations
@@ -24,16 +27,16 @@ MAX_BLOCKS = 130_000  # 66 million voxels, 1.6 GB with colour
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class View:
-    """A depth picture prepared for the volume.
+    """A depth picture with its pose, slopes and weights, prepared for averaging into the volume.
 
     Attributes:
-        pose: (4, 4) camera-to-world.
-        intrinsics: (3, 3) of the depth picture.
-        depth: (h, w) float32 metres, 0 where there is no depth.
-        slope: (h, w) float32, |n . r|.
-        weight: (h, w) float32, inverse variance relative to a pixel of high confidence at 1 m and normal incidence.
-        colour: (H, W, 3) uint8, or None.
-        colour_intrinsics: (3, 3), or None.
+        pose: (4, 4) camera-to-world pose, OpenCV camera axes, metres.
+        intrinsics: (3, 3) pinhole matrix of the depth picture, pixels.
+        depth: (h, w) float32 depth along the camera's z axis, metres; 0 at pixels without depth.
+        slope: (h, w) float32 |n . r| of surface normal n and pixel ray r (depth component 1).
+        weight: (h, w) float32 inverse variance of the depth, relative to a pixel of high confidence at 1 m and normal incidence.
+        colour: (H, W, 3) uint8 sRGB picture, or None.
+        colour_intrinsics: (3, 3) pinhole matrix of `colour`, or None.
     """
 
     pose: np.ndarray
@@ -46,7 +49,7 @@ class View:
 
 
 class _Blocks(NamedTuple):
-    """Arrays of B blocks, for the compiled functions: indices (B, 3), and values of their voxels (B, SIDE, SIDE, SIDE[, 3])."""
+    """Arrays of B blocks for the compiled functions: block indices (B, 3), and voxel values (B, SIDE, SIDE, SIDE[, 3])."""
 
     indices: np.ndarray
     sdf: np.ndarray
@@ -73,7 +76,7 @@ class _Camera(NamedTuple):
 
 
 class _Field(NamedTuple):
-    """The stored signed distances: the block number at each block index (-1 if there is no block), and the values of the blocks' voxels."""
+    """The stored signed distances: a 3D array of block numbers (-1 for a block that is not stored), and the voxel values of all blocks."""
 
     slot: np.ndarray
     sdf: np.ndarray
@@ -83,9 +86,9 @@ class _Field(NamedTuple):
 
 
 class Volume:
-    """A signed distance volume between the corners `low` and `high` (3,), metres: blocks of SIDE^3 voxels near the observed surfaces.
+    """A signed distance volume between the corners `low` and `high` (3,) in metres, stored as blocks of SIDE^3 voxels near observed surfaces.
 
-    Voxel (i, j, k) lies at origin + voxel_m * (i, j, k). `truncation_m` is the largest stored distance.
+    Voxel (i, j, k) lies at origin + voxel_m * (i, j, k). `truncation_m` is the largest distance in metres that the volume stores.
     """
 
     def __init__(self, low: np.ndarray, high: np.ndarray, voxel_m: float, truncation_m: float) -> None:
@@ -99,12 +102,12 @@ class Volume:
         self.blocks = np.zeros((0, 3), dtype=np.int32)
 
     def mark(self, view: View) -> None:
-        """Mark the blocks within the truncation distance of the view's surface."""
+        """Mark the blocks within the truncation distance of the surface that the view measured."""
         lens = np.array(pinhole(view.intrinsics))
         _mark(view.depth, view.weight, lens, view.pose, self.origin, SIDE * self.voxel_m, self.truncation_m, self._marked)
 
     def allocate(self) -> None:
-        """Allocate the marked blocks. Raises a ScanError if they exceed the memory limit."""
+        """Allocate memory for the marked blocks, or raise a ScanError if there are more than MAX_BLOCKS."""
         self.blocks = np.argwhere(self._marked).astype(np.int32)
         count = len(self.blocks)
         if count > MAX_BLOCKS:
@@ -116,7 +119,10 @@ class Volume:
         self.colour, self.colour_weight = np.zeros((*cells, 3), np.float32), np.zeros(cells, np.float32)
 
     def integrate(self, view: View) -> None:
-        """Average a view into every block that it sees. Blocks are independent, so the result does not depend on the number of threads."""
+        """Average a view into every block in its field of view.
+
+        Blocks are independent of each other, so the result does not depend on the number of threads.
+        """
         blocks = _Blocks(self.blocks, self.sdf, self.weight, self.colour, self.colour_weight, self.origin, self.voxel_m, self.truncation_m)
         colour = view.colour if view.colour is not None else np.zeros((1, 1, 3), np.uint8)
         colour_lens = pinhole(view.colour_intrinsics) if view.colour_intrinsics is not None else (1.0, 1.0, 0.0, 0.0)
@@ -128,7 +134,9 @@ class Volume:
         shared_out(_integrate, len(self.blocks), blocks, camera)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Interpolate the signed distance (N,) at world points (N, 3); NaN unless all eight voxels around the point were observed."""
+        """Interpolate the signed distance (N,) in metres at world points (N, 3); NaN unless all eight voxels around the point were
+        observed.
+        """
         points = np.ascontiguousarray(points, dtype=np.float64)
         distances = np.empty(len(points))
         field = _Field(self.slot, self.sdf, self.weight, self.origin, self.voxel_m)
@@ -137,13 +145,13 @@ class Volume:
 
 
 def pinhole(intrinsics: np.ndarray) -> tuple[float, float, float, float]:
-    """Return (fx, fy, cx, cy) of intrinsics (3, 3)."""
+    """Return the pinhole parameters (fx, fy, cx, cy) in pixels of the matrix `intrinsics` (3, 3)."""
     return float(intrinsics[0, 0]), float(intrinsics[1, 1]), float(intrinsics[0, 2]), float(intrinsics[1, 2])
 
 
 @compiled
 def _mark(depth, weight, lens, pose, origin, edge, truncation, marked):
-    """Set `marked` (X, Y, Z) to 1 at the blocks on each pixel's ray that lie within the truncation of the pixel's depth."""
+    """Set `marked` (X, Y, Z) to 1 at the blocks on each pixel's ray that are at most `truncation` metres from the pixel's surface point."""
     nx, ny, nz = marked.shape
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -164,7 +172,7 @@ def _mark(depth, weight, lens, pose, origin, edge, truncation, marked):
 
 @innermost
 def _in_view(x, y, z, radius, rotation, shift, lens, shape):
-    """Return whether a sphere about (x, y, z) may lie in the camera's view, with a margin of one pixel."""
+    """Return whether a sphere about (x, y, z) may appear in the camera's picture, with a margin of one pixel."""
     zc = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + shift[2]
     if zc < -radius:
         return False
@@ -179,7 +187,9 @@ def _in_view(x, y, z, radius, rotation, shift, lens, shape):
 
 @innermost
 def _interpolated(depth, u, v, d):
-    """Return the depth at (u, v): bilinear between four pixels if they show one surface, otherwise the nearest pixel's depth d."""
+    """Return the depth at pixel coordinates (u, v): bilinear between four pixels if they show the same surface, otherwise the nearest
+    pixel's depth d.
+    """
     m0, n0 = int(np.floor(v)), int(np.floor(u))
     if m0 >= 0 and n0 >= 0 and m0 + 1 < depth.shape[0] and n0 + 1 < depth.shape[1]:
         a, c, e, g = depth[m0, n0], depth[m0, n0 + 1], depth[m0 + 1, n0], depth[m0 + 1, n0 + 1]
@@ -191,7 +201,7 @@ def _interpolated(depth, u, v, d):
 
 @compiled
 def _integrate(first, last, blocks, camera):
-    """Average the camera's pictures into the voxels of blocks first to last."""
+    """Average the camera's depth and colour pictures into the voxels of the blocks number `first` to `last`."""
     indices, sdf, weight, colour, colour_weight, origin, voxel, truncation = blocks
     rotation, shift, lens, depth, slope, pixel_weight, coloured, picture, picture_lens = camera
     height, width = depth.shape
@@ -239,7 +249,8 @@ def _integrate(first, last, blocks, camera):
 
 @compiled
 def _distance(first, last, points, field, distances):
-    """Write the trilinear signed distances of points first to last; NaN beside voxels that were not observed."""
+    """Write the trilinearly interpolated signed distances of the points number `first` to `last`; NaN beside voxels that were not observed.
+    """
     slot, sdf, weight, origin, voxel = field
     nx, ny, nz = slot.shape
     corner = np.empty((2, 2, 2))
