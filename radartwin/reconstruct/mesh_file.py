@@ -1,9 +1,9 @@
-"""Read a scan's mesh file: convert its unit and up axis, merge equal vertices, and count its defects or reject the file.
+"""Read the mesh file of a scan: convert the length unit and the up axis, merge equal vertices, and count defects or reject the file.
 
-The unit is never guessed, because a size of 6400 could be 6400 mm for a room or 6400 cm for a hall. A file of implausible size is an error
-whose message names the likely unit. The up axis is determined from the areas of the faces: a room has more area of horizontal faces (floor,
-ceiling, tables) than of faces perpendicular to another axis. If no axis is clear, +Y is the up axis of a .glb, as glTF 2.0 defines it, and
-other formats need `--up`.
+The length unit is never guessed, because a size of 6400 could be 6400 mm for a room or 6400 cm for a hall. For a file of implausible size,
+the reader raises an error whose message names the likely unit. The reader determines the up axis from the areas of the faces: a room has
+more area of horizontal faces (floor, ceiling, tables) than of faces perpendicular to another axis. If the areas do not show a clear up
+axis, +Y is the up axis of a .glb, as glTF 2.0 defines it, and files of other formats need the option `--up`.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ WELD_DIGITS = 6  # vertices closer than 1 um are merged, because exporters doubl
 OBJECT_M = 1.0  # a smaller mesh is an object, as in radartwin/scene/objects/meshes.py
 LARGE_M, HIGH_M = 15.0, 7.0  # a squash court is 9.75 m long and 5.64 m high, the atrium 12 m; the radar's range is unambiguous to 11 m
 ROOM_M, ROOM_HIGH_M = (1.5, LARGE_M), (1.8, HIGH_M)
-FLOOR_M = 0.15  # faces this close to the lowest or highest point count as floor or ceiling
+FLOOR_M = 0.15  # faces at most this far from the lowest or highest point count as floor or ceiling
 LEVEL = 0.9  # smallest |z| of the normal of a horizontal face
-UP_MARGIN = 1.2  # smallest ratio between the area perpendicular to the up axis and that of the next axis
+UP_MARGIN = 1.2  # smallest ratio of the area of faces perpendicular to the up axis to the area of faces perpendicular to the next axis
 
 
 class ScanWarning(UserWarning):
-    """Something about a scan is unusual, but the scan can be read."""
+    """Warn that a scan has an unusual property, although the scan can be read."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ScanReport:
-    """Facts about a scan file. Lengths in metres.
+    """Facts about the mesh file of a scan, with lengths in metres.
 
     Attributes:
-        up: the file's up axis.
-        up_from: how the up axis was determined.
+        up: axis of the file's coordinates that points up.
+        up_from: text that states how the up axis was determined.
         vertices, faces: numbers of vertices and faces in the file, before equal vertices are merged.
         extents_m, area_m2, components, watertight, non_manifold_edges, boundary_edges: properties of the mesh that `load_scan` returns.
-        turned: whether the faces were inverted, because a room shows its inside and an object its outside.
+        turned: whether the reader inverted the faces, because faces of a room must look inwards and faces of an object outwards.
     """
 
     source: str
@@ -71,7 +71,7 @@ class ScanReport:
     is_object: bool = False
 
     def lines(self) -> list[str]:
-        """Return the report as text, one fact per line."""
+        """Return the report on the mesh file as lines of text, one fact per line."""
         x, y, z = self.extents_m
         lines = [
             f"{self.source}: {self.vertices} vertices, {self.faces} faces, {self.area_m2:.1f} m2 in "
@@ -95,9 +95,9 @@ def load_scan(
     """Read a mesh file: convert it to metres with z up, merge equal vertices, and remove degenerate and duplicate faces.
 
     Args:
-        unit: unit of the file's coordinates; "auto" takes metres, and an implausible size is then an error.
+        unit: length unit of the file's coordinates; "auto" means metres, and an implausible size is then an error.
         is_object: whether the mesh is a single object, whose faces must look outwards, or a room, whose faces must look inwards. Faces with
-            the wrong orientation are inverted. None treats a mesh smaller than 1 m as a single object.
+            the wrong orientation are inverted. With None, a mesh smaller than 1 m counts as a single object.
     Raises:
         MissingError, MeshError: the file does not exist, or is not a readable mesh.
         ScanError: the mesh is empty, contains NaN, has an implausible size, or has no clear up axis.
@@ -136,7 +136,7 @@ def load_scan(
 
 
 def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]:
-    """Return the file's mesh in metres, without degenerate and duplicate faces, and the numbers for the report."""
+    """Return the file's mesh in metres, without degenerate and duplicate faces, and the numbers of removed elements for the report."""
     meshes = list(read_meshes(path).values())
     vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
     if len(vertices) == 0 or len(faces) == 0:
@@ -198,12 +198,12 @@ def _check_extent(path: Path, extent: float) -> None:
 
 
 def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Mapping[str, float]) -> None:
-    """Warn about a scan that is too large for a room, and name the units with which it would have the size of a room.
+    """Warn about a scan that is too large for a room, and name the length units with which the scan would have the size of a room.
 
     Args:
-        extents_m: length, width and height (z up).
+        extents_m: length, width and height of the scan in metres (z up).
         option: the command-line option that sets the unit.
-        units_m: values of that option, in metres relative to the unit that was used.
+        units_m: for each value of that option, its length unit divided by the unit with which the scan was read.
     """
     x, y, z = extents_m
     if max(x, y) <= LARGE_M and z <= HIGH_M:
@@ -218,14 +218,16 @@ def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Ma
 
 
 def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return the smallest height (F,) of each triangle in metres; 0 where corners coincide."""
+    """Return the smallest height (F,) of each triangle in metres; 0 for a triangle whose corners coincide."""
     triangles = np.asarray(mesh.triangles)
     longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
     return 2 * np.asarray(mesh.area_faces) / np.maximum(longest, 1e-12)
 
 
 def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[str, str]:
-    """Return the axis with the largest area of faces perpendicular to it, and a text that says how it was determined."""
+    """Return the up axis, which is the axis with the largest area of faces perpendicular to it, and a text that states how it was
+    determined.
+    """
     facing = np.abs(mesh.face_normals) > np.cos(np.radians(20))
     area = (np.asarray(mesh.area_faces)[:, None] * facing).sum(axis=0)
     order = np.argsort(area)

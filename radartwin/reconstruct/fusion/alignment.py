@@ -98,8 +98,9 @@ def align(views: Views) -> AlignmentReport:
 
 
 def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list[tuple[int, float]]:
-    """Return the number of overlapping view pairs and the median distance between their surfaces in metres, for each array of poses (N, 4,
-    4).
+    """Return the number of overlapping view pairs and the median distance in metres between their surfaces.
+
+    The list has an entry for each array of poses (N, 4, 4) in `pose_sets`.
     """
     sampled = _Sampled.of(views)
     found = []

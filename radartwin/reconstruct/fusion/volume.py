@@ -86,7 +86,9 @@ class _Field(NamedTuple):
 
 
 class Volume:
-    """A signed distance volume between the corners `low` and `high` (3,) in metres, stored as blocks of SIDE^3 voxels near observed surfaces.
+    """A signed distance volume between the corners `low` and `high` (3,) in metres.
+
+    Only blocks of SIDE^3 voxels near observed surfaces are stored.
 
     Voxel (i, j, k) lies at origin + voxel_m * (i, j, k). `truncation_m` is the largest distance in metres that the volume stores.
     """
@@ -249,8 +251,7 @@ def _integrate(first, last, blocks, camera):
 
 @compiled
 def _distance(first, last, points, field, distances):
-    """Write the trilinearly interpolated signed distances of the points number `first` to `last`; NaN beside voxels that were not observed.
-    """
+    """Write the trilinearly interpolated signed distances of the points number `first` to `last`. They are NaN beside unobserved voxels."""
     slot, sdf, weight, origin, voxel = field
     nx, ny, nz = slot.shape
     corner = np.empty((2, 2, 2))

@@ -1,4 +1,6 @@
-"""Build the scene's surfaces from segments and their polygons: one surface per object, with name, colours and provenance."""
+"""Build the surfaces of a scene from the segments of a scan and their polygons: one surface per object, with name,
+colours and provenance.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,13 @@ from radartwin.reconstruct.segmentation.faces import Segment
 from radartwin.reconstruct.segmentation.masks import nearest
 from radartwin.scene.scene import Surface
 
-MIN_PART_M2 = 0.01  # smaller parts are omitted from the scene
+MIN_PART_M2 = 0.01  # segments with a smaller area are omitted from the scene
 MIN_WALL_M2 = 1.0  # a smaller upright plane is furniture
-MISSING_M = 0.05  # scanned points farther than this from every surface count as missing; noise and simplification shift points less
-LARGEST_PX = 1024  # of a texture
-FACE_M2 = 0.003  # area per remaining face: triangles of 8 cm
+MISSING_M = 0.05  # scanned points farther than this from every surface count as missing; noise and simplification shift points by less
+LARGEST_PX = 1024  # largest width and height of a texture
+FACE_M2 = 0.003  # area per face after simplification, which gives triangles of 8 cm
 MIN_FACES, MAX_FACES = 24, 600
-ERROR_M = 0.03  # 95 % of the scanned vertices lie within this distance of the simplified part
+ERROR_M = 0.03  # 95 % of the scanned vertices must lie within this distance of the simplified mesh
 TRIES = 4
 
 
@@ -39,7 +41,7 @@ def assembled(mesh: trimesh.Trimesh, flattened: Flattened, material: str | Layer
     Returns:
         The surfaces.
         The surface index (F,) int32 of each face of the scan; -1 for a face without a surface.
-        Statistics; `left_out_m2` is the area of the scan that lies near no surface.
+        A dictionary of statistics, in which `left_out_m2` is the area of the scan that lies farther than MISSING_M from every surface.
     """
     segments = flattened.segments
     names = segment_names(mesh, segments)
@@ -71,7 +73,7 @@ def assembled(mesh: trimesh.Trimesh, flattened: Flattened, material: str | Layer
 
 
 def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
-    """Return the area of the scan farther than MISSING_M from every surface, m2: fragments, trimmed edges and thin parts."""
+    """Return the area in m2 of the scan farther than MISSING_M from every surface, such as fragments, trimmed edges and thin parts."""
     if not surfaces:
         return float(mesh.area)
     points = spread(mesh, MISSING_M)[0]
@@ -80,7 +82,10 @@ def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
 
 
 class _Pieces:
-    """Makes the meshes of segments: polygons or simplified parts. `error_m` is the largest simplification error."""
+    """Makes the mesh of each segment: a polygon if the segment is planar, otherwise a simplified part of the scan.
+
+    `error_m` is the largest distance in metres between a simplified mesh and the scan.
+    """
 
     def __init__(self, mesh: trimesh.Trimesh, flattened: Flattened) -> None:
         self._mesh, self._segments = mesh, flattened.segments
@@ -92,7 +97,7 @@ class _Pieces:
     def of(self, k: int, alone: bool) -> trimesh.Trimesh | None:
         """Return the mesh of segment k; None if the segment is omitted.
 
-        `alone` states that no other segment belongs to the same object. The polygon of such a segment gets a texture.
+        `alone` is True if no other segment belongs to the same object. The polygon of such a segment gets a texture.
         """
         segment = self._segments[k]
         at, colours = self._centre[segment.faces], None if self._rgb is None else self._rgb[segment.faces]
@@ -116,7 +121,7 @@ def _facts(planar: bool, planes: int, segment: int) -> dict[str, Any]:
 
 
 def _objects(segments: Sequence[Segment]) -> list[list[int]]:
-    """Group the segment indices by body, in the order of each body's first segment."""
+    """Group the indices of the segments by object (`Segment.body`), in the order of the first segment of each object."""
     objects: dict[tuple[int, int], list[int]] = {}
     for k, segment in enumerate(segments):
         objects.setdefault((1, segment.body) if segment.body >= 0 else (0, k), []).append(k)
@@ -124,7 +129,7 @@ def _objects(segments: Sequence[Segment]) -> list[list[int]]:
 
 
 def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[str]:
-    """Name segments by their geometry: floor, ceiling, wall_1, level_1, plane_1, part_1, numbered in the order of the segments.
+    """Name each segment by its geometry: floor, ceiling, wall_1, level_1, plane_1, part_1, numbered in the order of the segments.
 
     The floor is the largest level plane that faces up. The ceiling is the largest level plane above it that faces down.
     """
@@ -160,7 +165,7 @@ def _kind(segment: Segment, vertical: float) -> str:
 def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimesh, float] | None:
     """Simplify the part of a scan that consists of `faces` (K,).
 
-    The part is smoothed without shrinkage (Taubin 1995), then edges are collapsed by quadric error (Garland and Heckbert 1997).
+    The part of the scan is smoothed without shrinkage (Taubin 1995). Edges are then collapsed by quadric error (Garland and Heckbert 1997).
 
     Returns:
         The simplified mesh, and the 95th percentile of the scanned vertices' distance from it in metres; None if no face remains.
@@ -202,7 +207,9 @@ def _decimated(smooth: np.ndarray, index: np.ndarray, target: int, points: np.nd
 
 
 def _smoothed(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Taubin smoothing: alternate a step towards the mean of the neighbours with a slightly longer step away from it."""
+    """Smooth the vertices (Taubin 1995): alternate a step towards the mean of the neighbours with a slightly longer step away from the
+    mean.
+    """
     count = np.maximum(np.bincount(edges.ravel(), minlength=len(points)), 1)[:, None]
     for step in (0.5, -0.53) * 6:
         mean = np.zeros_like(points)
@@ -214,12 +221,12 @@ def _smoothed(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None) -> trimesh.Trimesh:
-    """Add a texture of the scanned colours to a flat mesh. Cells without a colour take the nearest colour.
+    """Add a texture of the scanned colours to a flat mesh. Texture pixels without a scanned colour take the nearest scanned colour.
 
     Args:
-        grid: grid of the mesh's plane.
-        points, rgb: (N, 3) points on the plane and their colours, 0..255.
-        seen: mask of the scanned grid cells; the other cells become transparent. None means that all cells were scanned.
+        grid: grid of square cells on the plane of the mesh.
+        points, rgb: (N, 3) scanned points on the plane in metres, and (N, 3) colours of these points, 0..255.
+        seen: boolean mask of the scanned grid cells; unscanned cells become transparent. None means that all cells were scanned.
     """
     cell = max(grid.cell_m, grid.cell_m * max(grid.shape) / LARGEST_PX)
     shape = tuple(int(np.ceil(s * grid.cell_m / cell)) for s in grid.shape)
@@ -243,7 +250,7 @@ def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarr
 
 
 def coloured(mesh: trimesh.Trimesh, points: np.ndarray, rgb: np.ndarray) -> trimesh.Trimesh:
-    """Give each vertex of a mesh the mean colour of the nearest points (N, 3), whose colours are rgb (N, 3)."""
+    """Give each vertex of a mesh the mean colour of the nearest scanned points (N, 3), whose colours are `rgb` (N, 3), 0..255."""
     _, near = KDTree(points).query(np.asarray(mesh.vertices), k=min(16, len(points)))
     near = np.asarray(near).reshape(len(mesh.vertices), -1)
     mean = np.rint(rgb[near].mean(axis=1)).astype(np.uint8)

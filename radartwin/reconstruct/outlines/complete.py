@@ -1,10 +1,10 @@
-"""Complete the parts of a plane that the depth sensor missed.
+"""Complete the parts of a flat surface, such as a wall, that the depth sensor missed.
 
-A gap in a plane has one of four causes:
-- Opening: points behind the plane were seen through the gap. The gap stays open.
-- Hidden part: an object stands in front of the gap. The plane is continued behind it.
-- Pane: the gap was visible but the scan has no points in it, because it is glass or a mirror. It becomes a separate surface.
-- Noise: the gap is small. It is filled.
+A gap in the scanned points of a plane has one of four causes:
+- Opening: the sensor saw points behind the plane through the gap. The gap stays open.
+- Hidden part: an object stands in front of the gap. The plane is continued behind the object.
+- Pane: the gap was visible but the scan has no points in it, because glass or a mirror is there. The gap becomes a separate surface.
+- Noise: the gap is small. The gap is filled.
 """
 
 from __future__ import annotations
@@ -19,26 +19,29 @@ from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Sight
 from radartwin.reconstruct.segmentation import masks
 
-# Depths of points relative to the plane.
+# Limits of the distance in metres between scanned points and the plane.
 BEHIND_M = 0.10  # points count as behind the plane beyond this depth, which exceeds noise and the reveal of a window
 BEFORE_M = 0.04  # points count as in front of the plane beyond this distance, which exceeds the noise
 CLOSE_M = 0.25  # an object nearer than this hides the plane from every viewpoint
-HIDES_M = 1.2  # a farther object does not hide a wall: from each viewpoint, a chair at two metres hides another part
-STANDS_M = 2.6  # a farther object does not hide a floor; larger than HIDES_M, because tall objects hide the floor below them
-# Shares of a gap's cells.
+HIDES_M = 1.2  # an object farther from a wall does not hide the wall: from each viewpoint, a chair at two metres hides a different part
+# an object higher above a floor does not hide the floor; larger than HIDES_M, because tall objects hide the floor below them
+STANDS_M = 2.6
+# Smallest fractions of the cells of a gap.
 OPEN_SHARE = 0.35  # an opening has points behind it in at least this share of its cells
 HIDDEN_SHARE = 0.3  # a hidden part has points in front of it in at least this share of its cells
-SMALL_M2 = 0.12  # smaller gaps are filled
+SMALL_M2 = 0.12  # gaps with a smaller area are filled
 PANE_M2 = (0.2, 25.0)
 RECTANGULAR = 0.85  # a pane fills at least this share of its bounding rectangle
-MIN_ROW = 0.3  # smallest number of cells in an edge row, relative to the median row
+MIN_ROW = 0.3  # smallest number of cells in a row at the edge of a plane, relative to the median row
 BESIDE_CELLS = 5
-VISIBLE_SHARE, VIEWPOINTS, SAMPLES = 0.6, 3, 150  # VIEWPOINTS viewpoints see at least this share of a pane's SAMPLES samples
+VISIBLE_SHARE, VIEWPOINTS, SAMPLES = 0.6, 3, 150  # at least VIEWPOINTS viewpoints must see this fraction of SAMPLES points in a pane
 
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """The result of `complete`: masks of the completed plane without its panes, and of the panes; filled area and open area, m2."""
+    """The result of `complete`: the mask of the completed plane without panes, the masks of the panes, and the
+    filled and open area in m2.
+    """
 
     mask: np.ndarray
     panes: list[np.ndarray]
@@ -47,13 +50,14 @@ class Completed:
 
 
 def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray | None = None, sight: Sight | None = None) -> Completed:
-    """Fill the gaps of a plane, or leave them open, or turn them into panes.
+    """Decide for each gap in a plane whether to fill the gap, leave it open, or turn it into a pane of glass.
 
     Args:
-        mask: mask of the scanned cells of the plane.
-        points: (N, 3) of the whole scan, thinned to a spacing of some cells.
-        frame: mask of the cells that the plane may cover, such as the rectangle that a wall spans; None considers only enclosed holes.
-        sight: tests the visibility of the gaps; with None, as for floors, no gap becomes a pane.
+        mask: boolean mask of the scanned cells of the plane.
+        points: (N, 3) points of the whole scan in metres, thinned to a spacing of some cells.
+        frame: boolean mask of the cells that the plane may cover, such as the rectangle that a wall spans; with None, only gaps that the
+            plane encloses are considered.
+        sight: test whether the gaps were visible to the sensor; with None, as for floors, no gap becomes a pane.
     """
     holes = np.asarray(binary_fill_holes(mask)) & ~mask
     gaps = holes if frame is None else (holes | (frame & ~mask))
@@ -90,9 +94,11 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
 
 
 def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:
-    """Return a mask of the rectangle along the grid's axes that a plane spans; None if the plane covers less than `min_share` of it.
+    """Return a mask of the rectangle, along the grid axes, that a plane spans.
 
-    Nearly empty rows and columns are ignored, because they are noise beyond an edge.
+    The function returns None if the plane covers less than the fraction `min_share` of this rectangle.
+
+    Nearly empty rows and columns at the border are ignored, because their cells are noise beyond the edge of the plane.
     """
     if not mask.any():
         return None
@@ -107,7 +113,10 @@ def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:
 
 
 def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """Remove the cells behind walls (normal, offset) from `frame`. A wall that has more than a little of the plane behind it is ignored."""
+    """Remove the cells behind walls (normal, offset in metres) from the mask `frame`.
+
+    A wall is ignored if more than a small part of the scanned plane lies behind it.
+    """
     x, y = np.indices(mask.shape)
     places = grid.to_space(grid.low + (np.stack([x, y], axis=-1) + 0.5) * grid.cell_m)
     for normal, offset in walls:
@@ -118,13 +127,15 @@ def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tupl
 
 
 def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
-    """Return whether objects stand along the border between a gap and the plane, as the walls of a room that is not rectangular."""
+    """Return whether objects stand along the border between a gap and the plane, such as the inner walls of a room
+    that is not rectangular.
+    """
     border = masks.dilated(gap, 2) & mask
     return bool(border.any() and masks.dilated(before, 4)[border].mean() > 0.6)
 
 
 def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
-    """Return whether most of a gap is visible from several viewpoints, or from half as many viewpoints as the plane beside it."""
+    """Return whether several viewpoints see most of a gap, or at least half as many viewpoints as see the plane beside the gap."""
 
     def seen(where: np.ndarray) -> np.ndarray:
         cells = np.argwhere(where)
@@ -141,7 +152,8 @@ def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> boo
 def _split(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
     """Separate a window from an adjacent hidden part of the wall.
 
-    Returns: the largest rectangle in the gap and the rest of the gap, or only the gap.
+    Returns:
+        Two masks, for the largest rectangle in the gap and for the rest of the gap; or a single mask of the whole gap.
     """
     if _fills_rectangle(gap):
         return [gap]
@@ -153,7 +165,7 @@ def _split(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
 
 
 def _grown(gap: np.ndarray, inner: tuple[slice, slice]) -> tuple[slice, slice]:
-    """Move the sides of a rectangle in a ragged gap outwards while most of the next cells belong to the gap."""
+    """Enlarge a rectangle inside a gap with ragged borders: move each side outwards while most of the next cells belong to the gap."""
     (x0, x1), (y0, y1) = ((side.start, side.stop) for side in inner)
     for _ in range(BESIDE_CELLS):
         x0 -= x0 > 0 and gap[x0 - 1, y0:y1].mean() > 0.5
@@ -169,7 +181,7 @@ def _fills_rectangle(gap: np.ndarray) -> bool:
 
 
 def _framed(gap: np.ndarray, mask: np.ndarray) -> bool:
-    """Return whether the plane borders the gap on at least three sides, as around a glass door."""
+    """Return whether the plane borders a gap on at least three sides, as a wall borders a glass door."""
     x, y = (np.flatnonzero(gap.any(axis=1 - k)) for k in range(2))
     cells = 3
     sides = (

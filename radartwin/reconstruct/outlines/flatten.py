@@ -1,4 +1,4 @@
-"""Make planes of a scan exactly upright, level or square to each other if they nearly are.
+"""Make the planes of a scan exactly upright, level or perpendicular to each other if their directions deviate by only a small angle.
 
 The depth noise of a scan is millimetres to centimetres, which is one to several wavelengths at 77 GHz. With this noise, a painted wall
 would scatter diffusely like rubble instead of reflecting specularly. A plane fitted to thousands of faces has an error of a fraction of a
@@ -15,15 +15,17 @@ import trimesh
 
 from radartwin.reconstruct.segmentation.faces import Segment
 
-NEARLY = np.radians(1.5)  # a plane becomes regular if its normal is within this angle of a regular direction
-SLACK_M = 0.003  # and if this increases the rms distance between plane and faces by at most this length
+# a plane is rotated to a regular direction (upright, level or along the walls) if its normal is within this angle of the direction
+NEARLY = np.radians(1.5)
+SLACK_M = 0.003  # and if the rotation increases the rms distance between plane and faces by at most this length
 
 
 def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Segment], float]:
-    """Make nearly regular planes regular.
+    """Rotate planes that are nearly upright, level or perpendicular to each other to exactly these directions.
 
     Returns:
-        The segments with their new planes, and the main horizontal direction of the walls, radians modulo 90 degrees.
+        The segments with their rotated planes.
+        The main horizontal direction of the walls in radians, modulo 90 degrees.
     """
     centre, area = np.asarray(mesh.triangles_center), np.asarray(mesh.area_faces)
     main = _main_direction(segments)
@@ -43,14 +45,16 @@ def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Se
 
 
 def _main_direction(segments: Sequence[Segment]) -> float:
-    """Return the area-weighted heading of the walls' normals, modulo 90 degrees, in radians; 0 without walls."""
+    """Return the area-weighted mean heading of the normals of all walls in radians, modulo 90 degrees; 0 without walls."""
     upright = [s for s in segments if s.normal is not None and abs(s.normal[2]) < np.sin(np.radians(5.0))]
     total = sum(s.area_m2 * np.exp(4j * np.arctan2(s.normal[1], s.normal[0])) for s in upright if s.normal is not None)
     return float(np.angle(total)) / 4 if upright else 0.0
 
 
 def _nearest_regular(normal: np.ndarray, main: float) -> np.ndarray | None:
-    """Return the nearest regular normal (level, upright, or along the main direction); None if no regular direction is near."""
+    """Return the regular direction (level, upright, or along the main direction) nearest to a normal; None if it
+    is more than NEARLY away.
+    """
     if abs(normal[2]) > np.cos(NEARLY):
         return np.array([0.0, 0.0, np.sign(normal[2])])
     if abs(normal[2]) > np.sin(NEARLY):

@@ -1,4 +1,4 @@
-"""Define a grid of square cells on a plane. Masks on this grid mark covered, hidden or empty cells."""
+"""Define a grid of square cells on a plane. Boolean masks on this grid mark covered, hidden or empty cells."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ class Grid:
     """A grid of square cells on a plane.
 
     Attributes:
-        normal, offset_m: the plane is normal . x = offset_m.
-        axes: (2, 3) unit vectors in the plane; horizontal and upward if the plane is upright.
-        low: (2,) in-plane coordinates of the first cell's corner.
-        shape, cell_m: numbers of cells along both axes, and edge of a cell.
+        normal, offset_m: unit normal (3,) and distance from the origin in metres of the plane normal . x = offset_m.
+        axes: (2, 3) unit vectors in the plane; for an upright plane the first is horizontal and the second points upward.
+        low: (2,) in-plane coordinates in metres of the corner of the first cell.
+        shape: numbers of cells along the two axes.
+        cell_m: edge length of a cell in metres.
     """
 
     normal: np.ndarray
@@ -31,7 +32,7 @@ class Grid:
 
     @classmethod
     def around(cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0) -> Grid:
-        """Make the grid around points (N, 3), with a margin. The axes are those of `in_plane`, rotated by `turn` radians."""
+        """Make a grid that covers points (N, 3) with a margin. Its axes are the vectors of `in_plane`, rotated by `turn` radians."""
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
         flat = points @ axes.T
         low, high = flat.min(axis=0) - MARGIN_M, flat.max(axis=0) + MARGIN_M
@@ -39,15 +40,15 @@ class Grid:
         return cls(normal, offset_m, axes, low, (int(x), int(y)), cell_m)
 
     def counts(self, points: np.ndarray) -> np.ndarray:
-        """Count the points (N, 3), projected along the normal, in each cell."""
+        """Return how many of the points (N, 3), projected along the plane's normal, lie in each cell."""
         at = np.floor((points @ self.axes.T - self.low) / self.cell_m).astype(int)
         at = at[((at >= 0) & (at < np.array(self.shape))).all(axis=1)]
         return np.bincount(at[:, 0] * self.shape[1] + at[:, 1], minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
     def area(self, mask: np.ndarray) -> float:
-        """Return the area of a mask, m2."""
+        """Return the area in m2 of the cells that a boolean mask marks."""
         return float(mask.sum()) * self.cell_m**2
 
     def to_space(self, flat: np.ndarray) -> np.ndarray:
-        """Convert in-plane coordinates (N, 2) to points (N, 3)."""
+        """Convert in-plane coordinates (N, 2) in metres to world points (N, 3)."""
         return np.asarray(flat) @ self.axes + self.offset_m * self.normal

@@ -1,8 +1,8 @@
-"""Trace the cells of a plane as simplified polygons with straight, square edges.
+"""Trace the covered cells of a plane as simplified polygons with straight edges and right angles.
 
-An edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Other edges turn
-into a main direction of the plane if they are nearly parallel to it. If these steps would change a polygon by more than the scan's
-resolution, the polygon is only simplified.
+A polygon edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Each
+remaining edge turns into a main direction of the plane if the edge is nearly parallel to this direction. If these steps would change a
+polygon by more than the resolution of the scan, the polygon is only simplified.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from skimage.measure import find_contours
 
 from radartwin.reconstruct.outlines.grid import Grid
 
-SNAP_CELLS = 4.0  # an edge moves onto an intersection line if its distance is at most this number of cells,
-ALONG = np.cos(np.radians(15.0))  # and its angle to the line is at most this angle
-SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most this angle
-SQUARE_M = 0.1  # shorter edges do not turn
+SNAP_CELLS = 4.0  # an edge moves onto an intersection line if it is at most this number of cells away from the line,
+ALONG = np.cos(np.radians(15.0))  # and if its angle to the line is at most 15 degrees
+SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most 12 degrees
+SQUARE_M = 0.1  # shorter edges keep their direction
 SMALLEST_M2 = 0.004
-RAGGED = 0.1  # largest area by which cells and their rectangle differ, relative to the rectangle's area
+RAGGED = 0.1  # largest area by which the cells and the rectangle fitted to them differ, relative to the area of the rectangle
 
 Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
 _Edge = tuple[np.ndarray, np.ndarray, Line | None]  # the ends of an edge, and the line that it moves onto
 
 
 def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: float = -0.5) -> BaseGeometry:
-    """Trace a mask as polygons with holes, in plane coordinates.
+    """Trace the cells of a boolean mask as polygons with holes, in in-plane coordinates in metres.
 
     Args:
-        mask: mask of the covered cells.
-        lines: intersection lines with neighbouring planes.
-        edge: number of cells by which the polygon extends beyond the mask. A partly covered cell counts as covered. The border of a scanned
-            part therefore lies half a cell inside its mask, and the border of a missed part half a cell outside its mask.
+        mask: boolean mask of the covered cells.
+        lines: intersection lines with neighbouring planes, in in-plane coordinates.
+        edge: number of cells by which the polygon extends beyond the mask. A partly covered cell counts as covered. The border of
+            a scanned part therefore lies half a cell inside the mask (-0.5), and the border of an unscanned part half a cell outside (0.5).
     """
     raw = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
     pieces = []
@@ -53,10 +53,10 @@ def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: floa
 
 
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
-    """Return a rectangle along the grid's axes for nearly rectangular cells, such as doors and posters; None for other shapes.
+    """Return a rectangle along the grid axes if the marked cells are nearly rectangular, as of a door or poster; otherwise None.
 
-    Each side is the median of the cells' ends. The cells may differ from the rectangle by one cell along the edges on
-    average, and by the share RAGGED of its area.
+    Each side of the rectangle lies at the median end of the rows or columns of marked cells. The marked cells may differ from the rectangle
+    by one cell along the edges on average, and by the fraction RAGGED of the rectangle's area.
     """
     sides = []
     for cells in (mask.T, mask):
@@ -75,7 +75,7 @@ def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
 
 
 def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
-    """Triangulate a polygon on the plane, facing the plane's normal; None if the polygon is empty."""
+    """Triangulate a polygon on the plane of `grid`, with faces along the plane's normal; None if the polygon is empty."""
     polygons = [p for p in getattr(shape, "geoms", [shape]) if p.geom_type == "Polygon" and p.area >= SMALLEST_M2]
     if not polygons:
         return None
@@ -88,18 +88,20 @@ def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
 
 
 def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
-    """Return the intersection line with another plane, in plane coordinates; None if the planes are nearly parallel."""
+    """Return the intersection line of the grid's plane with a second plane, in in-plane coordinates; None if the planes are nearly
+    parallel.
+    """
     inside = grid.axes @ normal
     length = float(np.linalg.norm(inside))
     if length < 0.5:
         return None
-    # x = u axes + offset_m normal on the plane, so inside . u = offset - offset_m normal . other
+    # A point of the grid's plane is x = u axes + offset_m normal, so inside . u = offset - offset_m normal . other.
     point = inside * (offset - grid.offset_m * float(grid.normal @ normal)) / length**2
     return point, np.array([-inside[1], inside[0]]) / length
 
 
 def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
-    """Return the border of the cells as valid polygons."""
+    """Return the border of the marked cells as valid polygons."""
     shape = Polygon()
     rings = [Polygon(ring) for ring in find_contours(np.pad(mask, 1).astype(float), 0.5) if len(ring) >= 4]
     for ring in sorted(rings, key=lambda r: -r.area):  # a ring inside another ring is a hole
@@ -109,7 +111,7 @@ def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
 
 
 def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line]) -> np.ndarray:
-    """Move the edges of a ring (n, 2) onto intersection lines and into main directions."""
+    """Move the edges of a closed polygon ring (n, 2) onto intersection lines, or turn the edges into main directions of the plane."""
     fixed = [_fixed(a, b, grid, lines) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
     edges: list[_Edge] = []
     for a, b, line in zip(ring, np.roll(ring, -1, axis=0), fixed, strict=True):
@@ -130,7 +132,7 @@ def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line]) -> np.ndarray:
 
 
 def _pointed(edges: list[_Edge], reach: float) -> list[_Edge]:
-    """Remove short edges that cut a corner between two straight edges; the grid of cells causes them."""
+    """Remove short edges that cut off a corner between two straight edges; the tracing of square cells causes such edges."""
     out = []
     for k, (a, b, line) in enumerate(edges):
         before, after = edges[k - 1][2], edges[(k + 1) % len(edges)][2]
@@ -147,13 +149,13 @@ def _cross(first: Line, second: Line) -> float:
 
 
 def _meeting(first: Line, second: Line) -> np.ndarray:
-    """Return the intersection of two lines that are not parallel."""
+    """Return the intersection point (2,) of two lines that are not parallel."""
     step = second[0] - first[0]
     return first[0] + (step[0] * second[1][1] - step[1] * second[1][0]) / _cross(first, second) * first[1]
 
 
 def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line]) -> Line | None:
-    """Return the line that the edge from a to b moves onto, or None."""
+    """Return the line onto which the polygon edge from `a` to `b` moves, or None if the edge stays."""
     step = b - a
     length = float(np.linalg.norm(step))
     if length < 1e-9:
@@ -179,7 +181,7 @@ def _same(first: Line, second: Line, tolerance: float) -> bool:
 
 
 def _corner(at: np.ndarray, before: Line | None, after: Line | None, reach: float) -> list[np.ndarray]:
-    """Return the corners that replace the corner `at` between two edges that move onto lines."""
+    """Return the polygon corners that replace the corner `at` after the edges before and after it moved onto lines."""
 
     def onto(line: Line) -> np.ndarray:
         return line[0] + ((at - line[0]) @ line[1]) * line[1]

@@ -1,7 +1,7 @@
-"""Replace planar segments by polygons of few triangles.
+"""Replace the planar segments of a scan by polygons with few triangles.
 
-A segment and the smaller segments in its plane, such as a wall and its door, are outlined together, so that they share their borders. A
-segment in front of the plane, such as a poster on a board, keeps its distance from the plane.
+A segment and the smaller segments in its plane, such as a wall and its door, are outlined together, so that their polygons share borders. A
+segment in front of the plane, such as a thick board on a wall, keeps its distance from the plane.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ from radartwin.reconstruct.segmentation.bodies import contacts, room_bounds
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
 CELL_M = 0.02
-CLOSING_M = 0.06  # gaps narrower than twice this length count as noise and are closed
+CLOSING_M = 0.06  # gaps in a segment narrower than twice this length count as noise and are closed
 SEAM_M = 0.1  # segments with a shorter common edge do not count as touching
 COPLANAR = np.cos(np.radians(4.0))
 COPLANAR_M = 0.03
-PROUD_M = 0.01  # a larger offset from the plane is real: the error is +-1 cm on objects over 10 cm (Luetzenburg et al. 2021)
-MIN_ROOM_SHARE, MIN_OBJECT_SHARE = 0.6, 0.85  # smallest covered share of a rectangle that is completed
+# a larger offset from the plane is real, because phone LiDAR has an error of +-1 cm on objects over 10 cm (Luetzenburg et al. 2021)
+PROUD_M = 0.01
+# smallest covered fraction of a rectangle that is completed, for room surfaces and for objects
+MIN_ROOM_SHARE, MIN_OBJECT_SHARE = 0.6, 0.85
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +43,8 @@ class Flat:
     Attributes:
         segment: index of the segment; -1 for a pane that the scan missed.
         parent: index of the segment in which a pane lies; otherwise -1.
-        filled_m2: area of the polygon that the scan missed.
-        seen: mask of the scanned grid cells; None if all cells or no cells were scanned.
+        filled_m2: area in m2 of the part of the polygon that the scan missed.
+        seen: boolean mask of the scanned grid cells; None if all cells or no cells were scanned.
     """
 
     segment: int
@@ -54,7 +56,7 @@ class Flat:
 
 
 class Flattened(NamedTuple):
-    """The polygons of all planar segments, the segments with their final planes, and statistics."""
+    """The result of `flattened`: the polygons of all planar segments, the segments with their final planes, and statistics."""
 
     flats: list[Flat]
     segments: list[Segment]
@@ -62,7 +64,10 @@ class Flattened(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """Data of the whole scan for outlining its planes; `main_rad` is the main wall direction, `points` are thinned scan points."""
+    """Data of the whole scan for outlining its planes, among them `main_rad`, the main direction of the walls in radians.
+
+    `points` are scan points, thinned to a regular spacing.
+    """
 
     faces: Faces
     segments: Sequence[Segment]
@@ -76,7 +81,10 @@ class _Room(NamedTuple):
 def flattened(
     mesh: trimesh.Trimesh, segments: Sequence[Segment], cameras: Cameras | None = None, step: Callable[[], None] = lambda: None
 ) -> Flattened:
-    """Replace the planar segments by polygons. `cameras` took the scan's pictures, if known; `step` is called after each plane."""
+    """Replace the planar segments of a scan by polygons.
+
+    `cameras` are the cameras that recorded the scan, or None if unknown. The function calls `step` after each plane.
+    """
     faces = Faces.of(mesh, 0.0)
     bounds = room_bounds(faces, segments)
     segments, main_rad = regular(mesh, segments)
@@ -107,7 +115,10 @@ def flattened(
 
 
 def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Group each planar segment with the smaller touching segments in its plane. The largest segment of a group comes first."""
+    """Group each planar segment with the smaller segments that touch it and lie in its plane.
+
+    The largest segment of a group comes first.
+    """
     order = sorted((k for k, s in enumerate(segments) if s.normal is not None), key=lambda k: -segments[k].area_m2)
     near: dict[int, set[int]] = {}
     for i, j in touching:
@@ -135,7 +146,7 @@ def _in_plane_of(faces: Faces, segment: Segment, larger: Segment) -> bool:
 
 
 def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
-    """Return the offset of a segment from the plane of its group's largest segment, metres; 0 if the offset may be noise."""
+    """Return the offset in metres of a segment from the plane of the largest segment in its group; 0 if the offset may be noise."""
     if segment is root:
         return 0.0
     away = float(np.average(faces.centre[segment.faces] @ root.normal - root.offset_m, weights=faces.area[segment.faces]))
@@ -143,7 +154,7 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
 
 
 def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
-    """Outline one group. Return its polygons, its completed area and its open area, m2."""
+    """Outline a group of coplanar segments. Return its polygons, and the area of filled gaps and of gaps left open, both in m2."""
     root = room.segments[group[0]]
     assert root.normal is not None
     limits = bool(room.bounds[group[0]])
@@ -168,7 +179,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
             rest = rest.difference(shape)
     for k in group[1:]:
-        # The part is extended beyond the border of the whole plane; the intersection with `rest` then gives it this border.
+        # The part is first extended beyond the border of the whole plane. The intersection with `rest` then cuts it at this border.
         part = masks.closed(parts[k], radius) & ~np.any([parts[j] for j in group if j != k], axis=0)
         part |= masks.dilated(part, 2, part | ~whole)
         shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, lines, edge=0.0)).intersection(rest)
@@ -183,7 +194,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
 
 
 def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, np.ndarray]]:
-    """Return the grid of a group's plane along its main direction, and the samples (N, 3) of each segment."""
+    """Return the grid on the plane of a group, along the plane's main direction, and the sample points (N, 3) of each segment."""
     faces, root = room.faces, room.segments[group[0]]
     assert root.normal is not None
     together = np.concatenate([room.segments[k].faces for k in group])
@@ -197,7 +208,7 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
 
 
 def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
-    """Return the lines where the planes of touching segments and of the room's bounds cut the grid."""
+    """Return the lines where other planes cut the grid's plane: those of touching segments, and floor, ceiling and walls."""
     members = set(group)
     around = {j if i in members else i for i, j in room.touching if (i in members) != (j in members)}
     cuts = [
@@ -209,16 +220,16 @@ def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
 
 
 def _cells_of_each(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """Return a mask of each segment's cells. A shared cell belongs to the segment with most samples in it."""
+    """Return a boolean mask of the grid cells of each segment. A shared cell belongs to the segment with most sample points in the cell."""
     counts = np.stack([grid.counts(points) for points in samples.values()])
     most = counts.argmax(axis=0)
     return {k: (counts[n] > 0) & (most == n) for n, k in enumerate(samples)}
 
 
 def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> float:
-    """Return the angle from the grid's axes to the plane's main direction, radians; 0 for upright and slanted planes."""
+    """Return the angle in radians from the grid axes to the main direction of a level plane; 0 for upright and slanted planes."""
     if abs(grid.normal[2]) < np.cos(np.radians(10.0)):
-        return 0.0  # the axes are already level and upward
+        return 0.0  # the grid axes are already horizontal and upward
     east = np.array([np.cos(main_rad), np.sin(main_rad), 0.0]) @ grid.axes.T
     room = float(np.arctan2(east[1], east[0]))
     if limits:
@@ -234,6 +245,6 @@ def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> floa
 
 
 def _without_slivers(shape: BaseGeometry, cell: float) -> BaseGeometry:
-    """Remove the parts of a shape that are narrower than a cell, without rounding its corners."""
+    """Remove the parts of a polygon that are narrower than a grid cell, without rounding the corners of the polygon."""
     opened = shape.buffer(-cell / 2, join_style="mitre").buffer(cell / 2, join_style="mitre")
     return opened if not opened.is_empty else shape

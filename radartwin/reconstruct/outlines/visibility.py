@@ -1,4 +1,4 @@
-"""Test whether points are visible from the camera positions, or whether occupied voxels of the scan hide them."""
+"""Test whether points are visible from the camera positions, or whether occupied voxels of the scan hide the points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radartwin.reconstruct.segmentation.masks import distance
 
 VOXEL_M = 0.06
 EYE_M = 1.5  # height of a hand-held phone above the floor
-CLEAR_M = 0.3  # smallest distance between a person and objects
+CLEAR_M = 0.3  # smallest distance between an assumed standing person and objects
 SHORT_M = 0.18  # lines of sight end this far before the surface, so that the surface itself does not block them
 RANGE_M = 5.0  # range of phone LiDAR
 GRAZING = np.cos(np.radians(75.0))
@@ -19,7 +19,9 @@ VIEWPOINTS = 60
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """Cameras of a scan: poses (V, 4, 4) camera-to-world, OpenCV axes, with common intrinsics (3, 3) and picture size (width, height)."""
+    """V cameras of a scan: camera-to-world poses (V, 4, 4) with OpenCV axes, and common intrinsics (3, 3) and
+    picture size (width, height).
+    """
 
     poses: np.ndarray
     intrinsics: np.ndarray
@@ -28,11 +30,13 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Tests visibility from the occupied voxels of a scan and its actual or possible viewpoints.
+    """Tests whether points are visible from the actual or possible viewpoints of a scan, or hidden by occupied voxels of the scan.
 
     Attributes:
-        occupied, low: (X, Y, Z) mask of the occupied voxels, and their lowest corner (3,).
-        viewpoints, cameras: (V, 3) positions, and the cameras there, if known.
+        occupied: (X, Y, Z) boolean mask of the occupied voxels.
+        low: (3,) lowest corner of the voxel array, metres.
+        viewpoints: (V, 3) positions from which visibility is tested, metres.
+        cameras: the cameras at the viewpoints; None if the cameras are unknown.
     """
 
     occupied: np.ndarray
@@ -42,7 +46,7 @@ class Sight:
 
     @classmethod
     def of(cls, points: np.ndarray, cameras: Cameras | None = None) -> Sight:
-        """Make the test from points (N, 3) on the scan. Without cameras, the viewpoints are free places at eye height."""
+        """Make the visibility test from points (N, 3) on the scan. Without cameras, the viewpoints are free positions at eye height."""
         low = points.min(axis=0) - VOXEL_M
         index = ((points - low) / VOXEL_M).astype(int)
         occupied = np.zeros(tuple(index.max(axis=0) + 2), dtype=bool)
@@ -53,7 +57,7 @@ class Sight:
         return cls(occupied, low, places[:: max(1, -(-len(places) // VIEWPOINTS))])
 
     def seen(self, places: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """Count the viewpoints that see each point (N, 3) of a plane with this normal within the sensor's range. Return the counts (N,)."""
+        """Return how many viewpoints see each of the points `places` (N, 3) on a plane with this normal, within the sensor's range."""
         count = np.zeros(len(places), dtype=int)
         for number, eye in enumerate(self.viewpoints):
             ray = eye - places
@@ -84,7 +88,7 @@ class Sight:
 
 
 def _standing(occupied: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Return free places (V, 3) at eye height above a floor, away from obstacles at body height."""
+    """Return positions (V, 3) at eye height above a floor where a person could stand, away from obstacles at body height."""
     level = min(int((EYE_M + VOXEL_M) / VOXEL_M), occupied.shape[2] - 1)
     body = np.asarray(occupied[:, :, level // 2 : level + 1].any(axis=2))
     floor = occupied[:, :, : max(1, level // 4)].any(axis=2)
