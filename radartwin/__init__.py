@@ -1,6 +1,6 @@
-"""RadarTwin: 77 GHz FMCW radar of scanned rooms, from mesh and materials to raw ADC data.
+"""RadarTwin simulates a 77 GHz FMCW radar in a scanned room, from the room's mesh and materials to raw ADC data.
 
-The names load on first use, so that `import radartwin` is fast.
+Python imports the module behind a public name when the name is first used, so that `import radartwin` is fast.
 """
 
 from importlib import import_module

@@ -1,6 +1,8 @@
-"""Run the command line, and turn errors into an exit status and an error line. radartwin/commands holds the arguments and the verbs.
+"""Run the command line, and turn errors into an exit status and a one-line message. The folder radartwin/commands holds the arguments and
+the commands.
 
-Exit status: 0 done, 1 a run failed, 2 the user's input is wrong (one line on standard error, no traceback).
+The exit status is 0 if the command finished and 1 if a run failed. It is 2 if the user's input is wrong; the command then prints one line
+on standard error and no traceback.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from radartwin.io import secret
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command, by default sys.argv[1:]. Returns the exit status."""
+    """Run the command with these arguments, by default sys.argv[1:]. Returns the exit status."""
     options = parse(sys.argv[1:] if arguments is None else arguments)
     try:
         with warnings.catch_warnings():
@@ -36,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return 0
     except OSError as error:
-        if error.filename is None:  # the error is not about a user's path, so it is a defect and keeps its traceback
+        if error.filename is None:  # an error about no user path is a defect of the program, so the traceback is shown
             raise
         return _fail(f"{_line(error.filename)}: {error.strerror}; choose another path", 2)
 
@@ -51,5 +53,7 @@ def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__
 
 
 def _line(message: object) -> str:
-    """Return a message as one line, without secrets of the environment and without control characters that a file name may contain."""
+    """Return a message as one line, without secrets from environment variables and without control characters, which a file name may
+    contain.
+    """
     return "".join(sign if sign.isprintable() else "?" for sign in " ".join(secret.hidden(str(message)).split()))

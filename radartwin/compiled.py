@@ -1,6 +1,7 @@
-"""Compile functions with Numba, and run them on all cores.
+"""Compile functions with Numba, and run compiled functions on all processor cores.
 
-The machine code is cached beside the source. If that folder is read-only, it is cached in the user's cache folder, or else in memory only.
+Numba caches the machine code in the folder of the source file. If that folder is read-only, Numba uses the user's cache folder, and if that
+is read-only too, memory.
 """
 
 import os
@@ -12,19 +13,19 @@ from numba import njit
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function to machine code that releases the interpreter's lock.
+    """Compile a function to machine code that releases Python's global interpreter lock.
 
-    Multiplications and additions are not fused. With fusing, the results of newly compiled and cached code differed in the last bits, and
-    the code was not faster.
+    The machine code does not fuse a multiplication and an addition into one instruction. With fused instructions, newly compiled code and
+    code from the cache gave results that differed in the last bits, and the code was not faster.
     """
     return _built(function, {})
 
 
 def innermost(function: Callable[..., Any]) -> Any:
-    """Compile a function that compiled loops call millions of times. It must not create or return arrays.
+    """Compile a small function that compiled loops call millions of times. The function must not create or return arrays.
 
-    The compiled function does not count references to its arrays. Counting would take as long as ten divisions per call, because it is
-    atomic, and longer if several threads use the same array.
+    The compiled function does not count references to its arrays. Counting references would take as long as ten divisions per call, because
+    the counter is atomic, and longer if several threads use the same array.
     """
     return _built(function, {"_nrt": False})
 
@@ -42,10 +43,10 @@ def cores() -> int:
 
 
 def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4) -> None:
-    """Split the range 0..count into parts and call function(first, last, *arguments) for each part, on all cores.
+    """Split the range 0..count into `pieces` parts per core, and call function(first, last, *arguments) for each part, on all cores.
 
-    The threads are Python threads, because Numba's own thread pools do not survive a fork and cannot be nested. No two parts may write to
-    the same memory, so that the result does not depend on the number of cores.
+    The parts run in Python threads, because Numba's own thread pools do not survive a fork and cannot be nested. Two parts must not write
+    to the same memory, so that the result does not depend on the number of cores.
     """
     workers = min(cores(), count)
     if workers <= 1:

@@ -1,4 +1,4 @@
-"""Version of the package, and physical constants (CODATA 2018, exact where the SI defines them)."""
+"""Version of the package, and physical constants with the CODATA 2018 values, exact where the SI defines the constant."""
 
 __version__ = "0.1.0"
 

@@ -1,61 +1,61 @@
-"""Errors that the user can correct.
+"""Exceptions for errors that the user can correct.
 
-Each is a ValueError or an OSError. Its message is one line: what is wrong, where, and what to do. The command line prints that line and
-exits with status 2; every other exception is a defect and keeps its traceback.
+Each exception is also a ValueError or an OSError. Its message is one line that says what is wrong, where, and what to do. The command line
+prints this line and exits with status 2. Every other exception is a defect of the program, and the command line shows its traceback.
 """
 
 
 class UserError(Exception):
-    """Base class of the errors that the user can correct. It is never raised itself."""
+    """Base class of the errors that the user can correct; only its subclasses are raised."""
 
 
 class InputError(UserError, ValueError):
-    """A value, file content or combination that cannot be used."""
+    """Raised if a value, the content of a file, or a combination of values cannot be used."""
 
 
 class ConfigError(InputError):
-    """A wrong configuration key, option, type or combination."""
+    """Raised for a wrong configuration key, option, type or combination of options."""
 
 
 class MeshError(InputError):
-    """Geometry that cannot be used, for example because it has NaN, is empty or is in wrong units."""
+    """Raised for a mesh that cannot be used, for example because it has NaN coordinates, is empty or is in wrong units."""
 
 
 class ScanError(MeshError):
-    """A scan file or folder that cannot become a scene."""
+    """Raised if a scan file or folder cannot be converted to a scene."""
 
 
 class SceneError(InputError):
-    """A scene that cannot be simulated, for example without labels or with the sensor inside a solid."""
+    """Raised for a scene that cannot be simulated, for example without material labels or with the sensor inside a solid."""
 
 
 class LayoutError(InputError):
-    """A layout that cannot be read, or an object that cannot stand at its place."""
+    """Raised if a furniture layout file cannot be read, or if an object cannot stand at its position in the room."""
 
 
 class MaterialError(InputError):
-    """An unknown material, or a frequency outside the range of its data."""
+    """Raised for an unknown material, or for a frequency outside the range of the material's data."""
 
 
 class LabelError(InputError):
-    """Unusable answers about materials, or surfaces without an answer."""
+    """Raised if the answers about the materials of surfaces cannot be used, or if a surface has no answer."""
 
 
 class PoseError(InputError):
-    """Poses that are not rigid, not finite or of different lengths."""
+    """Raised for poses that are not rigid, not finite or not of the same number of frames."""
 
 
 class RecordingError(InputError):
-    """A recording or radar file whose parts do not fit together."""
+    """Raised for a recording or radar file whose parts do not fit together."""
 
 
 class MissingError(UserError, FileNotFoundError):
-    """An absent file, folder or product."""
+    """Raised if a file, a folder or a stored result is absent."""
 
 
 class OutputError(UserError, OSError):
-    """A path that cannot be written."""
+    """Raised if a file or folder cannot be written."""
 
 
 class BackendError(UserError, OSError):
-    """A compiler, library or device that the simulation needs and cannot use."""
+    """Raised if a compiler, library or device that the simulation needs cannot be used."""

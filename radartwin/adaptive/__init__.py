@@ -1,1 +1,1 @@
-"""`simulator=auto`: choose the cheapest model of a scene whose features change by less than their repeatability limits."""
+"""The option `simulator=auto` chooses the cheapest model of a scene that changes no feature by more than its repeatability limit."""

@@ -1,10 +1,11 @@
-"""Greedy search for the cheapest sufficient model of a scene; the result lists the reasons.
+"""Greedy search for the cheapest sufficient model of a scene; the result lists every tried model and why it was accepted or refused.
 
-The search starts at the finest model and lowers its dimensions (settings such as bounces), the dimension that saves most first. It sets
-each dimension to the cheapest value for which every feature differs from its value under the finest model by at most its repeatability
-limit. In the first round each dimension may use half of the remaining tolerance, so that one dimension does not use up the tolerance that
-several others need. In the second round each dimension may use all of the remaining tolerance. The search never reads a clock, so the
-result is deterministic. The chosen model meets the tolerance by construction. The search simulates a few short recordings.
+The search starts at the finest model and lowers one setting of the model (a dimension, such as the number of bounces) after another,
+beginning with the setting that saves most time. It sets each dimension to the cheapest value for which every feature differs from its value
+under the finest model by at most its repeatability limit. In the first round each dimension may use half of the remaining tolerance, so
+that one dimension does not use up the tolerance that several others need. In the second round each dimension may use all of the remaining
+tolerance. The search never reads a clock, so the result is deterministic. Every model that the search accepts meets the tolerance, so the
+chosen model meets it too. The search simulates only a few short recordings.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ WORDS = {
 
 
 class Probe(Protocol):
-    """Compute the features of a few frames under a model. Implemented by `radartwin.adaptive.probe.Probe` and by substitutes in tests."""
+    """Compute the features of a few radar frames under a model. `radartwin.adaptive.probe.Probe` implements this interface, and so do
+    substitutes in tests.
+    """
 
     def features(self, model: Model) -> tuple[Sequence[str], NDArray]: ...
 
@@ -37,8 +40,9 @@ class Step:
     """Describe one model that the search tried.
 
     Attributes:
-        dimension, value: the changed setting and its new value.
-        error, feature: largest change of a feature, as a multiple of its repeatability limit, and the name of this feature.
+        dimension, value: name of the changed setting, such as "max_bounces", and its new value.
+        error, feature: largest change of any feature relative to the finest model, as a multiple of the feature's repeatability limit, and
+            the name of this feature.
         taken: whether the search accepted the model.
     """
 
@@ -59,7 +63,8 @@ class Choice:
     """Hold the chosen model and the steps of the search.
 
     Attributes:
-        error, feature: largest change of a feature against the finest model, as a multiple of its limit, and the name of this feature.
+        error, feature: largest change of any feature between the chosen and the finest model, as a multiple of the feature's repeatability
+            limit, and the name of this feature.
     """
 
     model: Model
@@ -68,7 +73,7 @@ class Choice:
     steps: tuple[Step, ...]
 
     def lines(self) -> list[str]:
-        """Return one line for the chosen model, then one line per step."""
+        """Return one line of text for the chosen model, then one line for each tried model."""
         first = f"{self.model.told} ({self.feature} within {self.error:.2g} of its limit)"
         return [first, *dict.fromkeys(f"  {step.told}" for step in self.steps)]  # a model that both rounds refuse is listed once
 
@@ -85,11 +90,12 @@ def choose(probes: Sequence[tuple[Probe, Limits]], tolerance: float = 1.0, pinne
     """Return the cheapest model whose features stay within the tolerance for every probe.
 
     Args:
-        probes: pairs of a probe and its repeatability limits. With several probes, one model must suffice for all of them.
+        probes: pairs of a probe (a few radar frames) and its repeatability limits. With several probes, the same model must suffice for all
+            probes.
         tolerance: permitted change of a feature, as a multiple of its repeatability limit.
-        pinned: {dimension: value} of settings that stay fixed, also in the finest model.
+        pinned: {setting: value} of the settings that the search must not change; the finest model has the same fixed values.
     Raises:
-        InputError: the tolerance is not above zero, or a dimension is unknown.
+        InputError: the tolerance is not above zero, or `pinned` names an unknown setting.
     """
     if not tolerance > 0:
         raise InputError(f"tolerance must be above zero, not {tolerance:g}")

@@ -1,11 +1,12 @@
-"""Tolerated change of each feature, which is the repeatability limit of the measurement.
+"""Repeatability limit of each radar feature: the largest change that a simulation setting may cause.
 
-Two recordings of the same object, each with a new set-up, differ in a feature by less than its limit with a probability of 95 %. The limit
-is sqrt(2) t s, with s the standard deviation between such recordings and t Student's quantile for its degrees of freedom (ISO 5725-6:1994,
-4.1.4; the limit tends to 2.8 s for many recordings). The limit of a whole range profile is the 95 % quantile of the root mean square
-difference of two recordings. Each object has its own limits, but no limit is below MIN_SHARE times the limit pooled over all objects.
-Otherwise a saturated feature would get a limit that is too small, for example the multipath power fraction of an object much brighter
-than its room. The shipped limits come from the testbed (experiments/generators/repeatability.py writes them).
+If the same object is set up and recorded twice, a feature of the two recordings differs by less than its repeatability limit with a
+probability of 95 %. The limit is sqrt(2) t s, with s the standard deviation of the feature between such recordings and t Student's quantile
+for the degrees of freedom of s (ISO 5725-6:1994, 4.1.4; the limit tends to 2.8 s for many recordings). The limit of a whole range profile
+is the 95 % quantile of the root mean square difference in decibels between the profiles of two recordings. Each object has its own limits,
+but no limit is below MIN_SHARE times the limit pooled over all objects. Without this lower bound, a feature that hardly varies would get a
+limit that is too small, for example the multipath power fraction of an object much brighter than its room. The shipped limits come from
+simulated recordings of the testbed, the virtual measurement campaign; experiments/generators/repeatability.py writes them.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ _BIN = "profile_"
 
 @dataclass(frozen=True)
 class Limits:
-    """Hold the repeatability limits of the features for one motion and one object.
+    """Hold the repeatability limits of the features of one object under one motion (such as "turntable").
 
     Attributes:
-        of: {feature: limit}.
+        of: {feature name: repeatability limit, in the unit of the feature}.
         source: text that names the recordings behind the limits.
     """
 
@@ -43,13 +44,13 @@ class Limits:
 
     @classmethod
     def shipped(cls, motion: str, thing: str | None = None) -> Limits:
-        """Read the limits that were computed from the testbed's recordings.
+        """Read the shipped repeatability limits, which were computed from simulated recordings of the testbed.
 
         Args:
             motion: turntable, radial, diagonal, depth or lateral.
-            thing: object under test. An object without repeated recordings gets the limits pooled over all objects.
+            thing: name of the object under test. None, or an object without repeated recordings gets the limits pooled over all objects.
         Raises:
-            InputError: there are no limits for this motion.
+            InputError: RadarTwin ships no repeatability limits for this motion.
         """
         stored = json.loads(SHIPPED.read_text(encoding="utf-8"))
         if motion not in stored["motions"]:
@@ -59,12 +60,12 @@ class Limits:
         return cls({name: max(limit, MIN_SHARE * known["pooled"][name]) for name, limit in own.items()}, stored["source"])
 
     def moved(self, names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> tuple[float, str]:
-        """Return the largest change of a feature, as a multiple of its limit, and the name of this feature.
+        """Return the largest change of a feature, as a multiple of the feature's repeatability limit, and the name of this feature.
 
         Args:
-            names: of the features. values, reference: (features,) under a model and under the finest model.
+            names: feature names. values, reference: feature values, shape (features,), under the tested model and under the finest model.
         Raises:
-            InputError: a feature has no limit.
+            InputError: a feature has no repeatability limit.
         """
         apart = distances(names, values, reference)
         if missing := [name for name in apart if not self.of.get(name, 0.0) > 0]:
@@ -74,7 +75,7 @@ class Limits:
 
 
 def distances(names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """Return {feature: absolute difference from the reference}. The strong bins of a range profile form one feature."""
+    """Return {feature: absolute difference from the reference}. All strong bins of a range profile count as a single feature, PROFILE."""
     apart = np.abs(np.asarray(values) - reference)
     bins = np.array([name.startswith(_BIN) for name in names])
     found = {name: float(d) for name, d, is_bin in zip(names, apart, bins, strict=True) if not is_bin}
@@ -85,10 +86,10 @@ def distances(names: Sequence[str], values: np.ndarray, reference: np.ndarray) -
 
 
 def measured(groups: Sequence[tuple[Sequence[str], np.ndarray]]) -> dict[str, float]:
-    """Return {feature: limit} from repeated recordings, pooled over groups (ISO 5725-2:1994, 7.4).
+    """Return {feature: repeatability limit} from repeated recordings, pooled over the groups (ISO 5725-2:1994, 7.4).
 
     Args:
-        groups: one entry per object: feature names and values (recordings, features) of at least two recordings.
+        groups: one entry per object: the feature names and the feature values, shape (recordings, features), of at least two recordings.
     """
     freedom = sum(len(values) - 1 for _, values in groups)
     factor = np.sqrt(2) * stats.t.ppf(0.5 + CONFIDENCE / 2, freedom)

@@ -21,14 +21,14 @@ LARGE_M = 1.0  # smallest extent of a large surface: walls, tables and cupboards
 
 @dataclass(frozen=True)
 class Model:
-    """Describe how the mitsuba simulator models a scene.
+    """Describe the settings with which the mitsuba simulator models a scene.
 
     Attributes:
         parts: simulated parts of the room: "none", "large" (surfaces with an extent of at least LARGE_M) or "whole".
-        max_bounces, coupling, diffuse, rays_per_wavelength2: as in `TraceSettings`.
-        elements: "planar" or "exact", as in `simulate`.
-        layered: whether walls and objects have layers. If False, each surface is a half-space of its outermost material. Layers take
-            no additional time, so the search always includes them.
+        max_bounces, coupling, diffuse, rays_per_wavelength2: the options of the same names in `TraceSettings`.
+        elements: "planar" or "exact", the option of the same name in `simulate`.
+        layered: whether walls and objects have layers. If False, each surface is a half-space of its outermost material. The search always
+            simulates the layers, because layers take no additional time.
     """
 
     parts: str = WHOLE
@@ -45,7 +45,7 @@ class Model:
 
     @property
     def told(self) -> str:
-        """Short description such as "no room, 2 bounces, 0.25 tubes, planar"."""
+        """Return a short description of the model, such as "no room, 2 bounces, 0.25 tubes, planar"."""
         words = {NONE: "no room", LARGE: "large surfaces", WHOLE: "whole room"}[self.parts]
         bounces = f"{self.max_bounces} bounce{'s' * (self.max_bounces > 1)}"
         coupled = "" if self.coupling or self.parts == NONE or self.max_bounces == 1 else ", uncoupled"
@@ -59,7 +59,7 @@ class Model:
     def recording(
         self, room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: dict[str, np.ndarray], variant: str = "auto"
     ) -> Recording:
-        """Simulate a recording with thermal noise.
+        """Simulate a recording, including thermal noise, with the settings of this model.
 
         Args:
             kept: surfaces that every model includes: the object under test and its stand.
@@ -88,7 +88,7 @@ DEFAULT = Model()
 
 
 def cheaper(model: Model, dimension: str) -> list[Model]:
-    """Return copies of the model with each lower value of one dimension, cheapest first; none if the dimension has no effect."""
+    """Return copies of the model with each lower value of one setting, cheapest value first; empty if the setting has no effect."""
     if dimension == "coupling" and model.parts == NONE:
         return []
     values = LADDER[dimension]
@@ -96,7 +96,7 @@ def cheaper(model: Model, dimension: str) -> list[Model]:
 
 
 def reduced(room: Scene, parts: str) -> Scene:
-    """Return the room without surfaces, with its large surfaces only, or whole, as `parts` says (see `Model.parts`)."""
+    """Return the room without surfaces, with its large surfaces only, or with all surfaces, as `parts` says (see `Model.parts`)."""
     if parts == NONE:
         return Scene((), room.provenance)
     if parts == WHOLE:

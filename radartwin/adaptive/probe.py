@@ -1,4 +1,6 @@
-"""A probe: a few frames of a recording (angles of a revolution or places of a drive) whose features are computed under a model."""
+"""A probe is a few radar frames of a recording, at some angles of a revolution or positions of a drive; their features are computed under
+several models.
+"""
 
 from __future__ import annotations
 
@@ -25,13 +27,14 @@ PLACES = 17  # frames per drive
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """Hold a few frames of a recording, which different models simulate one after another.
+    """Hold a few radar frames of a recording, which are simulated with one model after another.
 
     Attributes:
         room: surfaces that a model may leave out. kept: surfaces that every model includes (the object under test and its stand).
-        radar, sensor_poses, motion: as in `simulate`. log: distances and angles of the same frames.
+        radar, sensor_poses, motion: arguments of `simulate` for these frames. log: logged target distance and turntable angle of the same
+            frames.
         families: names of the feature families to compare (radartwin/features/sets.py).
-        traced: {model: processed recording}, a cache that probes with different families may share.
+        traced: {model: processed recording}, a cache that several probes with different feature families may share.
     """
 
     room: Scene
@@ -49,7 +52,7 @@ class Probe:
         return len(self.log.distance_m)
 
     def record(self, model: Model) -> Processed:
-        """Simulate the frames under a model, with thermal noise, and process the recording."""
+        """Simulate the frames of the probe under a model, with thermal noise, and process the recording."""
         simulated = model.recording(self.room, self.kept, self.radar, self.sensor_poses, dict(self.motion), self.variant)
         return process(simulated, doppler=False)
 
@@ -59,7 +62,7 @@ class Probe:
         return sets.read(self.traced[model], self.log, self.families, turns=self.log.angle_rad is not None)
 
     def described(self) -> dict[str, Any]:
-        """Return all inputs that affect the features, to build a store key."""
+        """Return all inputs of the simulation that affect the features; the store derives its key from them."""
         surfaces = [
             (s.name, s.kind, str(s.material), s.roughness_m, np.asarray(s.mesh.vertices), np.asarray(s.mesh.faces), part)
             for part, scene in (("room", self.room), ("kept", self.kept)) for s in scene
@@ -75,12 +78,12 @@ def thinned(
     room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], log: Log,
     families: Sequence[str], variant: str = "auto", count: int | None = None, between: bool = False,
 ) -> Probe:  # fmt: skip
-    """Build a probe from evenly spaced angles of the first revolution, or from evenly spaced places of the drive, of a recording.
+    """Build a probe from a recording: evenly spaced angles of the first revolution, or evenly spaced positions of the drive.
 
     Args:
-        sensor_poses, motion: (F or 1, 4, 4). log: distances and angles of F frames.
-        count: frames of the probe. None: ASPECTS for a revolution, PLACES for a drive.
-        between: shift all frames by half a step, so that they lie between the frames of the default probe.
+        sensor_poses, motion: poses of the recording, shape (F or 1, 4, 4). log: target distances and turntable angles of its F frames.
+        count: number of frames of the probe; None takes ASPECTS frames for a revolution and PLACES frames for a drive.
+        between: True shifts all frames by half a step, so that they lie between the frames of the probe with between=False.
     """
     frames, turning = len(log.distance_m), log.angle_rad is not None
     at = _aspects(np.asarray(log.angle_rad), count or ASPECTS, between) if turning else _places(frames, count or PLACES, between)
@@ -110,7 +113,7 @@ def _places(frames: int, count: int, between: bool) -> np.ndarray:
 
 
 def _along(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Interpolate poses (F, 4, 4) at fractional frame indices. Beyond the last pose, the first pose follows."""
+    """Interpolate poses (F, 4, 4) at fractional frame indices. From the last pose, the interpolation continues to the first."""
     known = np.concatenate([poses, poses[:1]]) if at.max() > len(poses) - 1 else poses
     times = np.arange(len(known))
     found = np.tile(np.eye(4), (len(at), 1, 1))

@@ -1,1 +1,1 @@
-"""Build objects of the library from a composed configuration: radar, scene, trajectory, simulator, recording."""
+"""Functions that build the radar, scene, trajectory, simulator and recording from a composed configuration."""

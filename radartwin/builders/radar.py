@@ -11,11 +11,11 @@ from radartwin.radar.chirp import Radar
 
 
 def build_radar(config: RadarConfig) -> Radar:
-    """Build the radar from the configured file, or from the board with the configured values.
+    """Build the radar from the configured radar file, or else from the evaluation board with the configured values.
 
     Raises:
-        InputError: values that no radar can have.
-        MissingError, RecordingError: the file is absent or malformed.
+        InputError: a configured value is impossible for a radar.
+        MissingError, RecordingError: the radar file is absent or malformed.
     """
     if config.file:
         radar = Radar.from_file(Path(config.file))
@@ -25,7 +25,7 @@ def build_radar(config: RadarConfig) -> Radar:
 
 
 def named_radar(name: str) -> Radar:
-    """Build the radar of a file, or of an option of the configuration group `radar` such as "openradar_77ghz"."""
+    """Build the radar of a radar file, or of an option of the configuration group `radar` such as "openradar_77ghz"."""
     if Path(name).suffix or Path(name).exists():
         return Radar.from_file(name)
     return build_radar(compose([f"radar={name}"]).radar)

@@ -1,4 +1,4 @@
-"""Build the set-up of a recording from the configuration (radar, room, target and their poses), and simulate the recording."""
+"""Build radar, room, target and poses of a recording from the configuration, and simulate the recording."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from radartwin.store.products import Store
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """Radar, room and target of a recording, with their poses.
+    """Hold the radar, the room and the target of a recording, with their poses.
 
     Attributes:
-        room: the scene without the target, with the objects of the layout.
-        target: surfaces of the target and its stand; empty for scene.target=none.
+        room: the scene without the target, but with the objects of the furniture layout.
+        target: surfaces of the target and of its stand; empty for scene.target=none.
         motion: object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest.
         provenance: see `radartwin.builders.scene.describe_room`.
     """
@@ -50,14 +50,14 @@ class Setup:
 
     @property
     def measured_motion(self) -> str:
-        """Return the motion of the target relative to the radar if the repeatability of its features is known, else ""."""
+        """Return the name of the target's motion relative to the radar; "" if the repeatability of features is unknown for this motion."""
         return self.course.motion if self.motion else ""
 
     def probe(self, features: FeaturesConfig, variant: str = "auto", count: int | None = None, between: bool = False) -> Probe:
-        """Select a few frames of the recording on which simulator=auto compares settings, and the features that it must keep accurate.
+        """Select a few frames of the recording on which simulator=auto compares its settings, and the features that must stay accurate.
 
         Args:
-            variant: Mitsuba variant.
+            variant: name of the Mitsuba variant (compute backend), or "auto".
             count, between: see `radartwin.adaptive.probe.thinned`.
         Raises:
             ConfigError: see `radartwin.builders.simulator.families_of`.
@@ -73,7 +73,7 @@ class Setup:
 def build_setup(
     radar_config: RadarConfig, scene: SceneConfig, materials: MaterialsConfig, trajectory: TrajectoryConfig, seed: int = 0
 ) -> Setup:
-    """Build the set-up of a recording. Raises UserError if its parts do not fit together."""
+    """Build radar, room, target and poses of a recording. Raises UserError if they do not fit together."""
     radar = build_radar(radar_config)
     room = build_room(scene, materials, seed)
     provenance = describe_room(room, scene, materials)
@@ -92,7 +92,8 @@ def build_setup(
 def simulate_scene(
     config: Config, noise: bool = False, store: Store | None = None, say: Callable[[str], None] = lambda line: None
 ) -> Recording:
-    """Simulate a recording of the configured radar in the configured scene. Its provenance describes the scene and its materials.
+    """Simulate a recording of the configured radar in the configured scene. The recording's provenance describes the scene and its
+    materials.
 
     Args:
         store, say: see `radartwin.builders.simulator.choose_simulator`.

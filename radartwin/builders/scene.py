@@ -1,6 +1,7 @@
-"""Build the configured scene: the room with its materials, the objects of a layout, and the target. Describe it for the provenance.
+"""Build the configured scene: the room with its materials, the objects of the furniture layout, and the target. Describe the scene for the
+provenance of a recording.
 
-The world frame is that of radartwin/scene/rooms. The target's origin is the point at which the radar aims.
+All coordinates are in the world frame that radartwin/scene/rooms defines. The target's origin is the point at which the radar aims.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def lowest_m(target: Sequence[Surface]) -> float:
 
 
 def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) -> Scene:
-    """Build the room without the target, with materials from the configured source."""
+    """Build the room without the target. The configured material source assigns the materials, with `seed` for random materials."""
     if isinstance(scene, ScanScene):
         room = load_scan(Path(scene.path), materials)
     elif scene.name in ROOMS:
@@ -63,10 +64,11 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) ->
 
 
 def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
-    """Load a scan: a scene folder with its labels, or a mesh, which has no labels.
+    """Load a scanned room from a scene folder, which contains material labels, or from a mesh file, which contains none.
 
     Raises:
-        ConfigError: materials=scene for a mesh. MissingError, MeshError, SceneError: see `Scene.load`.
+        ConfigError: the configuration has materials=scene, but the scan is a mesh without material labels. MissingError, MeshError,
+            SceneError: see `Scene.load`.
     """
     if not path.exists() or scene_folder(path) is not None:
         return Scene.load(path)
@@ -79,13 +81,13 @@ def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
 
 
 def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Scene:
-    """Place the objects of the configured layout or sentence in the room.
+    """Place the objects of the configured layout file or of the configured sentence in the room.
 
     Args:
         sensor_pose: (4, 4) sensor to world, for sentences such as "in front of the radar".
     Raises:
-        MissingError, LayoutError: the layout is absent or impossible.
-        BackendError: the language model does not answer.
+        MissingError, LayoutError: the layout file is absent, or an object cannot stand where the layout puts it.
+        BackendError: the language model that reads the sentence does not answer.
     """
     if not (config.layout or config.sentence):
         return room
@@ -101,13 +103,14 @@ def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Sce
 
 
 def describe_room(room: Scene, scene: SceneConfig, materials: MaterialsConfig) -> dict[str, Any]:
-    """Describe the scene and its materials as plain JSON values.
+    """Describe the scene and its materials with JSON values for the provenance of a recording.
 
     Args:
         room: the scene without the target, with the materials of the configured source.
     Returns:
         "scene": {name; for a scan also the name of its file or folder and the SHA-256 of its mesh or manifest}. "materials": {source;
-        said_by: number of surfaces by labeller; surfaces: number of surfaces by material, largest first}.
+        said_by: number of surfaces for each source of material labels; surfaces: number of surfaces for each material, largest number
+            first}.
     """
     described: dict[str, Any] = {"name": scene.name}
     if isinstance(scene, ScanScene):
@@ -123,7 +126,7 @@ def describe_room(room: Scene, scene: SceneConfig, materials: MaterialsConfig) -
 
 
 def materials_line(provenance: dict[str, Any]) -> str:
-    """Return the result of `describe_room` as a sentence; an empty string for a scene without a room."""
+    """Return the result of `describe_room` as a sentence, or an empty string for a scene without a room."""
     scene, materials = provenance["scene"], provenance["materials"]
     counts: dict[str, int] = materials["surfaces"]
     if not counts:

@@ -1,4 +1,4 @@
-"""Build the configured simulator. For simulator=auto, choose the cheapest sufficient settings of a recording, and store the choice."""
+"""Build the configured simulator. For simulator=auto, search the cheapest sufficient settings for a recording, and store the result."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ MOTION_FAMILIES = {  # feature families of each motion with a known repeatabilit
 
 
 def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
-    """Return the feature families that must stay within their repeatability limits.
+    """Return the names of the feature families that must stay within their repeatability limits.
 
-    These are the families of the configured feature set, or for features=raw all families of the motion.
+    The result holds the families of the configured feature set. For features=raw, it holds all families that are defined for the motion.
 
     Raises:
-        ConfigError: the repeatability of features is unknown for the motion, or the feature set is for another motion.
+        ConfigError: the repeatability of features is unknown for the motion, or the configured feature set belongs to another motion.
     """
     if motion not in MOTION_FAMILIES:
         known = "a turntable's whole turn, rail, depth or lateral"
@@ -55,8 +55,8 @@ def choose_simulator(
     """Choose the cheapest sufficient simulator settings for a recording.
 
     Args:
-        store: where the choice is stored and read; None repeats the search.
-        say: called with each line of a text that states the choice and its reasons.
+        store: store from which an earlier search result is read and to which a new one is written; None repeats the search.
+        say: function that receives each line of a text that states the chosen settings and the reasons.
     """
     fixed = config.fixed()
     if store is None:
@@ -77,10 +77,10 @@ def choose_simulator(
 
 
 def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
-    """Return the arguments `simulator` and `elements` of `radartwin.simulate`.
+    """Return the values of the arguments `simulator` and `elements` of `radartwin.simulate`.
 
     Raises:
-        InputError: the settings contradict each other.
+        InputError: two simulator settings contradict each other.
     """
     settings = config.settings()
     if "variant" in settings_of(config.backend):

@@ -1,4 +1,4 @@
-"""Build the configured trajectory: the poses of sensor and target. Check them against the room and the radar."""
+"""Build the configured trajectory, which is the poses of sensor and target, and check the poses against the room and the radar."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ MAX_FRAMES = 10_000  # 1000 s at 10 Hz; more frames do not fit into memory
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Sensor-to-world and target-to-world poses, each (F, 4, 4), or (1, 4, 4) at rest.
+    """Hold sensor-to-world and target-to-world poses, each of shape (F, 4, 4), or (1, 4, 4) for a body at rest.
 
     Attributes:
-        motion: name of the motion in radartwin/builders/simulator.py; "" if the repeatability of its features is unknown.
-        angle_rad: (F,) rotation angle of the turntable over one whole revolution; None for other motions.
+        motion: name of the motion as in radartwin/builders/simulator.py; "" if the repeatability of features is unknown for this motion.
+        angle_rad: (F,) rotation angle of the turntable in radians over exactly one revolution; None for motions without a turntable.
     """
 
     sensor_poses: np.ndarray
@@ -44,7 +44,9 @@ class Course:
 
 
 def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
-    """Return the sensor pose (4, 4) of the first frame: as configured, at the room's bench, or inside the low-x end of a scan."""
+    """Return the sensor pose (4, 4) of the first frame: the configured pose, a pose at the room's measurement bench, or a pose inside the
+    end of a scan with the smallest x.
+    """
     if config.position_m is not None:
         position = np.array(config.position_m)
     elif len(room) and room.provenance.get("room") not in rooms.ROOMS:
@@ -60,9 +62,9 @@ def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.
     """Compute the poses of sensor and target at each frame of the radar.
 
     Args:
-        place: (3,) position of the target at the start; None: on the boresight at the configured distance.
+        place: (3,) position of the target in the first frame; None puts the target on the boresight at the configured distance.
     Raises:
-        ConfigError: there are more than MAX_FRAMES frames.
+        ConfigError: the trajectory has more than MAX_FRAMES frames.
         MissingError, PoseError: see `read_poses`.
     """
     rate = radar.frame_rate_hz
@@ -84,10 +86,10 @@ def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.
 
 
 def read_poses(config: FileTrajectory) -> Track:
-    """Read the radar's poses from a trajectory file and apply the configured mounting.
+    """Read the radar's poses from a trajectory file and apply the configured mounting of the radar.
 
     Raises:
-        MissingError, PoseError: the file is absent or malformed.
+        MissingError, PoseError: the trajectory file is absent or malformed.
     """
     rotation = Rotation.from_euler("xyz", config.mount_deg or (0, 0, 0), degrees=True).as_matrix()
     mount = trajectory.pose(config.mount_m or (0, 0, 0), rotation)
@@ -95,12 +97,13 @@ def read_poses(config: FileTrajectory) -> Track:
 
 
 def check_course(scene: Scene, radar: Radar, course: Course) -> None:
-    """Raise an error if the sensor leaves the room's height or passes through a surface; warn of speeds beyond the Doppler range.
+    """Raise an error if the sensor leaves the room's height or passes through a surface; warn of speeds beyond the unambiguous Doppler
+    range.
 
     Args:
         scene: the room without the target.
     Raises:
-        PoseError, SceneError: names the first wrong frame.
+        PoseError, SceneError: the sensor is outside the room's height or inside a surface; the message names the first such frame.
     """
     room = scene.only("room")
     if len(room):
@@ -146,7 +149,7 @@ def _check_frames(frames: float) -> None:
 
 
 def _ceiling_m(room: Scene) -> float:
-    """Return the height of the room's ceiling in metres; infinity for a scan without a ceiling."""
+    """Return the height of the room's ceiling in metres, or infinity for a scan without a ceiling."""
     top = room.bounds[1, 2]
     footprint = np.prod(np.ptp(room.bounds[:, :2], axis=0))
     meshes = [surface.mesh for surface in room]

@@ -1,1 +1,1 @@
-"""The verbs of the command line: arguments, bodies, and examples for the help."""
+"""The commands (verbs) of the command line: their arguments, the functions that run them, and examples for the help texts."""

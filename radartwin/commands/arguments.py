@@ -1,4 +1,4 @@
-"""The arguments of every verb."""
+"""Arguments of every verb (subcommand) of the command line."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ Verbs = argparse._SubParsersAction
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """Parse a command. In the result, `verb` is the function to call, and `resumes` says whether repeating the command resumes it.
+    """Parse the words of a command line. In the result, `verb` is the function to call, and `resumes` says whether repeating the same
+    command resumes its work.
 
-    Overrides may stand on both sides of an option: run experiment=NAME -m materials=vlm,void.
+    Configuration overrides may stand before and after an option such as -m: run experiment=NAME -m materials=vlm,void.
     """
     parser = _parser()
     options, rest = parser.parse_known_args(_join_axes(words))
@@ -37,7 +38,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _join_axes(words: Sequence[str]) -> list[str]:
-    """Rewrite --up -y as --up=-y, because argparse reads -y as an option."""
+    """Rewrite the two words --up -y as --up=-y, because argparse would read -y as an option."""
     out: list[str] = []
     for word in words:
         if out and out[-1] == "--up" and word in ("-x", "-y", "-z"):

@@ -1,6 +1,6 @@
-"""Examples at the end of `radartwin --help` and `radartwin VERB --help`: (command, its purpose).
+"""Examples at the end of `radartwin --help` and `radartwin VERB --help`, stored as pairs (command, purpose of the command).
 
-tests/end_to_end/test_documents.py parses and composes each of them.
+tests/end_to_end/test_documents.py parses each example command and composes its configuration.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
 
 
 def epilog(verb: str = "", more: str = "") -> str:
-    """Format the examples of a verb, or without a verb the first steps, for the end of a help text.
+    """Format the examples of a verb for the end of its help text. Without a verb, format the commands for a first session.
 
     >>> print(epilog("report"))
     examples:

@@ -1,4 +1,6 @@
-"""Implement the verbs. Each function takes the parsed arguments, returns the exit status, and imports its modules when called."""
+"""Implement the verbs (subcommands). The function of a verb takes the parsed arguments, returns the exit status, and imports its modules
+when it is called.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +118,7 @@ def reconstruct(options: argparse.Namespace) -> int:
 
 
 def label(options: argparse.Namespace) -> int:
-    """Label the surfaces of a scene. Options that are not given take their value from conf/materials/vlm.yaml."""
+    """Label the surfaces of a scene with materials. Options that the user does not give take their values from conf/materials/vlm.yaml."""
     from radartwin.config.compose import compose
     from radartwin.io.progress import Progress
     from radartwin.label.labelling import LabelOptions, label_folder
