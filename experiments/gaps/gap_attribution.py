@@ -135,9 +135,10 @@ def check(config: Config) -> None:
 
 
 def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
-    """Build the rows of each loss: without gaps, with all gaps, then per gap alone, left out and share; also for filled bottles only.
+    """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
 
-    `filled` is the mask (recordings,) of the filled bottles.
+    The three rows of a gap are its loss alone, its loss if left out, and its share. The rows exist for all objects, and again for filled
+    bottles only. `filled` is the mask (recordings,) of the filled bottles.
     """
     rows = RowList(config)
     for score in SCORES:
@@ -151,7 +152,7 @@ def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], 
 def _add_rows(
     rows: RowList, plan: Plan, score: str, objects: str, value: Mapping[Coalition, NDArray[np.float64]], keys: Sequence[str]
 ) -> None:
-    """Add the rows of one loss; `value` maps each set of gaps to losses (recordings,)."""
+    """Add the table rows of one loss. `value` maps each set of gaps that are on to the losses (recordings,)."""
 
     def add(gap: str, metric: str, samples: NDArray[np.float64]) -> None:
         case = {"score": score, "gap": gap, "objects": objects}
@@ -173,7 +174,7 @@ def _add_rows(
 
 
 def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statistics.Estimate:
-    """Estimate the fraction of the total loss due to geometry and materials; NaN if all gaps together cause no loss."""
+    """Estimate the fraction of the total loss that geometry and material gaps cause; NaN if all gaps together cause no loss."""
     room, total = shared["geometry"] + shared["materials"], np.sum(list(shared.values()), axis=0)
     drawn = np.random.default_rng(config.seed).integers(len(total), size=(config.profile.resamples, len(total)))
     sums = total[drawn].mean(axis=1)
@@ -183,7 +184,7 @@ def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statisti
 
 
 def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:
-    """Draw bars of "alone", "share" and "left out" per group of gaps, with intervals, one panel per loss."""
+    """Draw bars of "alone", "share" and "left out" for each group of gaps, with confidence intervals, in one panel per loss."""
     drawing, panels = figure(1, len(SCORES), width_in=PAGE_WIDTH_IN, height_in=3.4, sharey=True)
     place = np.arange(len(groups))[::-1]
     for panel, score in zip(panels, SCORES, strict=True):

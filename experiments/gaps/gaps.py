@@ -1,12 +1,13 @@
-"""Single gaps: agreement of testbed and twin with all gaps off, and the effect of each gap alone.
+"""The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
-A gap is one kind of difference between testbed and twin (measured.gap). Each gap is switched on alone at strength 1, in the paper profile
-also at strength 2, and its predictions are in experiments/gaps/claims.py.
+A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. Each gap is switched on alone at
+strength 1, in the paper profile also at strength 2. The predicted effects are in experiments/gaps/claims.py.
 
-A row is one random draw of the gap (measured.gap, seed), not a mean over testbeds. The power that roughness takes from specular reflection
-returns as diffuse scatter, so a rougher room can become brighter. The turntable's motor and gear are clutter inside the target gate. For
-the geometry gap the room is scanned with its clutter, but the testbed recordings of these rows have no clutter. The quick profile simulates
-recordings for 270 core seconds, and scans both rooms in 150 more if the scans are not in the store.
+A row shows one random draw of the gap (set by measured.gap and seed), not a mean over several draws. Roughness takes power from the
+specular reflection, and this power returns as diffuse scatter, so a rougher room can become brighter. The turntable's motor and gear are
+clutter inside the target gate. For the geometry gap, the simulated scan contains the room's clutter, but the virtual measurements of these
+rows have no clutter. The quick profile needs 270 core-seconds to simulate the recordings, and 150 core-seconds more if the scans of both
+rooms are not in the store.
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ Keys = dict[tuple[str, float], list[str]]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the agreement with all gaps off, then each gap alone. Raises ConfigError for settings that the table sets itself."""
+    """Compute the agreement with all gaps off, then the effect of each gap alone. Raises ConfigError for settings that the table sets
+    itself.
+    """
     check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
     steps = [(gap, s) for gap in GAPS for s in strengths if gap != "solver" or s == 1]  # the solver gap is only on or off
@@ -87,7 +90,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Raise ConfigError for measured recordings, gaps or materials in the configuration, because the table sets these itself."""
+    """Raise ConfigError if the configuration sets measured recordings, gaps or materials, because the table sets these itself."""
     case_set.check_untouched(config)
     if config.materials.source != "true":
         raise ConfigError(f"experiment=gaps gives the twin the true materials itself; leave materials={config.materials.source} out")
@@ -103,7 +106,10 @@ def _moved(gap: str, one: Reading, base: Reading) -> dict[str, float]:
 def _add_agreement(
     rows: RowList, base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Mapping[Case, dict[str, float]]
 ) -> None:
-    """Add the difference of the domains with all gaps off for each case; the claim compares it with the change due to finer tracing."""
+    """Add a row for each case with the difference between measurement and simulation with all gaps off.
+
+    The claim compares this difference with the change that finer ray tracing causes.
+    """
     for case in CASES:
         found = case_set.moved(exact[case], base[case])
         keys = [base[case].key, exact[case].key]
@@ -116,14 +122,14 @@ def _add_agreement(
 
 
 def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Reading) -> None:
-    """Add the difference between a revolution interpolated from aspects and the revolution with every frame traced."""
+    """Add the difference between a turntable revolution interpolated from traced angles and the revolution with every frame traced."""
     change = case_set.change_db(blended, traced, traced.target)
     claim = Claim("aspects stand for every frame", below=-20.0, least=1)
     _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [change], [traced.key, blended.key], claim)
 
 
 def add_rows(rows: RowList, step: tuple[str, float], moves: Mapping[Case, dict[str, float]], keys: list[str]) -> None:
-    """Add the rows of one gap at one strength: every feature of the groups in SHOWN, and claimed features of other groups."""
+    """Add the rows of one gap at one strength: every feature for the case groups in SHOWN, and only the predicted features for others."""
     claims = {(group, feature): claim for group, feature, claim in expected(*step)}
     wanted = [(group, feature) for group in SHOWN for feature in moves[GROUPS[group][0]]]
     wanted += [key for key in claims if key not in wanted]
@@ -134,7 +140,7 @@ def add_rows(rows: RowList, step: tuple[str, float], moves: Mapping[Case, dict[s
 
 
 def _add(rows: RowList, where: tuple[str, float, str], metric: str, values: list[float], keys: list[str], claim: Claim = NONE) -> None:
-    """Add one row for (gap, strength, cases). Signal ratios are averaged as amplitudes because decibels have no meaningful mean."""
+    """Add one row for (gap, strength, cases). Ratios of signals are averaged as amplitudes, because a mean of decibels has no meaning."""
     config, ratios = rows.config, metric.endswith(CHANGE)
     samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
     found = statistics.mean(samples, config.profile.resamples, config.seed)
@@ -149,7 +155,7 @@ def _mean(moves: Mapping[Case, dict[str, float]], group: str, feature: str) -> f
 
 
 def _figure(moves: Moves, rows: list[dict[str, Any]]) -> Figure:
-    """Draw the signal change in target gate and room for each gap alone and for all gaps off, for turntable and drive."""
+    """Draw the relative change of the signal in target gate and room, for turntable and drive, for each gap alone and with all gaps off."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, sharex=True)
     ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", f"room{CHANGE}"))
     places = np.arange(1 + len(ordered))

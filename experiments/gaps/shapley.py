@@ -1,9 +1,9 @@
 """Exact Shapley values: divide the value of a coalition (set of players) among its players.
 
-Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i. The share is the value that the player adds, as a mean
-over all sequences in which players can join: phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). Shares sum to
-v(N) - v({}). Ref: L. S. Shapley, A Value for n-Person Games, 1953. Shares are linear in v, so values per recording give shares per
-recording. All coalitions are evaluated, so shares have no sampling error.
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i. The share of a player is the value that the player adds
+to a coalition by joining it, as a mean over all orders in which the players can join: phi_i = sum over S without i of |S|! (|N| - |S| -
+1)! / |N|! (v(S + i) - v(S)). The shares sum to v(N) - v({}). Ref: L. S. Shapley, A Value for n-Person Games, 1953. Shares are linear in v,
+so that one value per recording gives one share per recording. All coalitions are evaluated, so the shares have no sampling error.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Game = Mapping[Coalition, NDArray[np.float64]]
 
 
 def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
-    """Yield all 2^n coalitions (sets) of n players, small ones first."""
+    """Yield all 2^n coalitions (sets) of n players; small coalitions come first."""
     return (frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size))
 
 
@@ -28,9 +28,9 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
     """Compute the Shapley share of each player.
 
     Args:
-        value: maps every coalition to its value, an array of one common shape (...).
+        value: dictionary or function from every coalition to its value, an array whose shape (...) is the same for all coalitions.
     Returns:
-        For each player its share, an array of that shape (...).
+        Dictionary {player: Shapley share}; each share is an array with the same shape (...) as the values.
 
     >>> glove = {s: np.array(float("left" in s and len(s) > 1)) for s in coalitions(["left", "right", "other right"])}
     >>> {player: round(float(share), 3) for player, share in shares(["left", "right", "other right"], glove).items()}
@@ -49,7 +49,7 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
 
 
 def alone(value: Game, player: Coalition) -> NDArray[np.float64]:
-    """Return the value of these players alone minus the value of no player."""
+    """Return the value of the coalition of these players alone, minus the value of the empty coalition."""
     return value[player] - value[frozenset()]
 
 

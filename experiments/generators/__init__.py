@@ -1,1 +1,1 @@
-"""Scripts that write files of the package: text embeddings of the objects, questions about surfaces, and repeatability limits."""
+"""Scripts that write data files of the package: text embeddings of the objects, questions about surfaces, and repeatability limits."""

@@ -1,6 +1,6 @@
-"""Write the package's text anchors (text embeddings of the objects' descriptions): `python -m experiments.generators.anchors`.
+"""Write the text embeddings of the objects' descriptions that the package contains: `python -m experiments.generators.anchors`.
 
-Run this script after a description in the catalogue changes. It needs the extra `text`.
+Run this script after a description in the object catalogue has changed. The script needs the optional dependencies `text`.
 """
 
 from __future__ import annotations

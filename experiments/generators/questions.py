@@ -1,10 +1,10 @@
-"""Write the questions to which the package contains recorded answers of the vision-language model.
+"""Write the questions about surface materials to which the package contains recorded answers of the vision-language model.
 
     python -m experiments.generators.questions lab --out FOLDER
 
-A room is scanned and reconstructed as it was when its answers were recorded (virtual scan, strength 1, seed 0). The real chair scan is used
-in two forms: its frames and its exported mesh. Questions and pictures are written as by `radartwin label SCENE --export`, and their digests
-are compared with those in the recorded answers.
+The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). The
+real scan of a chair is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the command
+`radartwin label SCENE --export`. The script compares their hashes with the hashes in the recorded answers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DATA = Path("../shared/data/scans") / CHAIR
 
 
 def asked(room: str, data: Path = DATA) -> list[Question]:
-    """Return the questions of a room's scan, or of both forms of the chair scan in the folder `data` (frames and exported mesh)."""
+    """Return the questions about a room's scan, or about both forms of the chair scan in the folder `data` (frames and exported mesh)."""
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
         sources = [data, data / "export.obj"]
@@ -44,7 +44,7 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
 
 
 def exact(room: str, questions: Sequence[Question]) -> float:
-    """Return the share of the questions, by surface area, whose text and pictures equal those of the recorded answers."""
+    """Return the share of the questions, weighted by surface area, whose text and pictures equal those of the recorded answers."""
     keys = {record.key for record in shipped(room)}
     return sum(q.place.area_m2 for q in questions if q.key in keys) / sum(q.place.area_m2 for q in questions)
 

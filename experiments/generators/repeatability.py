@@ -1,10 +1,11 @@
-"""Measure the repeatability limits of features, in which simulator=auto expresses a model's error.
+"""Measure the repeatability limits of features. simulator=auto divides the feature error of a simulation model by these limits.
 
     python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json, about twenty core minutes
 
-The testbed records each object REPEATS times at one metre. For each recording the object is placed again, with new random draws of the
-drive's slip, the turntable's wobble, the room's drift and the receiver noise. The file has a limit for each object, and a pooled limit for
-unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin for this.
+The testbed (virtual measurement) records each object REPEATS times at one metre. For each recording, the object is placed again, and the
+drive's slip, the turntable's wobble, the room's drift and the receiver noise are drawn again. The output file has a limit for each object,
+and a pooled limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a
+margin.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ Read = tuple[Sequence[str], np.ndarray]
 
 
 def repeated(config: Config, motion: Motion) -> list[list[Case]]:
-    """Return the cases to record: one list of REPEATS cases per object."""
+    """Return the cases to record for one motion, as one list of REPEATS cases per object."""
     campaign = config.profile.campaign
     if motion == "turntable":
         from radartwin.scene.objects.catalogue import catalogue
@@ -56,7 +57,7 @@ def repeated(config: Config, motion: Motion) -> list[list[Case]]:
 
 
 def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
-    """Return the feature names and the values (recordings, features) of one object."""
+    """Return the feature names, and the feature values (recordings, features) of the cases of one object."""
     rows = []
     for case in cases:
         processed = campaign.processed("measured", case)[1]
@@ -66,7 +67,7 @@ def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
 
 
 def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
-    """Return the content of the file of limits from {motion: {object: (feature names, values (recordings, features))}}."""
+    """Return the content of the file of repeatability limits from {motion: {object: (feature names, values (recordings, features))}}."""
 
     def rounded(some: Sequence[Read]) -> dict[str, float]:
         return {name: float(f"{limit:.3g}") for name, limit in limits.measured(some).items()}
@@ -80,7 +81,7 @@ def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure the repeatability limits and write the file."""
+    """Measure the repeatability limits and write them to the package file."""
     config = compose(["experiment=campaign"])
     config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
     progress = Progress()

@@ -1,1 +1,1 @@
-"""The paper's Table 1, which compares the capabilities of simulation systems."""
+"""The paper's Table 1, which compares the capabilities of radar simulation systems."""

@@ -1,6 +1,6 @@
-"""Checks of the capabilities of the systems that run here. Each check takes seconds and simulates no whole recording.
+"""Check the capabilities of those radar simulation systems that run here. Each check takes seconds and simulates no whole recording.
 
-A check returns (content of its cell in the table, whether this agrees with the paper's cell).
+A check returns two values: the content of the system's cell in the table, and whether this content agrees with the paper's cell.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _bounces(simulator: Backend) -> int:
 
 
 def _materials_matter(simulator: Backend) -> bool:
-    """Return whether a metal room returns more power than a wooden room."""
+    """Return whether a simulated metal room returns more power than the same room of wood."""
     metal, wood = (sum(float(np.abs(p.amplitude).max()) for p in _traced(simulator, _box(m))) for m in ("metal", "wood"))
     return metal > 1.5 * wood
 
@@ -69,7 +69,10 @@ def _four_bounces() -> tuple[str, bool]:
 
 
 def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
-    """Return a check that rays from the radar find the nearest surface of a room at its range; `words` is the content of the cell."""
+    """Return a check that rays from the radar find the nearest surface of a room at its true range.
+
+    `words` is the content of the table cell if the check succeeds.
+    """
 
     def check() -> tuple[str, bool]:
         nearest = min(float(part.length_m.min()) / 2 for part in _traced(simulator(), _box()))
@@ -79,7 +82,7 @@ def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
 
 
 def _mesh_formats() -> tuple[str, bool]:
-    """Check that a room's mesh keeps its area in every file format."""
+    """Check that a room's mesh keeps its surface area in every supported file format."""
     from radartwin.reconstruct.mesh_file import load_scan
 
     mesh, read = _box().surfaces[0].mesh, []
@@ -92,7 +95,7 @@ def _mesh_formats() -> tuple[str, bool]:
 
 
 def _scanned_room() -> tuple[str, bool]:
-    """Check that a mesh as from a phone, one piece of small noisy triangles, becomes a room with walls."""
+    """Check that a mesh as from a phone scan (one piece of small noisy triangles) is reconstructed as a room with walls."""
     from radartwin.reconstruct.build import ScanOptions, reconstruct
 
     mesh: Any = _box().surfaces[0].mesh.subdivide_to_size(0.12)
@@ -106,7 +109,7 @@ def _scanned_room() -> tuple[str, bool]:
 
 
 def _labelled() -> tuple[str, bool]:
-    """Check that the vision-language model's recorded answers become materials of the package, and that every category has a material."""
+    """Check that the vision-language model's recorded answers map to materials of the package, and that every category has a material."""
     from radartwin import materials
     from radartwin.label.sources import material_source
     from radartwin.materials.minc import MINC, names_in
@@ -120,7 +123,7 @@ def _labelled() -> tuple[str, bool]:
 
 
 def _no_measurement() -> tuple[str, bool]:
-    """Check that no module that reconstructs, labels or simulates imports a module that reads measured recordings."""
+    """Check that no module that reconstructs scenes, assigns materials or simulates imports a module that reads measured recordings."""
     from radartwin.store.digest import import_closure
 
     reached = import_closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))

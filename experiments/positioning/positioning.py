@@ -1,10 +1,11 @@
-"""This system compared with others: the paper's Table 1, the source of every cell, and checks of the systems that run here.
+"""Compare RadarTwin with other radar simulation systems: the paper's Table 1, the source of every cell, and checks of our own cells.
 
-The cells of other systems are the paper's. The first source of every cell is the paper's table itself (`tab:positioning`); SAID adds
-quotations from the paper's text. "yes", "partly", "no" and "-" stand for the table's marks: present, partly present, absent, and not
-applicable. Our row holds the results of the checks in `capabilities`; a cell is empty if its check fails. Sionna RT and the re-implemented
-RF-Genesis run here too, so two cells of each are checked. The verdict of a row is "holds" if every checked cell agrees with the paper. The
-paper claims that no other system has all capabilities; the last row counts such systems in the paper's own cells.
+The cells of other systems are copied from the paper, and the first source of every cell is the paper's table (`tab:positioning`). The
+constant SAID adds quotations from the paper's text. The cells "yes", "partly", "no" and "-" stand for the marks in the paper's table:
+present, partly present, absent, and not applicable. RadarTwin's row holds the results of the checks in `capabilities`; a cell is empty if
+its check fails. Sionna RT and the re-implemented RF-Genesis also run here, so two cells of each of these systems are checked. The verdict
+of a row is "holds" if every checked cell agrees with the paper. The paper claims that no other system has all capabilities. The last row
+of the table counts the systems with all capabilities among the paper's own cells.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ MATERIALS_BY_HAND = ("EM solvers", "Sionna RT")  # the paper says "manual per-su
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Return the rows of the table, and a row with the number of other systems that have every mark."""
+    """Return the rows of the table. The last row is the number of other systems that have every capability."""
     rows = [row(system) for system in progress.over(list(CELLS), "systems")]
     rows.append(others_with_all())
     ours = next(r for r in rows if r["method"] == OURS)
@@ -85,7 +86,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def row(system: str) -> dict[str, Any]:
-    """Run the checks of one system and return its row."""
+    """Run the checks of one system and return the system's row of the table."""
     cells: dict[str, str] = dict(zip(AXES, CELLS[system], strict=True))
     notes: list[str] = []
     agree: list[bool] = []
@@ -107,13 +108,13 @@ def row(system: str) -> dict[str, Any]:
 
 
 def source(system: str, axis: str) -> str:
-    """Return the source of a cell as text."""
+    """Return as text the source of a table cell, given the system (row) and the capability (column)."""
     said = SAID.get((system, axis))
     return f'{axis}: Table 1 and the text, "{said}"' if said else f"{axis}: Table 1"
 
 
 def others_with_all() -> dict[str, Any]:
-    """Return a row with the number of other systems that have all three marks and whose materials are not assigned by hand."""
+    """Return a row with the number of other systems that have all three capabilities and do not need materials assigned by hand."""
     marked = [s for s, cells in CELLS.items() if s != OURS and all(cells[AXES.index(axis)] == "yes" for axis in TICKS)]
     rivals = [system for system in marked if system not in MATERIALS_BY_HAND]
     note = f"all three marks: {', '.join(marked)}; of these with materials not given by hand: {', '.join(rivals) or 'none'}"

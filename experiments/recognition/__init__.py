@@ -1,1 +1,1 @@
-"""Calibration and recognition tables."""
+"""Tables about calibration by a corner reflector and about recognition of objects and materials."""

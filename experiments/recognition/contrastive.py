@@ -1,11 +1,12 @@
-"""Contrastive alignment of simulated radar with text: linear classifiers (probes) on the embeddings of measured recordings.
+"""Contrastive alignment of simulated radar features with text, tested by linear classifiers (probes) on embeddings of measured recordings.
 
-The encoder is trained to align simulated rotation features with MiniLM embeddings of the objects' descriptions. It then embeds measured
-features, and a probe predicts geometry and material of each measured recording. Probes trained on all other recordings are one
-interpretation of the paper. Probes trained on other objects only cannot recognise the class by the tested object's own recordings. Classes
-have equal weight, so chance is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material
-40 % (chance 33). An encoder trained on simulation alone is exported as a model for `radartwin classify`; its features exclude brightness
-because the gain of another radar is unknown.
+The encoder (a neural network) is trained to align simulated rotation features with MiniLM text embeddings of the objects' descriptions.
+The trained encoder then embeds measured features, and a probe predicts geometry class and material class of each measured recording. Two
+kinds of probes are trained. A probe trained on all other recordings is one interpretation of the paper; it has seen other recordings of
+the tested object. A probe trained on other objects only has not seen the tested object. Classes have equal weight, so the chance level is
+one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material 40 % (chance 33). An encoder
+trained on simulation alone is exported as a model for `radartwin classify`. Its features exclude brightness, because the gain of another
+radar is unknown.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the rows per attribute, left-out group and method, and export the model."""
+    """Build the table rows for each attribute (geometry, material), left-out group and method, and export the trained model."""
     measured, copies = measured_and_copies(config, source, store, progress)
     keys = tuple(sorted((*measured.keys, *copies.keys)))
     split = _split(config, standardised(copies.samples), standardised(measured.samples))
@@ -85,13 +86,13 @@ def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
 
 
 def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np.bool_]:
-    """Return a boolean mask (N,) of the recordings whose class has at least two objects, so that one object can be left out."""
+    """Return a boolean mask (N,) of the recordings whose class contains at least two objects, so that one object can be left out."""
     objects = {kind: {label for label in recordings.classes if classes[label] == kind} for kind in set(classes.values())}
     return np.array([len(objects[classes[label]]) > 1 for label in recordings.label])
 
 
 def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
-    """Train a recogniser of the campaign's objects on simulation alone; features are scaled by their simulated mean and spread."""
+    """Train a classifier of the campaign's objects on simulation alone. Its features are scaled by their simulated mean and spread."""
     measured, copies = measured_and_copies(config, source, store, Progress(), EXPORT_WITHOUT)
     texts = anchors(copies.samples.classes)
     trained = fit(label_free(standardised(copies.samples), standardised(measured.samples)), texts, settings(config), config.seed)

@@ -1,9 +1,9 @@
-"""Calibration by one corner reflector: the echo power error of each material after an affine map from simulated to measured values.
+"""Calibration by a corner reflector: the echo power error of each material, before and after calibration from simulated to measured level.
 
-The mapped feature is the brightness of a revolution (radartwin/features/envelope.py). One reflector gives one level, so the map is an
-offset. A map fitted to the frames of a revolution would get a slope (0.59 at 1.5 m) because echoes of the room dominate at angles where the
-reflector echoes weakly. Paper: corner-reflector radiometric calibration: metal aligns, dielectrics stay too dim, liquid-filled containers
-most.
+The calibrated feature is the brightness of a revolution (radartwin/features/envelope.py). A single reflector gives a single level, so the
+calibration is an offset in decibels. A straight line fitted to the frames of a revolution would get a slope of 0.59 at 1.5 m, because
+echoes of the room dominate at angles where the reflector echoes weakly. Paper: corner-reflector radiometric calibration: metal aligns,
+dielectrics stay too dim, liquid-filled containers most.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build rows of the map, of each material's error before and after the map, and of filled bottles against other materials."""
+    """Build rows of the calibration offset, of each material's error before and after calibration, and of filled bottles against others."""
     room = sorted({case.room for case in source.cases("measured", motion=MOTION)})[0]
     cases = dict(zip(COMPARED, readings.shared_cases(source, MOTION, room), strict=True))
     progress.say(f"{len(cases['measured'])} measured and {len(cases['twin'])} simulated revolutions in {room}")
@@ -79,7 +79,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, NDArray], keys: tuple[str, ...]) -> dict[str, float]:
-    """Add rows of the error of each material; returns the errors after calibration as metrics."""
+    """Add rows of the echo power error of each material. Returns the errors after calibration in dB as metrics."""
     kinds, metrics = _kinds(scored), {}
     for when, error in errors.items():
         for kind in np.unique(kinds):
@@ -100,7 +100,7 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
 
 
 def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tuple[str, ...]) -> None:
-    """Add rows of the error of filled bottles minus the error of each other material."""
+    """Add rows of the echo power error of filled bottles minus the error of each other material."""
     kinds = _kinds(scored)
     filled = kinds == FILLED
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
@@ -114,7 +114,7 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
 
 
 def _kinds(recordings: Samples) -> NDArray[np.str_]:
-    """Return the material of each recording (N,): metal, ceramic, plastic or filled plastic."""
+    """Return the material class of each recording (N,): metal, ceramic, plastic or filled plastic."""
 
     def kind(name: str) -> str:
         return FILLED if catalogue()[name].contents and MATERIAL[name] == "plastic" else MATERIAL[name]
@@ -123,13 +123,13 @@ def _kinds(recordings: Samples) -> NDArray[np.str_]:
 
 
 def _errors(measured: Samples, twin: Samples, level: NDArray, column: int) -> NDArray:
-    """Return each measured value minus the simulated value at equal object and distance, (N,)."""
+    """Return the measured value minus the simulated value at equal object and distance, for each measured recording (N,)."""
     simulated = {(label, stratum): one for label, stratum, one in zip(twin.label, twin.stratum, level, strict=True)}
     return measured.values[:, column] - np.array([simulated[pair] for pair in zip(measured.label, measured.stratum, strict=True)])
 
 
 def _figure(measured: Samples, errors: Mapping[str, NDArray]) -> Figure:
-    """Draw the error of every recording by object before and after calibration; objects are sorted by material."""
+    """Draw the echo power error of every recording before and after calibration, by object. The objects are sorted by material."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.9, sharey=False)
     kinds = dict(zip(measured.label, _kinds(measured), strict=True))
     objects = sorted(kinds, key=lambda name: (kinds[name], name))

@@ -1,4 +1,4 @@
-"""Figures of the recognition tables: bars with intervals, confusion matrices, maps of embeddings, accuracy against labels."""
+"""Figures of the recognition tables: bars, confusion matrices, maps of embeddings, accuracy against the number of labelled recordings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ Row = Mapping[str, Any]
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
-    """Draw bars with intervals from {group: {method: row}}. The method `grey` is grey; a line through each group shows chance."""
+    """Draw bars with confidence intervals from {group: {method: row}}. The bar of the method `grey` is grey; a line shows each
+    group's chance.
+    """
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))
     colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), PALETTE, strict=False))
@@ -47,7 +49,9 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
 
 
 def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[str]) -> Figure:
-    """Draw one confusion matrix per panel from (truth, prediction): share of each predicted class (column) per true class (row)."""
+    """Draw one confusion matrix per panel from (truth, prediction). A cell is the share of a true class (row) predicted as a class
+    (column).
+    """
     from sklearn.metrics import confusion_matrix
 
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
@@ -67,7 +71,7 @@ def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[
 
 
 def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
-    """Draw embeddings of both domains on their first two principal components; colours show classes, filled markers are measured."""
+    """Draw measured and simulated embeddings on their first two principal components. Colours show classes; filled markers are measured."""
     from sklearn.decomposition import PCA
 
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)
@@ -91,7 +95,10 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
 
 
 def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
-    """Draw accuracy against labelled recordings per class from {method: rows with `shots`}; the symmetric-log axis includes zero."""
+    """Draw accuracy against the number of labelled recordings per class, from {method: rows with the column `shots`}.
+
+    The horizontal axis is symmetric-logarithmic, so that it includes zero.
+    """
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, found) in enumerate(rows.items()):
         shots, value, low, high = (np.array([row[name] for row in found], float) for name in ("shots", "value", "low", "high"))

@@ -1,11 +1,12 @@
-"""Labelled probe: how much does an encoder trained on simulation alone help if some measured labels are known?
+"""Labelled probe: how much does an encoder trained on simulation alone help if the classes of some measured recordings are known?
 
-A probe classifies each measured revolution by the nearest class centroid of other revolutions, in the space of the encoder's embeddings.
-The same probe on the raw features shows the benefit of the training. Revolutions of one recording are nearly equal, so the probe on other
-recordings leaves out all revolutions of the classified recording; the remaining revolutions of the object are at other distances. Paper
-(recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-
-Genesis; at equal distance 95.3 % with encoder and 90.3 % raw. Not in the paper: accuracy against the number of labels, and controls with
-shuffled labels and domains.
+A probe classifies each measured turntable revolution by the nearest class centroid of other measured revolutions, in the space of the
+encoder's embeddings. The same probe on the features without encoder shows the benefit of the training. Revolutions of one recording are
+nearly equal. The "other recordings" probe therefore leaves out all revolutions of the recording that is classified, so the remaining
+revolutions of the same object are at other distances. Paper (recognition with simulation-trained representations): 95.3 +- 1.5 % with
+encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % with raw
+features. This table adds two parts that the paper does not have: accuracy against the number of labelled recordings, and controls with
+shuffled class labels and shuffled domains.
 """
 
 from __future__ import annotations
@@ -72,19 +73,22 @@ CASE = {"level": "few_shot", "setting": "turntable, 12 objects"}
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Measured revolutions, and simulated noisy copies by method, each standardised by its own rows; `keys` are store keys by method."""
+    """Features of measured revolutions, and of simulated noisy copies by method. `keys` holds the store keys by method.
+
+    Each set of rows is standardised by its own mean and standard deviation.
+    """
 
     measured: Samples
     copies: Mapping[str, Samples]
     keys: Mapping[str, tuple[str, ...]]
 
     def keys_of(self, method: str) -> tuple[str, ...]:
-        """Return the store keys of the measured recordings and, if any, of the method's simulated recordings."""
+        """Return the store keys of the measured recordings and of the recordings that the method simulated, if there are any."""
         return (*self.keys["measured"], *self.keys.get(method, ()))
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign, and for a campaign that RF-Genesis simulates for comparison."""
+    """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
     simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
     rival = replace(config, simulator=simulator)
     return score(config, Campaign(config, store, progress), store, progress, {RIVAL: Campaign(rival, store, progress)})
@@ -93,7 +97,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(
     config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None
 ) -> Result:
-    """Build rows of every probe, of accuracy against the number of labels, and of controls; `rivals` are campaigns of other simulators."""
+    """Build the rows of every probe, of accuracy against the number of labels, and of the controls.
+
+    `rivals` holds the campaigns that other simulators simulated, by name.
+    """
     data = gather_data(config, source, store, progress, rivals or {})
     measured = data.measured
     rows = RecognitionRows(config)
@@ -125,7 +132,7 @@ def score(
 
 
 def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float) -> dict[str, Mapping[str, Any]]:
-    """Add the accuracy of every method, and the gain from training on simulation; returns the accuracy rows by method."""
+    """Add the accuracy of every method, and the accuracy gain from training on simulation. Returns the accuracy rows by method."""
     figures, gain = PROBES[probe]
     case, shown = CASE | {"probe": probe}, {}
     for method, found in hits.items():
@@ -143,7 +150,7 @@ def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str,
 
 
 def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
-    """Return all probes, but without RECORDINGS if an object has a single recording."""
+    """Return the names of all probes, but without the probe RECORDINGS if an object has only one recording."""
     single = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
     if not single:
         return list(PROBES)
@@ -156,7 +163,9 @@ def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
 
 
 def gather_data(config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource]) -> Data:
-    """Return the measured revolutions, and noisy copies of the recordings that the twin and each rival simulate."""
+    """Return the measured revolutions, and noisy copies of the recordings simulated by RadarTwin and by each other simulator in
+    `rivals`.
+    """
     cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(cases)} measured {MOTION} recordings")
     measured = vectors(source, "measured", cases, FEATURES)
@@ -169,9 +178,10 @@ def gather_data(config: Config, source: RecordingSource, store: Store, progress:
 
 
 def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encoder], chance: float) -> dict[str, list[Mapping[str, Any]]]:
-    """Add the accuracy with k labelled measured revolutions per class: nearest centroid of these, or for k = 0 the nearest description.
+    """Add the accuracy with k labelled measured revolutions per class. For k = 0, the nearest text description gives the class.
 
-    Labels are drawn from one half of each object's recordings; the other half is scored. Returns the rows by method, each with `shots`.
+    For k > 0, the nearest centroid of the labelled revolutions gives the class. Labelled revolutions are drawn from one half of each
+    object's recordings, and the accuracy is computed on the other half. Returns the rows by method; each row has the column `shots` (k).
     """
     measured = data.measured
     found: dict[str, list[Mapping[str, Any]]] = {PRETRAINED: [], RAW: [], SCRATCH: []}
@@ -194,7 +204,7 @@ def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encode
 def _few_shot_predictions(
     config: Config, encoder: Encoder, known: Samples, rest: Samples, shots: int, seed: int
 ) -> dict[str, NDArray[np.str_]]:
-    """Predict the labels of `rest` with each method from the labelled rows `known`."""
+    """Predict with each method the classes of the rows `rest` from the labelled rows `known`."""
     texts = anchors(rest.classes)
     if not shots:
         return {PRETRAINED: nearest_text(encoder, rest.unlabelled(), texts, settings(config).temperature)}
@@ -207,7 +217,9 @@ def _few_shot_predictions(
 
 
 def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
-    """Add controls with shuffled labels and shuffled domains, which must be at chance, and a linear classifier of the true domains."""
+    """Add the controls: shuffled class labels and shuffled domains, both expected at chance, and a linear classifier of the true
+    domains.
+    """
     measured, simulated, keys = data.measured, data.copies[PRETRAINED], data.keys_of(PRETRAINED)
     both = as_domains(join(simulated.per_recording(), measured))
     texts, chosen = anchors(measured.classes), settings(rows.config)
@@ -228,7 +240,10 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:
-    """Train a linear domain classifier on half of the stored recordings; returns its balanced accuracy on the other half."""
+    """Train a linear classifier that separates measured from simulated rows, on half of the recordings.
+
+    Returns the classifier's balanced accuracy on the other half of the recordings.
+    """
     from sklearn.metrics import balanced_accuracy_score
 
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))

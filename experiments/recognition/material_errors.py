@@ -1,7 +1,7 @@
-"""Wrong materials: how much do recognition and levels suffer if more of the room's surfaces carry a wrong label?
+"""Effect of wrong materials: how do recognition accuracy and level error change if more surfaces of the room have a wrong material?
 
-The shares of wrong labels run from none (true labels) to all (materials=random). The configured material source is added for comparison.
-Recognition is that of the reconstruction ablation.
+The share of wrong material labels grows from none (true materials) to all (materials=random). The configured material source is added for
+comparison. Recognition uses the method of experiments/recognition/reconstruction_ablation.py.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
-    """Return {name: (share of wrong labels, material source)}; the share is None for the configured source."""
+    """Return {name: (share of wrong material labels, material source)}; the share is None for the configured material source."""
     found: dict[str, tuple[float | None, MaterialsConfig]] = {TRUE: (0.0, TrueMaterials())}
     for share in WRONG if config.profile.name != "quick" else WRONG[-1:]:
         found[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
@@ -57,7 +57,7 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
 
 
 def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Progress) -> Result:
-    """Build rows of accuracy, of the loss of accuracy by wrong labels, and of level error; `campaigns` has the keys of `sources`."""
+    """Build rows of accuracy, of the accuracy lost by wrong materials, and of level error. `campaigns` has the same keys as `sources`."""
     rows = RecognitionRows(config)
     used: set[str] = set()
     curve: list[dict[str, Any]] = []
@@ -88,7 +88,7 @@ def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Pr
 
 
 def _figure(curve: list[dict[str, Any]]) -> Figure:
-    """Draw accuracy and level error against the share of wrong labels; a horizontal band shows the configured source."""
+    """Draw accuracy and level error against the share of wrong material labels. A horizontal band shows the configured material source."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     known, configured = [point for point in curve if point["share"] is not None], curve[-1]
     for panel, quantity, label in zip(panels, ("accuracy", "error"), ("label-free accuracy", "level error (dB)"), strict=True):

@@ -1,4 +1,4 @@
-"""Common functions of the recognition tables: descriptions, trained encoders per seed, and rows with intervals and verdicts."""
+"""Functions that all recognition tables use: text embeddings, encoder settings, random seeds, and rows with intervals and verdicts."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalo
 
 
 def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
-    """Return {object: embedding vector of its text description}."""
+    """Return {object: embedding vector of the object's text description}."""
     known, names = catalogue(), sorted(objects)
     return dict(zip(names, embed([known[name].description for name in names]), strict=True))
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:
-    """Return the encoder settings of a supervision level; only few_shot includes the paired loss term."""
+    """Return the encoder settings of a supervision level. Only the level few_shot includes the loss term of simulated-measured pairs."""
     chosen = Settings(**asdict(config.supervision.encoder))
     return chosen if level == "few_shot" else replace(chosen, paired=0.0)
 
 
 def seeds(config: Config) -> list[int]:
-    """Return the random seeds of the trainings whose results are averaged."""
+    """Return the random seeds of the trainings; each table averages the results over these seeds."""
     return [config.seed + number for number in range(config.supervision.seeds)]
 
 
@@ -47,28 +47,30 @@ def encoders(config: Config, split: Split) -> list[Encoder]:
 
 
 def cells(recordings: Samples) -> NDArray[np.str_]:
-    """Return the cell (object and distance) of each recording, (N,); recordings in one cell share a simulation."""
+    """Return the cell (object and distance) of each recording, (N,). Recordings in the same cell are compared with the same simulation."""
     return np.array([f"{label} {stratum}" for label, stratum in zip(recordings.label, recordings.stratum, strict=True)])
 
 
 def count_sources(recordings: Samples) -> int:
-    """Return the number of different stored recordings."""
+    """Return the number of different stored recordings from which the rows were computed."""
     return np.unique(recordings.source).size
 
 
 def statistics_columns(answers: int, chance: float | None = None, p: float | None = None, shares: NDArray | None = None) -> dict[str, Any]:
-    """Build the extra columns of a score: number of predictions, chance, p, and the standard deviation of `shares` (seeds,)."""
+    """Build extra columns of a score: number of predictions, chance, p value, and the standard deviation of the accuracies `shares`
+    (seeds,).
+    """
     spread = float(np.std(shares, ddof=1)) if shares is not None and len(shares) > 1 else None
     return {"answers": answers, "chance": chance, "p": p, "seed_sd": spread}
 
 
 def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:
-    """Return whether each prediction is correct, (seeds, N)."""
+    """Return a boolean array (seeds, N) that is true where the prediction equals the true class."""
     return np.stack([prediction == truth for prediction in predictions])
 
 
 class RecognitionRows(list[dict[str, Any]]):
-    """List of the rows of one recognition table, with functions that append a row."""
+    """The list of the rows of one recognition table, with methods that append a row."""
 
     def __init__(self, config: Config):
         super().__init__()
@@ -78,13 +80,13 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], metric: str, interval: tuple[float, float, float], n: int, keys: Sequence[str],
         claim: Claim = NONE, holds: bool | None = None,
     ) -> dict[str, Any]:  # fmt: skip
-        """Append and return one row.
+        """Append one row to the table and return this row.
 
         Args:
-            interval: (low, value, high).
-            n: number of recordings; with fewer than two the verdict is "untestable".
-            claim: gives the claim's text and the paper's value.
-            holds: whether the claim holds; None without a claim.
+            interval: (lower bound, value, upper bound) of the score's confidence interval.
+            n: number of recordings; with fewer than two recordings the verdict is "untestable".
+            claim: the claim's text and the paper's value.
+            holds: whether the claim holds; None for a row without a claim.
         """
         low, value, high = interval
         verdict = "untestable" if holds is None or n < 2 else "holds" if holds else "fails"
@@ -99,11 +101,11 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], hits: NDArray, recordings: Samples, keys: Sequence[str], chance: float, claim: Claim = NONE,
         balanced: bool = False,
     ) -> dict[str, Any]:  # fmt: skip
-        """Append the accuracy (share of correct predictions); the claim holds if the whole interval lies above chance.
+        """Append the accuracy (share of correct predictions). The claim holds if the whole confidence interval lies above chance.
 
         Args:
-            hits: (seeds, N) whether each prediction is correct.
-            balanced: use the balanced accuracy, the mean of the accuracies of all classes.
+            hits: boolean (seeds, N), whether each prediction is correct.
+            balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
         """
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
         interval = seed_mean(hits, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
@@ -117,7 +119,7 @@ class RecognitionRows(list[dict[str, Any]]):
     def gain(
         self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], claim: Claim = NONE
     ) -> dict[str, Any]:
-        """Append the accuracy of `first` minus that of `second` on the same recordings; the claim holds if the interval lies above zero."""
+        """Append the accuracy of `first` minus that of `second` on the same recordings. The claim holds if the interval lies above zero."""
         difference = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
         interval = seed_mean(difference, cells(recordings), self.config.profile.resamples, self.config.seed)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -128,10 +130,10 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], shares: NDArray, draws: int, scored: Samples, keys: Sequence[str], chance: float,
         metric: str = "accuracy",
     ) -> dict[str, Any]:  # fmt: skip
-        """Append the mean of the accuracies `shares` (seeds,) with shuffled labels; the claim is that it is at chance.
+        """Append the mean of the accuracies `shares` (seeds,) with shuffled labels. The claim is that the mean is at chance level.
 
         Args:
-            draws: number of labels that were shuffled independently in each seed, such as simulated recordings.
+            draws: number of labels that were shuffled independently for each seed, such as the number of simulated recordings.
         """
         low, value, high = exact_interval(float(np.mean(shares)), draws * len(shares))
         case = {**case, **statistics_columns(len(scored), chance, None, shares)}

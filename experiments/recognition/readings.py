@@ -1,4 +1,4 @@
-"""Read a campaign's recordings as feature rows: one row per recording, revolution, frame, range-time signature or noisy copy."""
+"""Read a campaign's recordings as feature rows: a row per recording, revolution, frame, range-time signature or noisy copy."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # returns fea
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Feature rows, and the store keys of the recordings that they were computed from."""
+    """Rows of features, and the store keys of the recordings from which the features were computed."""
 
     samples: Samples
     keys: tuple[str, ...]
 
 
 def recording_name(domain: str, case: Case) -> str:
-    """Return a name that contains the domain and sorts by object, room, motion, distance and repetition."""
+    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance and repetition."""
     return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition} {domain}"
 
 
 def stratum(case: Case) -> str:
-    """Return the stratum (group of equal distance) of a case as text: its distance at the start."""
+    """Return as text the distance of a case. Recordings of equal distance form a stratum, within which features are ranked."""
     return f"{case.distance_m:g} m"
 
 
 def shared_cases(source: RecordingSource, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Case], list[Case]]:
     """Return (measured, simulated) cases of the objects, rooms and distances that both domains contain.
 
-    Distances with fewer than two objects are left out. All objects at a place have the same number of measured cases.
+    Distances with fewer than two objects are left out. All objects in the same room and distance have equally many measured cases.
 
     Raises:
         InputError: no case is left.
@@ -65,7 +65,7 @@ def shared_cases(source: RecordingSource, motion: str, room: str | None = None, 
 
 
 def balanced(cases: Sequence[Case]) -> list[Case]:
-    """Keep an equal number of repetitions of every object at a place: the smallest number over the objects."""
+    """Keep an equal number of repetitions for all objects in the same room and distance: the smallest number that any object has."""
     found: dict[tuple[str, float], dict[str, list[Case]]] = {}
     for case in sorted(cases, key=lambda case: case.repetition):
         found.setdefault((case.room, case.distance_m), {}).setdefault(case.object, []).append(case)
@@ -74,7 +74,7 @@ def balanced(cases: Sequence[Case]) -> list[Case]:
 
 
 def vectors(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = ()) -> Readings:
-    """Read one feature row per recording; for a turntable one row per revolution."""
+    """Read one feature row per recording. For a turntable, read one feature row per revolution."""
     return _read(source, domain, cases, lambda processed, log: sets.vector(processed, log, features, without), by_revolution=True)
 
 
@@ -83,7 +83,10 @@ def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features
 
 
 def signatures(source: RecordingSource, domain: str, cases: Sequence[Case], rows: int = 50) -> Readings:
-    """Read the range-time signature of each recording as one row: levels in dB, 0.3 to 5.5 m, interpolated in time to `rows` profiles."""
+    """Read the range-time signature of each recording as one feature row.
+
+    A signature holds levels in dB from 0.3 to 5.5 m in range, interpolated in time to `rows` profiles.
+    """
 
     def signature(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
         names, level = sets.frames(processed, log, "raw")
@@ -97,7 +100,7 @@ def signatures(source: RecordingSource, domain: str, cases: Sequence[Case], rows
 
 
 def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
-    """Split a recording into (name suffix, recording, log) per whole revolution; without a turntable it stays whole."""
+    """Split a turntable recording into whole revolutions, each as (name suffix, recording, log). Other recordings are not split."""
     if log.angle_rad is None:
         return [("", processed, log)]
     period = envelope.frames_per_revolution(log.angle_rad)
@@ -117,7 +120,7 @@ def _read(
 
 
 def read_rows(domain: str, recordings: Iterable[tuple[Case, str, Processed, Log]], reader: Reader, by_revolution: bool = False) -> Readings:
-    """Collect the rows that a reader returns for each (case, store key, processed recording, log)."""
+    """Collect the feature rows that `reader` computes for each (case, store key, processed recording, log)."""
     parts, keys, names = [], [], []
     for case, key, processed, log in recordings:
         for suffix, piece, piece_log in revolutions(processed, log) if by_revolution else [("", processed, log)]:
@@ -135,7 +138,7 @@ def _part(domain: str, case: Case, values: np.ndarray, suffix: str = "") -> Part
 def measured_and_copies(
     config: Config, source: RecordingSource, store: Store, progress: Progress, without: Sequence[str] = ()
 ) -> tuple[Readings, Readings]:
-    """Return rotation features of the turntable: (measured revolutions, noisy copies of simulated revolutions)."""
+    """Return (features of measured turntable revolutions, features of noisy copies of simulated turntable revolutions)."""
     cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured recordings")
     copied = noise_copies(config, store, source, twins, cases, without)
@@ -146,12 +149,13 @@ def noise_copies(
     config: Config, store: Store, source: RecordingSource, simulated: Sequence[Case], measured: Sequence[Case],
     without: Sequence[str] = (), measured_source: RecordingSource | None = None,
 ) -> Readings:  # fmt: skip
-    """Compute features of `supervision.copies` noisy copies per simulated recording; noise levels come from measured ones at its distance.
+    """Compute features of `supervision.copies` noisy copies per simulated recording, with the noise level of measured recordings.
 
-    The rows are stored. Measured recordings contribute target energies and noise floors, but no labels.
+    The noise level of a copy comes from the measured recordings at the same distance. The store keeps the computed rows. Measured
+    recordings contribute target energies and noise floors, but no class labels.
 
     Args:
-        measured_source: source of the measured cases; None uses `source`.
+        measured_source: source of the measured recordings; None stands for the same source as the simulated recordings (`source`).
     """
     measured_source = measured_source or source
     source.prepare([("twin", case) for case in simulated])

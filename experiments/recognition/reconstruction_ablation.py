@@ -1,11 +1,12 @@
-"""Reconstruction ablation: label-free recognition of lateral drives as parts of the twin's room are removed.
+"""Reconstruction ablation: how well are objects recognised if the simulation used for training contains less of the reconstructed room?
 
-The same forests are trained on three twins: with labelled materials, with one uniform material on every surface of the room, and without
-the room. Predictions are compared recording by recording.
+In the measured recordings, the radar drives past the object, at right angles to the line of sight ("lateral" drives). No class labels of
+measured recordings are used. The same random forests are trained on three simulations: with labelled materials, with one uniform material
+on every surface of the room, and without the room. The table compares the predictions of the three forests on the same recordings.
 
-Paper (reconstruction ablation, squash court), in the sequence labelled, uniform, no room: object accuracy 0.227 +- 0.015, 0.192 +- 0.015
-and 0.138 +- 0.008; shape accuracy 0.65, 0.66 and 0.54. Only the labelled twin classifies 23 recordings correctly, only the uniform twin 6;
-p 0.001.
+Paper (reconstruction ablation, squash court), for labelled materials, uniform material and no room in this order: object accuracy 0.227 +-
+0.015, 0.192 +- 0.015 and 0.138 +- 0.008; shape accuracy 0.65, 0.66 and 0.54. Of the recordings, 23 are classified correctly only with
+labelled materials, and 6 only with the uniform material; p 0.001.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Raise ConfigError if the configured twin is one of the reduced twins."""
+    """Raise ConfigError if the configured simulation already has a uniform material or no room."""
     if config.materials.source in ("uniform", "void"):
         raise ConfigError(
             f"the ablation compares labelled materials with uniform and no materials; choose another source than {config.materials.source}"
@@ -63,7 +64,7 @@ def check(config: Config) -> None:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build rows of accuracy by twin and kind of classes, of gains between twins, and of paired tests."""
+    """Build rows of accuracy for each simulation and kind of classes, of accuracy gains between simulations, and of paired tests."""
     check(config)
     read: dict[str, transfer.Frames] = {}
     for method, domain, materials in METHODS:
@@ -104,7 +105,9 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], keys: list[str]) -> None:
-    """Add the number of recordings that only one of two twins classifies correctly, with exact p, and the seeds in which a twin leads."""
+    """Add the number of recordings that only one of two simulations classifies correctly, with exact p, and the number of seeds it
+    leads.
+    """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))
         found = paired(one, two)

@@ -1,8 +1,9 @@
-"""Recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and its bar figure).
+"""Object and material recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and bar figure).
 
-`supervision` sets the highest level: label_free gives the rows of level (i), calibrated adds level (ii), few_shot adds level (iii).
-Chance is one over the number of classes, or the share of the largest class where the paper uses this share. Material classes differ much in
-size, so the claim about materials is judged by balanced accuracy. The control is a forest trained on shuffled simulated labels.
+The option `supervision` sets the highest level in the table: label_free gives the rows of level (i), calibrated adds level (ii), few_shot
+adds level (iii). The chance level is one over the number of classes, or the share of the largest class where the paper uses this share.
+Material classes differ much in size, so the claim about materials is judged by balanced accuracy. As a control, a random forest is trained
+on simulated recordings with shuffled class labels.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ PAPER = {
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Drives of one room and motion: frames of both domains, and the objects predicted from raw signatures (recordings,)."""
+    """Drives of one room and motion: frames of both domains, and the objects (recordings,) predicted from raw range-time signatures."""
 
     room: str
     motion: str
@@ -72,7 +73,7 @@ class Drives:
 
 @dataclass
 class Shown:
-    """Content of the figures: `bars` by group and method; `panels` with (truth, prediction) of each confusion matrix."""
+    """Content of the figures: `bars` by group and method, and `panels` with (truth, prediction) of each confusion matrix."""
 
     bars: dict[str, dict[str, Mapping[str, Any]]] = field(default_factory=dict)
     panels: dict[str, tuple[NDArray, NDArray]] = field(default_factory=dict)
@@ -116,7 +117,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
 
 
 def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None:
-    """Add level (i), label-free: object accuracy, shape accuracy in lateral drives, and the control."""
+    """Add level (i), without measured labels: object accuracy, shape accuracy in sideways ("lateral") drives, and the control."""
     frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     recordings = frames.measured.per_recording()
     for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
@@ -148,7 +149,7 @@ def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None
 
 
 def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: float) -> None:
-    """Add the control: the same forests, trained on permuted labels of the simulated recordings."""
+    """Add the control: the same random forests, trained on simulated recordings with permuted class labels."""
     truth = drives.frames.measured.per_recording()
     predictions = transfer.predict(rows.config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
     shares = correct(predictions, truth.label).mean(axis=1)
@@ -157,7 +158,7 @@ def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: fl
 
 
 def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: RecordingSource) -> None:
-    """Add level (ii), calibrated: material classes with and without calibration by one reflector recording, which is not scored."""
+    """Add level (ii): accuracy of material classes with and without calibration by one reflector recording, which is not scored."""
     frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     ours, theirs = PAPER[motion, "material"] if in_paper else ("", "")
     recordings = frames.measured.per_recording()
@@ -184,7 +185,7 @@ def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: 
 
 
 def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
-    """Add level (iii), few-shot, on the rover: train on the twin's frames and a few labelled recordings, if there are enough."""
+    """Add level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if there are enough recordings."""
     supervision, frames = rows.config.supervision, drives.frames
     simulated, measured = transfer.ranked(frames.simulated), transfer.ranked(frames.measured)
     recordings = frames.measured.per_recording()
@@ -204,7 +205,7 @@ def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
 
 
 def _add_turntable(rows: RecognitionRows, shown: Shown, source: RecordingSource, store: Store, progress: Progress) -> tuple[str, ...]:
-    """Add level (iii) of the paper, the labelled probe on the turntable. Returns the store keys of its recordings."""
+    """Add level (iii) of the paper, the labelled probe on the turntable. Returns the store keys of the turntable recordings."""
     config = replace(rows.config, supervision=replace(rows.config.supervision, mode="label_free", shots=0))
     data = labelled_probe.gather_data(config, source, store, progress, {})
     keys = tuple(sorted({key for found in data.keys.values() for key in found}))

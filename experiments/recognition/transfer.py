@@ -1,8 +1,9 @@
-"""Label-free transfer from simulated to measured frames: the protocol that the rover's recognition tables share.
+"""Classify measured rover recordings by a random forest that is trained on simulated frames only. All rover recognition tables use this
+code.
 
-Frames of the twin and of the measured recordings are rank-normalised separately within each distance. A random forest is trained on the
-twin's frames; a measured recording gets the majority vote of its frames (paper: scene-level recognition, label-free). The "raw" baseline
-chooses the object whose simulated range-time signature is most similar at equal distance.
+The features of simulated and measured frames are replaced by their ranks, separately for each domain and distance. The forest is trained
+on the simulated frames. A measured recording gets the class that most of its frames get (paper: scene-level recognition, label-free). The
+"raw" baseline method chooses the object whose simulated range-time signature at the same distance is most similar.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Frames:
 
 
 def read(source: RecordingSource, room: str, motion: str, domain: str = "twin", materials: Any = None) -> Frames:
-    """Read the frames of every case that both domains contain. Raises InputError if there are none."""
+    """Read the frames of every case that both domains contain. Raises InputError if both domains have no case in common."""
     measured, simulated = readings.shared_cases(source, motion, room, domain)
     theirs = readings.frames(source, "measured", measured, motion)
     ours = readings.frames(source, domain, simulated, motion, materials)
@@ -49,19 +50,19 @@ def read(source: RecordingSource, room: str, motion: str, domain: str = "twin", 
 
 
 def missing(campaign: Campaign, room: str, motion: str, domain: str = "twin", materials: Any = None) -> dict[str, RecordingTask]:
-    """Return {store key: task} of the recordings that `read` would simulate, for campaign.make_together."""
+    """Return {store key: task} of the recordings that `read` would simulate. Pass the result to campaign.make_together."""
     measured, simulated = readings.shared_cases(campaign, motion, room, domain)
     ours = campaign.missing([(domain, case) for case in simulated], materials)
     return campaign.missing([("measured", case) for case in measured]) | ours
 
 
 def ranked(samples: Samples) -> Samples:
-    """Replace each feature by its rank, from 0 to 1, among the rows at equal distance."""
+    """Replace each feature value by its rank, scaled to 0 to 1, among the rows at equal distance."""
     return samples.with_values(rank_normalise(samples.values, samples.stratum))
 
 
 def ranked_split(frames: Frames, classes: Mapping[str, str] | None = None) -> Split:
-    """Return the split that trains on the twin's ranked frames and tests on the measured frames; `classes` maps objects to classes."""
+    """Return the split that trains on ranked simulated frames and tests on ranked measured frames. `classes` maps objects to classes."""
     simulated, measured = ranked(frames.simulated), ranked(frames.measured)
     if classes is not None:
         simulated, measured = simulated.relabelled(classes), measured.relabelled(classes)
@@ -69,12 +70,12 @@ def ranked_split(frames: Frames, classes: Mapping[str, str] | None = None) -> Sp
 
 
 def predict(config: Config, split: Split, change: Callable[[Split, int], Split] = lambda split, seed: split) -> list[NDArray]:
-    """Return the forest's predictions (recordings,) for each seed; `change(split, seed)` may alter the split of a seed."""
+    """Return the random forest's predictions (recordings,) for each seed. `change(split, seed)` may alter the split before training."""
     return [forest(change(split, seed), seed, config.supervision.trees) for seed in seeds(config)]
 
 
 def predict_from_signatures(source: RecordingSource, room: str, motion: str) -> NDArray:
-    """Predict for each measured recording the object with the most similar simulated signature."""
+    """Predict for each measured recording the object whose simulated range-time signature is most similar."""
     measured, simulated = readings.shared_cases(source, motion, room)
     ours, theirs = readings.signatures(source, "twin", simulated), readings.signatures(source, "measured", measured)
     return match_signatures(label_free(ours.samples, theirs.samples))
@@ -83,10 +84,10 @@ def predict_from_signatures(source: RecordingSource, room: str, motion: str) -> 
 def calibrated_split(
     source: RecordingSource, frames: Frames, room: str, motion: str, classes: Mapping[str, str], mapped: bool = True
 ) -> Split:
-    """Return the split that trains on the twin's frames after calibration by one unlabelled reflector recording.
+    """Return the split that trains on simulated frames after calibration by one reflector recording, whose class label is not used.
 
-    The calibration maps energy-dependent features of the twin to levels of the measured domain. The reflector is left out of training and
-    test at every distance. `mapped=False` skips the calibration, for comparison.
+    The calibration shifts the simulated features that depend on energy to measured levels. The reflector is left out of training and test
+    at every distance. `mapped=False` skips the calibration, for comparison.
     """
     simulated = frames.simulated
     if mapped:
@@ -101,7 +102,7 @@ def calibrated_split(
 
 
 def calibration_case(source: RecordingSource, domain: str, room: str, motion: str) -> Case:
-    """Return the first recording of the reflector at the middle distance. Raises InputError if there is none."""
+    """Return the first recording of the corner reflector at its middle distance. Raises InputError if there is no such recording."""
     cases = sorted(source.cases(domain, room=room, motion=motion, object=REFLECTOR), key=lambda case: recording_name(domain, case))
     if not cases:
         raise InputError(f"calibration: the campaign has no {domain} {motion} recording of the {REFLECTOR} in {room}; record one")

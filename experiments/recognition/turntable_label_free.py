@@ -1,8 +1,9 @@
-"""Turntable without labels: does training on simulation alone recognise the attributes of an object, or the object itself?
+"""Turntable without measured labels: does training on simulation alone recognise the attributes of an object, or the object itself?
 
-The encoder is trained on noisy copies of the simulated features; the object is predicted as the nearest text description. Paper
-(recognition, label-free): accuracy for geometry is 0.72, and the largest class has a share of 0.58; for material 0.72 and 0.67. The object
-itself is not recognised.
+The encoder (a neural network) is trained on noisy copies of the simulated features. The predicted object is the object whose text
+embedding is nearest to the encoder's output. Paper (recognition, label-free): the accuracy for geometry is 0.72, and the largest geometry
+class has a share of 0.58. The accuracy for material is 0.72, and the largest material class has a share of 0.67. The object itself is not
+recognised.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the rows per attribute and method, and for the object itself."""
+    """Build the table rows for each attribute (geometry, material) and method, and for the object itself."""
     measured, copies = measured_and_copies(config, source, store, progress)
     keys = tuple(sorted((*measured.keys, *copies.keys)))
     split = label_free(ranked(copies.samples), ranked(measured.samples))

@@ -1,1 +1,1 @@
-"""Tables for a radar that moves on a rover."""
+"""Tables about recordings of a radar that moves on a rover."""

@@ -1,4 +1,4 @@
-"""Read rover recordings for the rover tables: features, mean range profile, and track, energy and velocity along the drive."""
+"""Read rover recordings for the rover tables: features, mean range profile, and the target's range, energy and velocity along the drive."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Drive:
     """Features and time series of one rover recording.
 
     Attributes:
-        values: {name: value} of the feature set for this motion.
-        power: (F, B) range profiles over range_m (B,).
-        nominal_m, track_m: (F,) logged and (F,) tracked range of the target.
-        energy: (F,) energy in the target gate.
-        velocity_mps: (F,) radial velocity of the target, or None without Doppler.
+        values: {name: value} of the features defined for this motion.
+        power: (F, B) range profiles in power over the range axis range_m (B,).
+        nominal_m, track_m: range of the target in metres in each frame (F,), from the log (nominal_m) and as tracked (track_m).
+        energy: (F,) energy in the target gate in each frame.
+        velocity_mps: (F,) radial velocity of the target in m/s, or None for a recording without Doppler.
     """
 
     key: str
@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def profile(self) -> NDArray:
-        """Mean range profile (B,) over frames, after scaling each frame to unit energy."""
+        """Mean range profile (B,) over frames. Each frame is first scaled to unit energy."""
         return (self.power / self.power.sum(axis=1, keepdims=True)).mean(axis=0)
 
 
@@ -51,7 +51,7 @@ Drives = dict[tuple[str, Place], list[Drive]]  # key: object, place
 
 
 def read(source: RecordingSource, progress: Progress) -> dict[str, Drives]:
-    """Read both domains at their common objects and places. Raises ConfigError if the domains have none in common."""
+    """Read measured and simulated drives at their common objects and places. Raises ConfigError if the domains have none in common."""
     return read_both(source, ROVER, lambda case: (case.object, (case.room, case.motion, case.distance_m)), _drive, progress)
 
 
@@ -66,23 +66,23 @@ def _drive(case: Case, key: str, processed: Processed, log: Log) -> Drive:
 
 
 def places(drives: Drives) -> list[Place]:
-    """Return the places, sorted by room, motion and distance."""
+    """Return the places (room, motion, distance) of the drives, sorted in this order."""
     return sorted({place for _, place in drives})
 
 
 def objects(drives: Drives, place: Place) -> list[str]:
-    """Return the names of the objects at a place, sorted as the catalogue."""
+    """Return the names of the objects at a place (room, motion, distance), sorted as in the catalogue."""
     return [name for name in catalogue() if (name, place) in drives]
 
 
 def matrix(drives: Drives, names: Sequence[str], place: Place) -> tuple[list[str], NDArray[np.floating]]:
-    """Return the feature names, and the feature means (objects, features) over repetitions at a place."""
+    """Return the feature names, and the feature values (objects, features) at a place, as means over repetitions."""
     features = list(drives[names[0], place][0].values)
     return features, np.array([[np.mean([one.values[f] for one in drives[name, place]]) for f in features] for name in names])
 
 
 def keys(drives: dict[str, Drives], names: Iterable[str] | None = None, chosen: Iterable[Place] | None = None) -> list[str]:
-    """Return the store keys of both domains' drives; `names=None` means all objects, `chosen=None` all places."""
+    """Return the store keys of both domains' drives. `names=None` stands for all objects, `chosen=None` for all places."""
     known_names, known_places = None if names is None else set(names), None if chosen is None else set(chosen)
     return [
         one.key
@@ -94,7 +94,7 @@ def keys(drives: dict[str, Drives], names: Iterable[str] | None = None, chosen: 
 
 
 def family(feature: str) -> str:
-    """Return the name of a feature's family as tables print it."""
+    """Return the name of the feature family of a feature, as tables print it."""
     if feature.startswith("window"):
         return "range-profile window"
     known = {"multipath_share": "multipath share", "azimuth_extent_rad": "angular extent", "brightness_db": "brightness"}

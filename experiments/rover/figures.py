@@ -1,4 +1,4 @@
-"""Figures of the rover tables: range-time panels, rank correlations by feature family, agreement along each factor."""
+"""Figures of the rover tables: range-time maps, rank correlations by feature family, agreement along object, distance and room."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ SPAN_DB = 50.0
 
 
 def panels_figure(drives: dict[str, Drives]) -> Figure:
-    """Draw range over time for up to four objects at one place, preferably a "depth" drive. Levels are relative to each panel's maximum."""
+    """Draw range-time maps of up to four objects at one place, preferably a drive along the line of sight ("depth").
+
+    The levels of each map are relative to the maximum of the map.
+    """
     where = drive_features.places(drives[MEASURED])
     place = next((one for one in where if one[1] == "depth"), where[0])
     here = drive_features.objects(drives[MEASURED], place)
@@ -48,7 +51,7 @@ def panels_figure(drives: dict[str, Drives]) -> Figure:
 
 
 def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
-    """Draw rank correlations over objects by feature family from (place, family, correlation); one panel per room and motion."""
+    """Draw rank correlations over objects by feature family from (place, family, correlation), in one panel per room and motion."""
     groups = sorted({(place[0], place[1]) for place, _, _ in found})
     families = list(dict.fromkeys(family for _, family, _ in found))
     drawing, panels = figure(1, max(len(groups), 1), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True, squeeze=False)
@@ -66,7 +69,9 @@ def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
 
 
 def slices_figure(slices: dict[tuple[str, str], np.ndarray]) -> Figure:
-    """Draw histograms of agreement: rank correlations along objects and along distances, and signs of the change between rooms."""
+    """Draw histograms of agreement: rank correlations over objects and over distances, and shares of equal signs of change between
+    rooms.
+    """
     motions = list(dict.fromkeys(motion for motion, _ in slices))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=2.4, sharey=True, squeeze=False)
     for panel, motion in zip(panels[0], motions, strict=True):

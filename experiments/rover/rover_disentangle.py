@@ -1,12 +1,13 @@
-"""Object, distance, room: which of them makes simulated features agree with measured ones, and which makes them differ?
+"""Object, distance, room: which of these factors makes simulated features agree with measured features, and which makes them differ?
 
-A slice fixes two of the three factors and varies the third. Object slice: rank correlation over objects in one room at one distance.
-Distance slice: rank correlation over distances for one object in one room. Room slice: share of features that change in the same direction
-between rooms in both domains, for one object at one distance. The pooled correlation takes all objects and distances of a room together;
-the matched correlation takes the objects at each distance and averages. As in the paper, the table gives the feature with the highest
-correlation. The disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance
-of the disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object,
-distance and environment: pooled about 0.8, matched about 0.5; the environment factor dominates.
+A slice fixes two of the three factors and varies the third factor. An object slice gives the rank correlation over objects in one room at
+one distance. A distance slice gives the rank correlation over distances for one object in one room. A room slice gives, for one object at
+one distance, the share of features that change in the same direction between two rooms in measurement and simulation. The pooled
+correlation uses all objects and distances of a room together. The matched correlation is computed over the objects at each distance and
+then averaged. As in the paper, the table gives the feature with the highest correlation. The disagreement is the simulated minus the
+measured feature, each standardised over all recordings of its domain. The variance of the disagreement is divided among the main effects
+of object, distance and room, as a mean over features. Paper, disentangling object, distance and environment: pooled correlation about 0.8,
+matched correlation about 0.5; the environment factor dominates.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows per motion; slices without recordings in the campaign are left out."""
+    """Build the table rows for each motion. Slices for which the campaign has no recordings are left out."""
     drives = drive_features.read(source, progress)
     rows = RowList(config)
     slices: dict[tuple[str, str], NDArray] = {}
@@ -69,7 +70,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:
-    """Scale the features of one motion to zero mean and unit standard deviation within each domain; constant features are left out."""
+    """Scale the features of one motion to zero mean and unit standard deviation within each domain. Constant features are left out."""
     names = {place: drive_features.objects(drives[MEASURED], place) for place in where}
     labels = [(name, place[0], place[2]) for place in where for name in names[place]]
     both = [np.concatenate([drive_features.matrix(drives[domain], names[place], place)[1] for place in where]) for domain in COMPARED]
@@ -79,7 +80,7 @@ def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:
 
 
 def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slices: dict[tuple[str, str], NDArray]) -> None:
-    """Add rows of the three slices, and of pooled and matched correlations; `slices` collects the values for the figure."""
+    """Add rows of the object, distance and room slices, and of pooled and matched correlations. `slices` collects values for the figure."""
     seeds = rows.config.profile.resamples, rows.config.seed
 
     def add(case: str, metric: str, statistic: Callable[[Cells], float], claim: Claim = NONE) -> None:
@@ -112,7 +113,7 @@ def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> N
 
 
 def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
-    """Compute the rank correlation of every feature in every slice along a factor; slices with fewer than three levels are left out."""
+    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three values are left out."""
     slices = _grouped(cells, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))
     found = [_rank_correlations(some) for some in slices if len(some) >= 3]
     values = np.concatenate(found) if found else np.zeros(0)
@@ -120,7 +121,10 @@ def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
 
 
 def room_signs(cells: Cells) -> NDArray[np.floating]:
-    """Return 1 or 0 per object, distance, pair of rooms and feature: 1 if the feature changes in the same direction in both domains."""
+    """Return 1 or 0 for each object, distance, pair of rooms and feature, in one array.
+
+    The value is 1 if the feature changes in the same direction from room to room in measurement and simulation.
+    """
     found = []
     rooms = sorted({room for _, room, _ in cells})
     for name, room, distance in cells:
@@ -133,20 +137,23 @@ def room_signs(cells: Cells) -> NDArray[np.floating]:
 
 
 def pooled(cells: Cells) -> NDArray[np.floating]:
-    """Return, for each feature, the rank correlation over all objects and distances of a room, as a mean over rooms (features,)."""
+    """Return for each feature (features,) the rank correlation over all objects and distances of a room, as a mean over rooms."""
     return _mean_correlation(cells, lambda label: label[1])
 
 
 def matched(cells: Cells) -> NDArray[np.floating]:
-    """Return, for each feature, the rank correlation over objects at one room and distance, as a mean over these places (features,)."""
+    """Return for each feature (features,) the rank correlation over objects in one room at one distance, as a mean over rooms and
+    distances.
+    """
     return _mean_correlation(cells, lambda label: label[1:])
 
 
 def effects(cells: Cells) -> dict[str, float]:
     """Compute the main effect of each factor on the disagreement (simulated minus measured), as a mean over features.
 
-    The effect is the share of the variance that the means of the factor's levels explain, per degree of freedom (levels minus one),
-    because a factor with more levels explains more of any variance. Factors with one level are left out.
+    The effect of a factor is the share of the variance that the means at the factor's levels explain, per degree of freedom (number of
+    levels minus one). A factor with more levels explains more of any variance, so the division is needed. Factors with one level are left
+    out.
     """
     labels = list(cells)
     gap = np.stack([values[1] - values[0] for values in cells.values()])
@@ -167,7 +174,7 @@ def effects(cells: Cells) -> dict[str, float]:
 
 
 def inflation(cells: Cells) -> float:
-    """Return the highest pooled correlation over features minus the highest matched correlation."""
+    """Return the highest pooled correlation of any feature minus the highest matched correlation of any feature."""
     return float(np.nanmax(pooled(cells)) - np.nanmax(matched(cells)))
 
 
@@ -181,7 +188,7 @@ def _mean(values: NDArray) -> float:
 
 
 def _grouped(cells: Cells, group: Callable[[Label], Any]) -> list[NDArray]:
-    """Return for each group the values of its n cells, (n, 2, features)."""
+    """Return for each group the values (n, 2, features) of its n cells, measured and simulated."""
     groups: dict[Any, list[NDArray]] = {}
     for label, values in cells.items():
         groups.setdefault(group(label), []).append(values)
@@ -189,14 +196,14 @@ def _grouped(cells: Cells, group: Callable[[Label], Any]) -> list[NDArray]:
 
 
 def _mean_correlation(cells: Cells, group: Callable[[Label], Any]) -> NDArray[np.floating]:
-    """Return, for each feature, the mean rank correlation over groups (features,); NaN if the feature varies in no group."""
+    """Return for each feature (features,) the mean rank correlation over groups; NaN if the feature varies in no group."""
     found = np.stack([_rank_correlations(some) for some in _grouped(cells, group)])
     finite = np.isfinite(found)
     return np.where(finite.any(axis=0), np.where(finite, found, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
 
 
 def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
-    """Return the Spearman correlations (features,) of values (n, 2, features) over n; NaN for a constant feature."""
+    """Return the Spearman correlations (features,) of measured and simulated values (n, 2, features); NaN for a constant feature."""
     from scipy.stats import rankdata
 
     first, second = (rankdata(values[:, side], axis=0) for side in (0, 1))
@@ -206,7 +213,7 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
 
 
 def bootstrap(cells: Cells, statistic: Callable[[Cells], float], resamples: int, seed: int) -> Estimate:
-    """Estimate a statistic with a bootstrap over objects; a drawn object brings its cells at all places.
+    """Estimate a statistic with a bootstrap over objects. A drawn object contributes its values in all rooms and at all distances.
 
     At most 300 resamples are drawn, because every feature is ranked again in each resample.
     """

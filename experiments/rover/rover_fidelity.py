@@ -1,8 +1,8 @@
-"""Along trajectories: does the simulated signal follow the measured signal along a drive, and do features rank objects equally?
+"""Does the simulated signal follow the measured signal along a drive, and do simulated and measured features rank the objects equally?
 
-The start of the simulated drive is aligned with the start of the measured drive by correlating their target energies. Range profiles are
-compared as amplitudes from 0.3 to 5.5 m. The binomial p of the share of positive rank correlations is too small, because features depend on
-one another; the paper reports the same p. Paper: signal fidelity along trajectories.
+The start of the simulated drive is aligned with the start of the measured drive by correlating the target energies of both. Range profiles
+are compared as amplitudes from 0.3 to 5.5 m. The binomial p value of the share of positive rank correlations is too small, because
+features depend on each other; the paper reports the same p value. Paper: signal fidelity along trajectories.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ MULTIPATH = "multipath_share"
 
 @dataclass(frozen=True)
 class Agreement:
-    """Rank correlation `rho` between measured and simulated values of one feature over the objects at one place."""
+    """Rank correlation `rho` between measured and simulated values of a feature, over the objects at one place (room, motion, distance)."""
 
     place: Place
     feature: str
@@ -71,7 +71,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows per room, motion and distance, and over all of them."""
+    """Build the table rows for each room, motion and distance, and for all of them together."""
     drives = drive_features.read(source, progress)
     found = agreements(drives)
     rows = RowList(config)
@@ -88,7 +88,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def agreements(drives: dict[str, Drives]) -> list[Agreement]:
-    """Return one `Agreement` per feature that varies in both domains and per place with three objects or more."""
+    """Return an `Agreement` for each feature that varies in both domains, at each place with three or more objects."""
     found = []
     for place in drive_features.places(drives[MEASURED]):
         names = drive_features.objects(drives[MEASURED], place)
@@ -104,17 +104,17 @@ def agreements(drives: dict[str, Drives]) -> list[Agreement]:
 
 
 def _at(place: Place, label: str, of: str = "both") -> dict[str, Any]:
-    """Return the case columns of a row about one place."""
+    """Return the columns that describe a row about one place (room, motion, distance)."""
     return {"room": place[0], "motion": place[1], "distance_m": place[2], "case": label, "of": of}
 
 
 def _over(label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
-    """Return the case columns of a row about several places."""
+    """Return the columns that describe a row about several places (rooms, motions, distances)."""
     return {"room": room, "motion": motion, "distance_m": None, "case": label, "of": "both"}
 
 
 def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
-    """Return the tracked ranges of two drives over their common frames, without the offset between their starts."""
+    """Return the tracked ranges of two drives in the frames that both drives have, after the offset between their starts is removed."""
     try:
         late = start_offset(first.energy, second.energy, max(1, len(first.energy) // 4))
     except InputError:  # the target's energy is constant or below the noise, so the logged start is used
@@ -123,7 +123,7 @@ def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
 
 
 def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None:
-    """Add track, profile and velocity rows of one place over objects; profile rows also per material class."""
+    """Add rows on tracked range, range profile and velocity at one place, over objects. Profile rows also exist per material class."""
     names = drive_features.objects(drives[MEASURED], place)
     tracks, profiles, velocities = [], defaultdict(list), defaultdict(list)
     for name in names:
@@ -147,7 +147,7 @@ def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None
 
 
 def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
-    """Add the share of positive rank correlations per room and motion, and the mean correlation of each feature family."""
+    """Add the share of positive rank correlations for each room and motion, and the mean correlation of each feature family."""
     groups: dict[tuple[str, str], list[Agreement]] = defaultdict(list)
     for one in found:
         groups[one.place[0], one.place[1]].append(one)
@@ -164,7 +164,7 @@ def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]
 
 
 def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
-    """Add the share of features whose mean rank correlation is not above the mean rank correlation of the multipath share."""
+    """Add the share of features whose mean rank correlation does not exceed that of the feature `multipath share`."""
     means = {f: np.mean([one.rho for one in found if one.feature == f]) for f in {one.feature for one in found}}
     if MULTIPATH in means and len(means) > 1:
         beaten = float(np.mean([means[MULTIPATH] >= value for f, value in means.items() if f != MULTIPATH]))
@@ -173,7 +173,10 @@ def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agree
 
 
 def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
-    """Add the brightness of metal minus plastic per place and domain, the share of places with equal signs, and the differences' ratio."""
+    """Add rows on the brightness contrast (metal minus plastic, dB) for each place and domain.
+
+    Two more rows give the share of places where the contrast has the same sign in both domains, and the ratio of the two contrasts.
+    """
     label, gaps, keys = "metal less plastic", [], []
     known = catalogue()
     for place in drive_features.places(drives[MEASURED]):
@@ -195,9 +198,9 @@ def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
 
 
 def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the mean simulated over the mean measured difference of `pairs` (places, 2), with a bootstrap over places.
+    """Estimate the mean simulated over the mean measured contrast of `pairs` (places, 2), with a bootstrap over places.
 
-    In a resample whose mean measured difference is not above zero, the ratio counts as infinite.
+    The ratio counts as infinite in a resample whose mean measured contrast is not above zero.
     """
     value = float(pairs[:, 1].mean() / pairs[:, 0].mean()) if pairs[:, 0].mean() > 0 else float("nan")
     drawn = pairs[np.random.default_rng(seed).integers(len(pairs), size=(resamples, len(pairs)))].mean(axis=1)

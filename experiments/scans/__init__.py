@@ -1,1 +1,1 @@
-"""Tables about the reconstruction of scans and the labelling of materials."""
+"""Tables about the accuracy of reconstructed scans and of the materials assigned to scanned surfaces."""

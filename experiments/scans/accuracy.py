@@ -1,4 +1,4 @@
-"""Distance of a reconstructed mesh from the true scene, and the share of the true surface, as far as seen, that the mesh contains."""
+"""Compute the distance of a reconstructed mesh from the true scene, and the share of the seen true surface that the mesh contains."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # random samples of the mesh
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Distances in metres.
+    """Distances between a reconstructed mesh and the true scene, and shares of the true surface.
 
     Attributes:
-        median_m, p95_m: distance from the mesh to the true surfaces, after the rigid motion that fits the mesh best, because the
-            coordinate frame of a scan is arbitrary.
-        placed_median_m: the median distance without the rigid motion.
-        coverage: share of the seen true area that has the mesh within COVERED_M, after the rigid motion.
+        median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. The mesh is first moved by
+            the
+            rigid motion that fits best, because the coordinate frame of a scan is arbitrary.
+        placed_median_m: median distance in metres without the rigid motion.
+        coverage: share of the true area seen by the sensor that has the mesh within COVERED_M, after the rigid motion.
         seen: share of the true area that the sensor saw.
     """
 
@@ -41,11 +42,11 @@ class Accuracy:
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
-    """Compare a mesh fused from a virtual scan with the true scene.
+    """Compare a mesh that was fused from a simulated phone scan with the true scene.
 
     Args:
-        truth: true camera poses of the scan, and true surface and depth of each pixel.
-        frames: frames of the scan, for their intrinsics.
+        truth: true camera poses of the scan, and the true surface and depth of each pixel.
+        frames: depth frames of the scan; the comparison uses their camera intrinsics.
     """
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
     points = _some(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
@@ -77,7 +78,7 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 
 
 def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:
-    """Return the rigid transform (4, 4) that brings points (N, 3) closest to the surfaces, by point-to-plane distance."""
+    """Return the rigid transform (4, 4) that brings points (N, 3) closest to the surfaces, by the point-to-plane distance."""
     from scipy.spatial.transform import Rotation
 
     some = _some(points, FIT_POINTS)
@@ -108,10 +109,10 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
-    """Return a function that tells which points of the scene a virtual scan saw, for `experiments.scans.segment_score`.
+    """Return a function that decides which points of the scene a simulated scan saw, for `experiments.scans.segment_score`.
 
-    A pixel saw a point that faces the camera if the pixel hit the point's surface, and if the pixel's true depth equals the depth at which
-    its ray meets the point's plane. Therefore the far side of a thin plate does not count as seen.
+    A pixel saw a point on a surface facing the camera under two conditions: the pixel hit the point's surface, and the pixel's true depth
+        equals the depth at which its ray meets the plane through the point. Therefore the far side of a thin plate does not count as seen.
     """
     lenses = [frame.intrinsics for frame in frames]
     height, width = truth.depth_m.shape[1:]

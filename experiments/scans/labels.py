@@ -1,9 +1,10 @@
-"""Accuracy of the material labels of the virtual scans, and the reflection error of wrong labels, for three sources of labels.
+"""Accuracy of the materials that are assigned to scanned surfaces, and the reflection error of wrong materials, for three sources.
 
-The scans of `experiments.scans.virtual_scan` are labelled by the recorded answers of the vision-language model, by one uniform material,
-and at random. Labels are scored by area. A label is right if it is the true MINC category. A label is close if the mean reflection of its
-material, over angles and the frequency sweep, is within 1 dB of the true material's: plaster instead of paint is close, metal instead of
-wood is not. Each source is then compared with uniform plasterboard by its mean reflection error in decibels.
+The surfaces of the simulated phone scans (`experiments.scans.virtual_scan`) get a material label from the recorded answers of the
+vision-language model, from one uniform material, or at random. Labels are scored by area. A label is right if it is the true MINC
+category. A label is close if the mean reflection of its material is within 1 dB of that of the true material, where the mean is over
+angles and the frequency sweep. For example, plaster instead of paint is close, metal instead of wood is not. The table then compares the
+mean reflection error of each source in decibels with that of uniform plasterboard.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ SOURCES: dict[str, dict[str, Any]] = {
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Label the scans at strength 1 by every source, and score the labels."""
+    """Assign materials to the scans at strength 1 from every source, and score the assigned materials."""
     from radartwin.label.material_map import material_map
 
     rows: list[dict[str, Any]] = []
@@ -80,7 +81,7 @@ def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
 
 
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
-    """Return a row with the share of the scan's area that has a recorded answer; the other surfaces have the substitute material."""
+    """Return a row with the share of the scan's area that has a recorded answer. All other surfaces get the substitute material."""
     area = np.array([s.mesh.area for s in scene])
     share = float(area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum())
     return {
@@ -91,7 +92,7 @@ def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
 
 
 def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict[str, Any]]:
-    """Return the rows of each source over all categories, and the rows of the recorded answers by category."""
+    """Return the rows of each material source over all categories, and the rows of the recorded answers by category."""
     rows = []
     for source, found in judged.items():
         for line in accuracy_table(found).to_dict("records"):
@@ -112,7 +113,10 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 
 
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
-    """Return a row with a source's mean improvement over uniform plasterboard in dB, weighted by area, with a bootstrap over surfaces."""
+    """Return a row with a source's mean reduction of the reflection error against uniform plasterboard, in dB.
+
+    The mean is weighted by area, and its interval comes from a bootstrap over surfaces.
+    """
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
     mean = by_area(gain, areas, config.profile.resamples, config.seed)

@@ -1,10 +1,10 @@
-"""Accuracy of the reconstruction of a scan, and whether every true surface becomes one segment.
+"""Measure the accuracy of reconstructed scans, and whether every true surface becomes one segment.
 
-Scans of procedural rooms (experiments/scans/virtual_scan.py) are scored against the true room, which the reconstruction never reads. The
-paper gives no figures for its scan, so the targets are the project's own. Two targets need an explanation. A wall counts as one segment if
-the intersection over union of wall and segment exceeds 0.8. A wall that is cut at a door, or merged with its neighbour, stays below 0.8; a
-wall behind furniture does not. For glass the target is only half of the area, because a depth sensor measures nothing on glass, and the
-reconstruction completes a pane only from its frame.
+Scans of procedural rooms (experiments/scans/virtual_scan.py) are compared with the true room, which the reconstruction never reads. The
+paper gives no accuracy of its scan, so the limits in this table are the project's own. Two limits need an explanation. A wall counts as
+one segment if the intersection over union of wall and segment exceeds 0.8. A wall that the reconstruction cuts at a door, or merges with a
+neighbouring wall, stays below 0.8. A wall behind furniture can exceed 0.8. For glass the limit is only half of the area, because a depth
+sensor measures nothing on glass, and the reconstruction completes a pane from its frame only.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ SEEDS = {("lab", 1.0): 3}  # (room, strength) -> number of scans in the paper pr
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Score the scans of every room at every strength of the scanner's errors."""
+    """Score the reconstructed scans of every room at every strength of the scanner's errors."""
     cases = [(room, strength) for room in config.profile.scan_rooms for strength in config.profile.scan_strengths]
     rows: list[dict[str, Any]] = []
     scored: dict[tuple[str, float], list[dict[str, Any]]] = {}
@@ -82,7 +82,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -> Product:
-    """Return the scores of a room's scan, from the store or computed now."""
+    """Return the scores of a room's scan as a stored result, which is computed if it is not in the store."""
     scan = virtual_scan.fetch(config, store, room, strength, seed)
     spec = {**virtual_scan.specification(config, room, strength, seed), "of": scan.key}
     return store.fetch(
@@ -91,7 +91,10 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -
 
 
 def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
-    """Return the scores of a reconstructed scene folder against the true room; the scan is repeated to know which surfaces it saw."""
+    """Return the scores of a reconstructed scene folder against the true room.
+
+    The function simulates the scan again to find out which surfaces the scan saw.
+    """
     import trimesh
 
     from experiments.scans.accuracy import accuracy, sighted
@@ -114,7 +117,10 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 
 
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
-    """Return the rows of one room and strength. Scores of a whole scan are averaged over scans, the others over all scans' surfaces."""
+    """Return the rows of one room and strength of scanner errors.
+
+    Scores of a whole scan are averaged over scans. Scores of single surfaces are averaged over the surfaces of all scans.
+    """
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]
     split = [s for s in surfaces if s["segment"] != "-"]
@@ -146,7 +152,7 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
 
 
 def by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:
-    """Return the mean weighted by area, with an interval from a bootstrap over surfaces."""
+    """Return the mean of the values weighted by area, with a confidence interval from a bootstrap over surfaces."""
     drawn = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
     means = (values * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)
     value = float(np.average(values, weights=areas))
@@ -155,7 +161,7 @@ def by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) ->
 
 
 def _row(room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str) -> dict[str, Any]:
-    """Return one row. A metric with a limit gets a verdict at every strength; a metric without limit is only shown."""
+    """Return one table row. A metric with a limit gets a verdict at every strength; a metric without a limit gets no verdict."""
     _, limit, least = TARGETS[metric]
     holds = limit is not None and (found.value >= limit if least else found.value <= limit)
     return {
@@ -166,7 +172,7 @@ def _row(room: str, strength: float, metric: str, claim: str, found: statistics.
 
 
 def _figure(scores: dict[tuple[str, float], dict[str, Any]]) -> Figure:
-    """Draw the intersection over union of every true surface with its segment against the surface's area, by room."""
+    """Draw the intersection over union of every true surface and its segment against the surface's area, one panel per room."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=3.0)
     for colour, room in zip(PALETTE, dict.fromkeys(room for room, _ in scores), strict=False):
         strength = min((s for r, s in scores if r == room), key=lambda s: abs(s - 1))

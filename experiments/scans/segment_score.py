@@ -1,12 +1,13 @@
-"""Quality of a segmentation of a scan, compared with the true surfaces of the room.
+"""Compare the segments of a reconstructed scan with the true surfaces of the room.
 
-A true surface in separate pieces, such as the legs of a table, is scored piece by piece. Among the segments that lie mostly on a surface,
-the segment that holds most of the surface is the surface's segment. A surface without such a segment has recall 0. Recall is the share of
-the seen surface that lies in its segment: evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal.
-Precision is the share of the segment that lies on the surface. IoU is the intersection of segment and seen surface, over their union.
-A reconstruction may complete areas that the sensor did not see. Completed area on the true surface does not change precision or recall;
-completed area off the true surface lowers precision. Boundary error is the distance from the edges of segments to the nearest edge of a
-true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true area.
+A true surface in separate pieces, such as the legs of a table, is scored piece by piece. A true surface can have several segments that lie
+mostly on it. Among these segments, the segment that covers most of the true surface is called its segment. A true surface without such a
+segment has recall 0. Recall is the share of the seen true surface that lies in its segment. To compute the recall, evenly spread true
+points are looked up in the scan, within REACH_M and with an agreeing normal. Precision is the share of the segment that lies on the true
+surface. IoU is the intersection of segment and seen true surface divided by their union. A reconstruction may add areas that the sensor
+did not see. Added area on the true surface does not change precision or recall. Added area off the true surface lowers the precision. The
+boundary error is the distance from the edges of segments to the nearest edge of a true surface. Depth sensors miss glass and mirrors, so
+these surfaces are scored separately and over their whole true area.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ MIN_AREA_M2 = 0.25
 
 @dataclass(frozen=True)
 class SurfaceScore:
-    """Score of one true surface.
+    """Scores of one true surface.
 
     Attributes:
-        area_m2: seen area; for glass and mirrors the whole area.
-        segment: name of its segment, or "-" if it has none; precision is then NaN.
-        flush: share of the seen area that is at most FLUSH_M above another surface, where depth cannot separate the two.
-        through: for glass and mirrors, the share in segments that are at least half glass or mirror; NaN for other surfaces.
+        area_m2: area of the true surface seen by the sensor; for glass and mirrors the whole area of the surface.
+        segment: name of the surface's segment, or "-" for a surface without a segment, whose precision is NaN.
+        flush: share of the seen area that is at most FLUSH_M above another surface, so that the depth noise hides the step.
+        through: for glass and mirrors, the share of area in segments that are at least half glass or mirror; NaN for other surfaces.
     """
 
     name: str
@@ -48,12 +49,12 @@ class SurfaceScore:
 
 @dataclass(frozen=True)
 class Score:
-    """Scores of the true surfaces of at least MIN_AREA_M2.
+    """Scores of all true surfaces whose area is at least MIN_AREA_M2.
 
     Attributes:
-        surfaces: score of each surface except glass and mirrors, largest first.
+        surfaces: scores of all surfaces except glass and mirrors; the largest surface comes first.
         clear: scores of glass and mirrors.
-        boundary_median_m, boundary_p95_m: boundary error over the segments of `surfaces`.
+        boundary_median_m, boundary_p95_m: median and 95 % quantile of the boundary error in metres, over the segments of `surfaces`.
         missed_flush: share of the missed area of `surfaces` that belongs to surfaces flush with another surface.
     """
 
@@ -65,12 +66,12 @@ class Score:
 
 
 def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> Score:
-    """Score a reconstructed scene. Its surfaces are the segments, with filled holes and completed areas.
+    """Score a reconstructed scene. The scene's surfaces are the segments, with holes filled and unseen areas completed.
 
     Args:
-        sighted: function that tells which true points the sensor saw (`experiments.scans.accuracy.sighted`); by default all points.
+        sighted: function that decides which true points the sensor saw (`experiments.scans.accuracy.sighted`); None counts all as seen.
     Raises:
-        SceneError: there is no truth to compare with.
+        SceneError: the true scene has no surface to compare with.
     """
     if not len(truth):
         raise SceneError("there is no truth to score against; give the procedural room that was scanned")
@@ -114,7 +115,7 @@ def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> S
 
 
 def _boundary_errors(segments: Sequence[trimesh.Trimesh], outlines: np.ndarray) -> tuple[float, float]:
-    """Return the median and the 95 % quantile of the distance from the edges of segments to true outlines (E, 3), in metres."""
+    """Return median and 95 % quantile of the distance in metres from the edges of segments to the outlines (E, 3) of true surfaces."""
     edges = np.concatenate([np.zeros((0, 3)), *(outline_points(mesh) for mesh in segments)])
     if not len(edges):
         return float("nan"), float("nan")
@@ -123,6 +124,6 @@ def _boundary_errors(segments: Sequence[trimesh.Trimesh], outlines: np.ndarray) 
 
 
 def _table(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """Return the area (m2) of the samples for each pair of row and column; samples with index -1 are left out."""
+    """Return the area (m2) of the samples for each pair of indices (row, column). Samples with an index of -1 are left out."""
     both = (row >= 0) & (column >= 0)
     return np.bincount(row[both] * shape[1] + column[both], minlength=shape[0] * shape[1]).reshape(shape) * SPACING_M**2

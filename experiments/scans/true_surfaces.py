@@ -1,4 +1,6 @@
-"""True surfaces for scoring a segmentation: cut into separate pieces and sampled evenly, with a mark for samples that the sensor saw."""
+"""Prepare true surfaces for scoring segments: cut them into separate pieces, sample them evenly, and mark the samples that the sensor
+saw.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +31,15 @@ Sighted = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """True surfaces in pieces.
+    """True surfaces of a room, cut into K pieces and sampled at N points.
 
     Attributes:
-        scene: the pieces, each a surface.
+        scene: scene in which each piece is a surface.
         clear: (K,) whether a piece is glass or a mirror.
-        points, normals: (N, 3) samples, one per SPACING_M^2, and their normals.
-        piece: (N,) piece of each sample.
-        seen: (N,) whether the sensor saw each sample.
-        outlines: (E, 3) points on the pieces' edges.
+        points, normals: (N, 3) sampled points in metres, one point per SPACING_M^2, and their unit normals.
+        piece: (N,) index of the piece on which each sampled point lies.
+        seen: (N,) whether the sensor saw each sampled point.
+        outlines: (E, 3) points in metres along the edges of the pieces.
     """
 
     scene: Scene
@@ -50,7 +52,7 @@ class Truth:
 
     @classmethod
     def of(cls, truth: Scene, sighted: Sighted | None = None) -> Truth:
-        """Cut a true scene into pieces and sample them. Without `sighted` all samples count as seen."""
+        """Cut a true scene into pieces and sample the pieces. If `sighted` is None, all sampled points count as seen."""
         parts = [(piece, number) for number, surface in enumerate(truth) for piece in pieces(surface)]
         scene = Scene(piece for piece, _ in parts)
         points, normals, piece = samples(scene)
@@ -60,9 +62,10 @@ class Truth:
         return cls(scene, clear, points, normals, piece, seen, np.concatenate([outline_points(s.mesh) for s in scene]))
 
     def owners(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """Return a function that finds the piece (M,) of points (M, 3) with normals (M, 3).
+        """Return a function that finds the index (M,) of the piece to which points (M, 3) with normals (M, 3) belong.
 
-        The piece of a point is the nearest piece with an agreeing normal, otherwise the nearest piece, and -1 if none is within REACH_M.
+        A point belongs to the nearest piece with an agreeing normal, otherwise to the nearest piece. The index is -1 if no piece is within
+        REACH_M.
         """
         close = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
         points, normals, unit = _joined(self.scene, close)
@@ -70,7 +73,7 @@ class Truth:
         return lambda places, directions: nearest(tree, unit, normals, places, directions)
 
     def flush(self) -> np.ndarray:
-        """Return the share (K,) of each piece's seen samples that are within FLUSH_M of the level of another, parallel piece."""
+        """Return for each piece (K,) the share of its seen samples that are within FLUSH_M of the plane of another, parallel piece."""
         tree = KDTree(self.points)
         here = np.flatnonzero(self.seen)
         _, near = tree.query(self.points[here], k=24, distance_upper_bound=3 * SPACING_M, workers=-1)
@@ -85,17 +88,17 @@ class Truth:
 
 
 def samples(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sample the surfaces of a scene evenly, one point per SPACING_M^2.
+    """Sample the surfaces of a scene evenly, with one point per SPACING_M^2.
 
     Returns:
-        points, normals: (N, 3).
-        number: (N,) index of each point's surface.
+        points, normals: (N, 3) sampled points in metres and their unit normals.
+        number: (N,) index of the surface on which each point lies.
     """
     return _joined(scene, [spread(s.mesh, SPACING_M) for s in scene])
 
 
 def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Join the points (N, 3) and faces (N,) of each surface; return points, normals and numbers of surfaces as `samples` does."""
+    """Join the points (N, 3) and face indices (N,) of all surfaces. Returns points, normals and surface indices as `samples` does."""
     points = [at for at, _ in parts]
     normals = [np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(scene, parts, strict=True)]
     number = np.repeat(np.arange(len(parts)), np.array([len(at) for at in points], int))
@@ -105,9 +108,9 @@ def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tup
 def nearest(
     tree: KDTree, owner: np.ndarray, owner_normals: np.ndarray, points: np.ndarray, normals: np.ndarray, strict: bool = False
 ) -> np.ndarray:
-    """Return the owner (N,) of the sample nearest to each point, and -1 if no sample is within REACH_M.
+    """Return for each point the entry of `owner` (N,) of the nearest sample, and -1 if no sample is within REACH_M.
 
-    Samples with agreeing normals are preferred; `strict` accepts only these.
+    Samples whose normal agrees with the point's normal are preferred. With `strict`, only samples with an agreeing normal count.
     """
     ranks: Any = range(1, min(10, tree.n) + 1)
     distance, near = tree.query(points, k=ranks, distance_upper_bound=REACH_M, workers=-1)
@@ -121,7 +124,7 @@ def nearest(
 
 
 def pieces(surface: Surface) -> list[Surface]:
-    """Split a surface into parts that are more than APART_M apart, largest first."""
+    """Split a surface into the parts that are more than APART_M apart from each other. The largest part comes first."""
     mesh = surface.mesh.copy()
     mesh.merge_vertices(merge_tex=True, merge_norm=True, digits_vertex=6)
     points, face = covered(np.asarray(mesh.triangles, dtype=float), APART_M / 2)
@@ -139,7 +142,7 @@ def pieces(surface: Surface) -> list[Surface]:
 
 
 def outline_points(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return points (N, 3) along the open and the sharp edges of a mesh."""
+    """Return points (N, 3) along the open edges and the sharp edges of a mesh."""
     vertices, index = np.unique(np.round(np.asarray(mesh.vertices), 6), axis=0, return_inverse=True)
     welded = trimesh.Trimesh(vertices, index.reshape(-1)[np.asarray(mesh.faces)], process=False)
     pairs, count = np.unique(welded.edges_sorted, axis=0, return_counts=True)

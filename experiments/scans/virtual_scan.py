@@ -1,7 +1,7 @@
-"""Scan a procedural room with a virtual phone, reconstruct the scan and store it. The twin knows the room only from this scan.
+"""Simulate a phone scan of a procedural room, reconstruct the scan and store it. The radar simulation knows the room only from this scan.
 
-The phone with LiDAR moves through the room (radartwin.testbed.scanner). Its noise, dropouts and drift follow published evaluations, and
-`strength` scales all of them. Its frames are fused, segmented and outlined like those of a user.
+The simulated phone with LiDAR moves through the room (radartwin.testbed.scanner). Its depth noise, dropouts and pose drift follow published
+evaluations, and `strength` scales all these errors. The frames are fused and segmented in the same way as those of a user's own scan.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ FOLDER = "scene"
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
-    """Return a scanned and reconstructed room, from the store or computed now. `seed` defaults to the configuration's seed.
+    """Return the scanned and reconstructed room as a stored result. A missing result is computed; `seed=None` uses the configured seed.
 
-    At strength 0 the product is the true furnished room itself, without the clutter of the scanned room.
+    At strength 0 the stored result is the true furnished room itself, without the clutter of the scanned room.
     """
     spec = specification(config, room, strength, seed)
 
@@ -39,17 +39,17 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int | 
 
 
 def key(config: Config, store: Store, room: str, strength: float) -> str:
-    """Return the store key of the product of `fetch`, whether the product exists or not."""
+    """Return the store key of the result that `fetch` returns for the same arguments, whether the result is stored or not."""
     return store.key(KIND, specification(config, room, strength), ROOTS)
 
 
 def specification(config: Config, room: str, strength: float, seed: int | None = None) -> dict[str, Any]:
-    """Return all parameters that determine a scan, for its store key."""
+    """Return all parameters that determine a scan. They are the specification from which the store key is computed."""
     return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
 
 
 def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:
-    """Scan a room, reconstruct it into the folder `out`, and return the scene."""
+    """Simulate the scan of a room, reconstruct it into the folder `out`, and return the reconstructed scene."""
     from radartwin.reconstruct.build import reconstruct
     from radartwin.reconstruct.frames.folder import save_frames
     from radartwin.testbed.scanner import scan
@@ -61,5 +61,5 @@ def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:
 
 
 def scene_of(product: Product) -> Scene:
-    """Load the reconstructed scene of a product."""
+    """Load the reconstructed scene from a stored result."""
     return Scene.load(product.path / FOLDER)

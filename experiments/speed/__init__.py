@@ -1,1 +1,1 @@
-"""Run time against error for every method, and the benchmarks."""
+"""Run time against error of every simulation method, and benchmarks of single program parts."""

@@ -1,9 +1,9 @@
-"""Benchmarks: run time per frame, as ratios within one run, because only ratios can be compared between machines.
+"""Benchmarks of run time per frame. The results are ratios within one run, because absolute times differ between machines.
 
     python -m experiments.speed.bench [--repeats 5] [--only synthesis frames memory scan] [--variant cuda] [--history]
 
-Methods take turns, so that a machine that slows down slows all of them. The direct sum is timed on DIRECT_PATHS instead of PATHS paths and
-its time is scaled up, because it is proportional to the number of paths.
+The timed methods alternate, so that a slow phase of the machine affects all methods. The direct sum is timed on DIRECT_PATHS instead of
+PATHS paths, and the measured time is scaled up, because the time of the direct sum is proportional to the number of paths.
 """
 
 import argparse
@@ -41,7 +41,10 @@ Rows = dict[str, float]  # measured ratios by name
 
 
 def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
-    """Return the seconds of each method's repetitions. Methods take turns, after a first round without timing that compiles the kernels."""
+    """Return the seconds of each repetition of each method.
+
+    The methods alternate. A first round without timing compiles the kernels.
+    """
     for method in methods.values():
         method()
     seconds: dict[str, list[float]] = {name: [] for name in methods}
@@ -54,7 +57,7 @@ def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
 
 
 def show(name: str, seconds: np.ndarray, note: str) -> float:
-    """Print the run time of a method, and return its median in seconds."""
+    """Print the run times of a method with a note. Returns the median run time in seconds."""
     median = float(np.median(seconds))
     print(f"  {name:44s} {median * 1e3:9.2f} ms  ({seconds.min() * 1e3:.2f} to {seconds.max() * 1e3:.2f})  {note}")
     return median
@@ -66,7 +69,7 @@ def ratio(rows: Rows, name: str, value: float) -> None:
 
 
 def synthesis(repeats: int, rows: Rows, variant: str) -> None:
-    """Compare the synthesis by gridding with the direct sum, and planar with exact antenna elements."""
+    """Compare the run time of sample synthesis by gridding with the direct sum, and of `elements="planar"` with `elements="exact"`."""
     radar = sampling.RADAR
     for rate in (0.0, 0.5):
         paths, few = sampling.scattered_paths(PATHS, rate, 0), sampling.scattered_paths(DIRECT_PATHS, rate, 0)
@@ -88,7 +91,7 @@ def synthesis(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def frames(repeats: int, rows: Rows, variant: str) -> None:
-    """Time whole frames, from poses to IQ samples."""
+    """Time the simulation of whole frames, from poses to IQ samples."""
     radar, bench = rt.Radar.iwr1843(), rooms.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), FRAMES, radar.frame_rate_hz)
     target = rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "reflector")])
@@ -98,7 +101,7 @@ def frames(repeats: int, rows: Rows, variant: str) -> None:
     calls = itertools.count()
 
     def moving(room: str) -> None:
-        """Simulate a moving sensor and object. Each call shifts the sensor, because otherwise the cache would supply the room's paths."""
+        """Simulate a moving sensor and object. Each call shifts the sensor, so that no paths of the room come from the cache."""
         frames = MOVING_FRAMES[room]
         sensor = np.repeat(pose, frames, axis=0)
         sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + 1e-3 * next(calls)
@@ -144,9 +147,9 @@ def scan(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line of commit, machine and ratios to the history, and return the path of the file, which is replaced as a whole.
+    """Add a line with commit, machine and ratios to the history file, and return the path of this file. The file is replaced as a whole.
 
-    The cell of a ratio that a run did not measure is empty. A new ratio adds a column at the end.
+    If the run did not measure a ratio, the cell of this ratio is empty. A new ratio adds a column at the end.
     """
     head, changed = checkout.commit()
     line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}

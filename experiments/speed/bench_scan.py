@@ -1,9 +1,9 @@
-"""Time and memory of reconstructing a scan of half a million triangles, in a process of its own.
+"""Measure run time and memory of reconstructing a scan of half a million triangles, in a separate process.
 
     python experiments/speed/bench_scan.py [--faces 500000]
 
-The scan consists of the true surfaces of a furnished room, cut into equal triangles, with colours and the depth noise of a phone. The
-parent process writes the scan, so that the child process's memory is that of `radartwin reconstruct` only.
+The scan consists of the true surfaces of a furnished room, cut into equal triangles, with colours and with the depth noise of a phone. The
+parent process writes the scan, so that the memory of the child process is that of the command `radartwin reconstruct` only.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def write_scan(path: Path, faces: int, seed: int = 0) -> int:
 
 
 def measure(faces: int = FACES) -> dict[str, float]:
-    """Return faces, seconds, core_seconds and peak_gib of a reconstruction; the seconds include reading the scan and writing the scene."""
+    """Return faces, seconds, core_seconds and peak_gib of a reconstruction. The times include reading the scan and writing the scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scan.ply"
         count = write_scan(path, faces)
@@ -65,7 +65,7 @@ def measure(faces: int = FACES) -> dict[str, float]:
 
 
 def line(found: dict[str, float]) -> str:
-    """Return the values of `measure` as one line of text."""
+    """Return the values that `measure` returns as one line of text."""
     return (
         f"Reconstruction of a scan of {found['faces']:,.0f} faces: {found['seconds']:.0f} s ({found['core_seconds']:.0f} core-seconds), "
         f"peak {found['peak_gib']:.2f} GiB, {found['surfaces']:.0f} surfaces"

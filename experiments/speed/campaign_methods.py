@@ -1,10 +1,10 @@
-"""Run time, feature error and recognition error of methods on the campaign: each method simulates the twin's turntable recordings.
+"""Compare simulation methods by run time, feature error and recognition error on the turntable recordings of the campaign.
 
-Feature error: the difference between a simulated revolution's rotation features and the mean over the measured revolutions of the same
-object, as a root mean square over features. Brightness is compared after one common gain (which a measured corner reflector would give), so
-that methods without an absolute level are not at a disadvantage. Recognition error: a linear classifier on feature ranks, trained on the
-simulated revolutions only, separates symmetric from asymmetric objects. Each method runs in fresh processes. Every profile uses the quick
-campaign.
+The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same
+object. It is the root mean square of the differences over features. Brightness is compared after one common gain, which a measured corner
+reflector would give, so that methods without an absolute level are not at a disadvantage. The recognition error comes from a linear
+classifier that separates symmetric from asymmetric objects. The classifier uses feature ranks and is trained on simulated revolutions
+only. Each method runs in new processes. Every profile uses the recordings of the quick profile.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ BRIGHTNESS = "brightness_db"
 
 @dataclass(frozen=True)
 class Twin:
-    """How one method simulates the twin."""
+    """The settings with which one method simulates the campaign."""
 
     family: str  # name of the method
     setting: str
@@ -49,7 +49,7 @@ class Twin:
 
 
 def twins(full: bool) -> list[Twin]:
-    """Return the methods, the default first; `full` adds settings."""
+    """Return the compared methods; the default method is the first. `full` adds more settings of the methods."""
     few = [
         Twin(OURS, DEFAULT),
         Twin(OURS, "no room", changed={"materials": VoidMaterials()}),
@@ -70,7 +70,9 @@ def twins(full: bool) -> list[Twin]:
 
 
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
-    """Simulate the twin with every method and return one row per method. The scan that all methods use is prepared first."""
+    """Simulate the campaign with every method and return one row per method. The scan that all methods use is computed before the
+    timing.
+    """
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
@@ -90,16 +92,16 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
 
 
 def _configured(config: Config, method: Twin) -> Config:
-    """Return the configuration of the recognition tables, with this method as the simulator."""
+    """Return the configuration of the recognition tables with this method as the simulator."""
     own = compose(["experiment=labelled_probe", "profile=quick", *method.simulator])
     same = {name: getattr(config, name) for name in ("measured", "radar", "seed", "output", "jobs")}
     return replace(own, **same, **method.changed)
 
 
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
-    """Return processor seconds per frame over the recordings that reused a set-up: the median, and each recording's value.
+    """Return the processor seconds per frame over the recordings that reused a set-up: the median, and the value of each recording.
 
-    All values include the shortest set-up time, divided among all frames.
+    All values include the shortest set-up time, divided by the number of all frames.
     """
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [one["told"]["frames"] for one in made]
@@ -116,7 +118,7 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
 def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
     """Return the feature error in standard deviations of the measured features, and its standard error over recordings.
 
-    Features that are constant over the measured recordings do not count.
+    Features that are constant over the measured recordings are left out.
     """
     spread = measured.values.std(axis=0)
     tells = spread > 1e-9 * np.abs(measured.values).max(axis=0)
@@ -132,6 +134,8 @@ def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
 
 
 def recognition_error(simulated: Samples, measured: Samples) -> float:
-    """Return the share of measured revolutions whose symmetry class a classifier trained on simulated revolutions gets wrong."""
+    """Return the share of measured revolutions whose symmetry class is predicted wrongly by a classifier trained on simulated
+    revolutions.
+    """
     split = label_free(ranked(simulated).relabelled(GEOMETRY), ranked(measured).relabelled(GEOMETRY))
     return float(np.mean(transferred_probe(split) != split.test.label))

@@ -1,4 +1,4 @@
-"""The chart of speed against accuracy, drawn from the rows of its table only."""
+"""Draw the chart of speed against accuracy. The chart uses only the rows of the table `speed_accuracy`."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ LABEL_SIZE = 5.5  # font size
 
 
 def short(setting: str) -> str:
-    """Return the label of a setting on the chart."""
+    """Return the short text that marks a method's setting on the chart."""
     for words, shorter in SHORT.items():
         setting = setting.replace(words, shorter)
     return setting
 
 
 def chart(rows: Sequence[Row], error: str) -> Figure:
-    """Draw seconds per frame against error, one panel per problem. A line joins the Pareto front, and a star marks the default."""
+    """Draw seconds per frame against error, with one panel per test problem. A line joins the Pareto front; a star marks the default."""
     measured = [row for row in rows if not row["claim"] and row[error] is not None]
     problems = {name: [row for row in measured if row["problem"] == name] for name in dict.fromkeys(row["problem"] for row in measured)}
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
@@ -70,7 +70,7 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
 
 
 def campaign(rows: Sequence[Row]) -> Figure:
-    """Draw seconds per frame on the campaign against feature error and against recognition error."""
+    """Draw seconds per frame for the campaign's recordings against feature error and against recognition error."""
     mine = [row for row in rows if not row["claim"] and row["feature_error"] is not None]
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.0, sharex=True)
     features, missed = ([row[error] for row in mine] for error in ("feature_error", "recognition_error"))
@@ -88,7 +88,7 @@ def campaign(rows: Sequence[Row]) -> Figure:
 
 
 def _points(panel: Any, mine: Sequence[Row], error: str, front: str, high: float, low: float) -> None:
-    """Draw the points of one panel and the line of the Pareto front, which is the column `front`."""
+    """Draw the points of one panel, and a line through the points on the Pareto front (the rows with a mark in the column `front`)."""
     panel.grid(which="major", color="0.92", lw=0.5)
     panel.set_axisbelow(True)
     ordered = sorted((row["seconds_frame"], row[error]) for row in mine if row[front])
@@ -110,7 +110,7 @@ def _answer(truth: str) -> str:
 
 
 def _label(row: Row) -> str:
-    """Return the label of a point. The label of RF-Genesis as published includes its time relative to the default."""
+    """Return the text beside a point. The text of RF-Genesis as published includes its run time relative to the default method."""
     if row["setting"] == "as published":
         return f"published ({row['value']:.0f} x)"
     return short(row["setting"])
@@ -155,9 +155,9 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
 
 
 def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
-    """Write `texts` beside `points` (data coordinates) at the best of OFFSETS; an empty text writes nothing.
+    """Write `texts` beside `points` (data coordinates), each at the best offset of OFFSETS. An empty text writes nothing.
 
-    Set the limits of the axes before the call, because label sizes are compared in pixels.
+    Set the axis limits before calling this function, because the function compares text sizes in pixels.
     """
     from matplotlib.patheffects import withStroke
 

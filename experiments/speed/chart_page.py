@@ -1,4 +1,7 @@
-"""The chart of speed against accuracy as one interactive HTML page that works offline: choose both axes, zoom, read each point's values."""
+"""Write the chart of speed against accuracy as one interactive HTML page that works offline.
+
+The user can choose the quantities of both axes, zoom, and read the values of each point.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ PLOT_ID = "chart"
 
 
 def page(rows: Sequence[Row]) -> str:
-    """Return the HTML page, drawn from the rows of the table."""
+    """Return the interactive HTML page, drawn from the rows of the table `speed_accuracy`."""
     measured = [row for row in rows if not row["claim"]]
     figure, series = _figure(measured)
     views = {f"{cost} {error}": _view(series, cost, error) for cost in COSTS for error in ERRORS}
@@ -47,7 +50,11 @@ def page(rows: Sequence[Row]) -> str:
 
 
 def _figure(measured: Sequence[Row]) -> tuple[Any, list[list[list[Row]]]]:
-    """Return the figure and the rows of its traces: for each problem all rows (for the line of the front), then the rows of each family."""
+    """Return the figure and the table rows behind each of its curves.
+
+    For each test problem, the first entry holds all rows (for the line of the Pareto front), and the next entries hold the rows of each
+    family.
+    """
     from plotly.subplots import make_subplots
 
     problems = list(dict.fromkeys(row["problem"] for row in measured))
@@ -77,7 +84,7 @@ def _figure(measured: Sequence[Row]) -> tuple[Any, list[list[list[Row]]]]:
 
 
 def _view(series: Sequence[Sequence[Sequence[Row]]], cost: str, error: str) -> list[Any]:
-    """Return the arguments of Plotly.update that show one pair of axes: the coordinates of every trace, and the titles of the axes."""
+    """Return the arguments of Plotly.update that show one pair of axes: the coordinates of every curve, and the axis titles."""
     coordinates = []
     for mine, *families in series:
         compared = sorted((row for row in mine if not row["exact"] and row[cost] and row[error] is not None), key=lambda row: row[cost])
@@ -99,7 +106,7 @@ def _is_default(row: Row) -> bool:
 
 
 def _details(row: Row) -> str:
-    """Return every value of a point, as HTML text for its label."""
+    """Return every value of a point as HTML text for the box that appears beside the point."""
     lines = [f"<b>{html.escape(row['family'])}, {html.escape(row['setting'])}</b>"]
     for name, words in (COSTS | ERRORS | DETAILS).items():
         lines.append(f"{words}: {'not measured' if row[name] is None else format(row[name], '.3g')}")

@@ -1,4 +1,4 @@
-"""The machine that timings belong to."""
+"""Describe the machine on which run times are measured."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 @functools.cache
 def machine() -> dict[str, str]:
-    """Return processor, memory, operating system and package versions of this machine, as text by name."""
+    """Return processor, memory, operating system and package versions of this machine, as {name: text}."""
     versions = {name: importlib.metadata.version(name) for name in ("numpy", "mitsuba", "drjit")}
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 if hasattr(os, "sysconf") else 0.0
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()

@@ -1,11 +1,11 @@
-"""Run time and memory of methods on this machine, from interleaved repetitions.
+"""Measure run time and memory of simulation methods on this machine. The repetitions of the methods alternate.
 
-Recordings are timed after all kernels are compiled. If the radar is at rest, the timed recordings reuse the room that the first recording
-traced. The extra time of the first recording is the set-up time `setup_s`; it is divided among the `Problem.frames` frames of a whole
-recording. Seconds per frame are this part of the set-up plus the median time per frame of the later recordings. A moving radar is timed
-without cached rooms. Methods take turns, so that a machine that slows down slows all of them. Seconds are processor seconds of all threads
-and of the processes of other simulators, because processor time depends little on the load. The table also gives wall-clock seconds; where
-a GPU traces the rays, these replace processor seconds.
+The timing starts after all kernels are compiled. If the radar is at rest, the timed recordings reuse the room that the first recording
+traced. The additional time of the first recording is the set-up time `setup_s`, which is divided by `Problem.frames`, the number of frames
+of a whole recording. The seconds per frame are this part of the set-up time plus the median time per frame of the later recordings. A
+moving radar is timed without cached rooms. The methods alternate, so that a slow phase of the machine affects all methods. Seconds are
+processor seconds of all threads, including the processes of other simulators, because processor time depends little on the load of the
+machine. The table also gives wall-clock seconds. If a GPU traces the rays, the table uses wall-clock seconds instead of processor seconds.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ ASIDE_M = 1e-6  # shift of the radar between calls that must not reuse cached pa
 
 
 class Peak:
-    """Measures the peak resident memory of this process and of other simulators' processes since the object was created."""
+    """Measure the peak resident memory of this process and of other simulators' processes since the object was created."""
 
     def __init__(self) -> None:
         gc.collect()
         self._before = {pid: _reset(pid) for pid in ("self", *map(str, sionna_process.process_ids()))}
 
     def mib(self) -> float | None:
-        """Return the peak memory above the starting value in MiB, or None outside Linux."""
+        """Return the peak memory in MiB above the value at the start, or None on systems other than Linux."""
         if None in self._before.values():
             return None
         total = 0
@@ -49,7 +49,7 @@ class Peak:
 
 
 def clock() -> float:
-    """Return the processor seconds of all threads of this process and of other simulators; wall-clock seconds if a GPU traces the rays."""
+    """Return the processor seconds of this process and of other simulators; wall-clock seconds if a GPU traces the rays."""
     if variant.activate("auto").startswith("cuda"):
         return time.perf_counter()
     total = time.process_time()
@@ -60,7 +60,7 @@ def clock() -> float:
 
 
 def _reset(pid: str) -> int | None:
-    """Reset the peak memory counter of a process. Return its resident memory in KiB, or None outside Linux."""
+    """Reset the peak memory counter of a process. Returns the resident memory in KiB, or None on systems other than Linux."""
     try:
         Path(f"/proc/{pid}/clear_refs").write_text("5")
     except OSError:
@@ -77,7 +77,7 @@ def _status(pid: str, name: str) -> int | None:
 
 
 class Timed:
-    """Errors, run times and memory of one method on one problem."""
+    """Errors, run times and memory of one simulation method on one test problem."""
 
     def __init__(self, problem: Problem, method: Method, calls: Iterator[int]) -> None:
         self.problem, self.method, self._calls = problem, method, calls
@@ -89,12 +89,15 @@ class Timed:
         self.rays: float | None = None
 
     def score(self) -> signal_error.Errors:
-        """Return the errors over the frames that have a reference."""
+        """Return the errors of the samples over the frames that have a reference."""
         pairs = [(self.method.iq(part, part.scored, part.radar), self.problem.reference(part)) for part in self.problem.parts]
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
     def once(self, moved: bool = False) -> tuple[float, float]:
-        """Simulate all recordings once; `moved` avoids cached paths by a shift of the radar. Returns (seconds, wall seconds) per frame."""
+        """Simulate all recordings once. Returns (seconds of `clock`, wall-clock seconds) per frame.
+
+        `moved` shifts the radar slightly, so that no cached paths are reused.
+        """
         if self.method.published:
             settings = self.method.simulator.settings
             seconds = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
@@ -110,8 +113,8 @@ class Timed:
     def prepare(self, budget_s: float, most: int) -> None:
         """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition.
 
-        This tracer simulates all frames (`most`), because its frames share work. Each frame of another method takes the same time, so a
-        repetition has as many frames as fit into `budget_s`.
+        RadarTwin's tracer simulates all frames (`most`), because its frames share work. Each frame of another method takes the same time,
+        so a repetition of another method has as many frames as fit into `budget_s` seconds.
         """
         own = self.method.family == OURS
         if own and not self.problem.resting:
@@ -132,21 +135,21 @@ class Timed:
         self.frames = most if own else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
-        """Return the rays per frame.
+        """Return the number of rays per frame.
 
-        For this tracer, add the rays launched for each frame (`each`) and the rays launched `once`, divided by the number of frames. For
-        other simulators, return the number in their settings.
+        For RadarTwin's tracer, add the rays launched for each frame (`each`) and the rays launched once per recording (`once`) divided by
+        the number of frames. For other simulators, return the number of rays in their settings.
         """
         from_settings = rays_of(self.method.simulator)
         return each + once / self.problem.frames if from_settings is None else float(from_settings)
 
     def note(self, frame_s: tuple[float, float]) -> None:
-        """Keep the result of `once` as a repetition."""
+        """Keep the times per frame that the method `once` returned as one repetition."""
         self.seconds.append(frame_s[0])
         self.wall.append(frame_s[1])
 
     def row(self) -> dict[str, Any]:
-        """Return the errors, the run time and its repetitions as a row."""
+        """Return the errors, the run time and its single repetitions as a table row."""
         shared = self.setup_s / self.problem.frames
         seconds = np.array(self.seconds) + shared
         errors = self.score()
@@ -172,11 +175,11 @@ class Timed:
 def measure(
     problem: Problem, methods: Sequence[Method], rounds: int, budget_s: float, slow_s: float, say: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """Time all methods on a problem, in turns, and return one row per method.
+    """Time all simulation methods on a test problem, in alternation, and return one row per method.
 
-    The first method runs once beforehand without timing, so that the kernels that methods share are compiled. After the first two
-    repetitions there are `rounds` more, each with as many frames as fit into `budget_s`. A method with a repetition longer than `slow_s` is
-    timed once.
+    The first method runs once before the timing, so that the kernels that several methods use are compiled. After the first two
+    repetitions there are `rounds` more repetitions, each with as many frames as fit into `budget_s` seconds. A method is timed only once
+    if one repetition takes more than `slow_s` seconds.
     """
     calls = itertools.count(1)
     timed = [Timed(problem, method, calls) for method in methods]

@@ -1,8 +1,8 @@
-"""The methods compared in speed, accuracy and stability: this tracer at several settings, and every other simulator that runs here.
+"""The simulation methods compared in speed, accuracy and stability: RadarTwin's tracer at several settings, and other simulators.
 
-RF-Genesis appears twice: with this project's synthesis, as all other methods, and with the signal generator of its published program
-(`published`), which adds echoes one by one. One of that generator's sums is timed and its time is multiplied by the number of sums, because
-all sums take the same time.
+RF-Genesis appears in two versions. The first version uses the same synthesis of samples as all other methods. The second version
+(`published`) uses the signal generator of the published program, which adds echoes one by one. Only one of this generator's sums is timed,
+and its time is multiplied by the number of sums, because all sums take the same time.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DEFAULT = "default"
 
 @dataclass(frozen=True)
 class Method:
-    """One setting of one method."""
+    """A simulation method with one choice of settings."""
 
     family: str  # name of the method
     setting: str
@@ -52,18 +52,18 @@ class Method:
         return ExactImages() if not self.backend else backend(self.backend, **dict(self.settings))
 
     def iq(self, part: Part, frames: int, radar: Radar, aside_m: float = 0.0) -> np.ndarray:
-        """Simulate the first `frames` frames of a recording and return their samples."""
+        """Simulate the first `frames` frames of a recording and return their samples. `aside_m` shifts the radar in metres."""
         with quiet():
             return part.iq(frames, radar, self.simulator, self.elements, aside_m)
 
 
 def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
-    """Return this tracer with the given settings, as a method called `setting`."""
+    """Return RadarTwin's tracer with the given settings, as a method whose name is `setting`."""
     return Method(OURS, setting, "mitsuba", tuple(settings.items()), elements)
 
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
-    """Return the methods that run on a problem, this project's default first. `full` includes all settings, not a selection."""
+    """Return the methods that run on a test problem; RadarTwin's default is the first. `full` includes all settings, not a selection."""
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
     return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
@@ -105,7 +105,7 @@ def _peers(full: bool) -> list[Method]:
 
 @dataclass(frozen=True)
 class ExactImages:
-    """A simulator that returns the exact image sources of the bare office. It traces nothing and ignores the scene."""
+    """A simulator that returns the exact image sources of the empty office. It traces no rays and ignores the scene argument."""
 
     bounces: int = 4
     name = "images"
@@ -115,7 +115,7 @@ class ExactImages:
         return self
 
     def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None) -> list[Paths]:
-        """Return the paths between isotropic antennas. The synthesis applies the radar's antenna pattern later."""
+        """Return the paths between isotropic antennas. The synthesis of samples applies the radar's antenna pattern later."""
         reflection, frequency = rooms.wall_reflection("concrete"), radar.center_frequency_hz
         found: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []
         for number, pose in enumerate(sensor_poses):
@@ -135,7 +135,7 @@ class ExactImages:
 
 
 def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]) -> float:
-    """Return seconds per frame of RF-Genesis with its own signal generator: trace time plus time of one sum times the number of sums."""
+    """Return the seconds per frame of RF-Genesis with its own signal generator: trace time plus the number of sums times a sum's time."""
     poses, motion = part.sensor[:1], {name: pose[:1] for name, pose in part.motion.items()}
     began = clock()
     hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
@@ -151,7 +151,7 @@ def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: 
 
 @contextmanager
 def counted_rays() -> Iterator[list[int]]:
-    """Record the number of tubes of every grid that is launched inside the `with` block."""
+    """Yield a list that records the number of ray tubes of every ray grid that is launched inside the `with` block."""
     counts: list[int] = []
     towards, all_around = tube_grid.towards, tube_grid.all_around
 
@@ -174,7 +174,7 @@ def counted_rays() -> Iterator[list[int]]:
 
 
 def rays_of(simulator: Any) -> int | None:
-    """Return the rays per frame that another simulator's settings give; None for this tracer, whose rays `counted_rays` counts."""
+    """Return the rays per frame in the settings of another simulator; None for RadarTwin's tracer, whose rays `counted_rays` counts."""
     if isinstance(simulator, rfgenesis.RFGenesisBackend):
         return simulator.settings.grid**2
     if isinstance(simulator, SionnaBackend):
@@ -184,7 +184,7 @@ def rays_of(simulator: Any) -> int | None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress Sionna's warnings about paths that it cannot return. The tables show such paths, and other tests check the warnings."""
+    """Suppress Sionna's warnings about paths that Sionna cannot return, because the tables show such paths and tests check the warnings."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "sionna:")
         yield

@@ -1,4 +1,4 @@
-"""The Pareto front of run time and error, and how far a method is from it."""
+"""Find the Pareto front of run time and error, and the distance of a method from the front."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ Point = tuple[float, float]
 
 
 def front(points: Sequence[Point]) -> list[bool]:
-    """Return for each point whether it is on the front: no other point is at least as good in both coordinates and better in one.
+    """Return for each point whether it is on the Pareto front.
+
+    A point is on the front if no other point is at least as good (as small) in both coordinates and better in one coordinate.
 
     >>> front([(1, 3), (2, 2), (2, 3), (3, 1)])
     [True, True, False, True]
@@ -19,7 +21,7 @@ def front(points: Sequence[Point]) -> list[bool]:
 
 
 def shortfall(one: Point, others: Sequence[Point]) -> float:
-    """Return the largest factor by which another point is better in both coordinates: 1 on the front, 1.1 if another is 10 % better.
+    """Return the largest factor by which another point is better in both coordinates: 1 on the Pareto front, 1.1 if another is 10 % better.
 
     >>> shortfall((2.0, 2.0), [(1.0, 1.9), (4.0, 0.1)])
     1.0526315789473684
