@@ -1,1 +1,3 @@
-"""Files, locks, untrusted input, worker processes, progress and the chat client. Every package may import this one."""
+"""Read and write files, lock files, read untrusted input, run worker processes, print progress, and call a chat server. Every other package
+of radartwin may import this package.
+"""

@@ -1,8 +1,9 @@
 """Ask a language model on an OpenAI-compatible server: vLLM, Ollama, LM Studio or a commercial service.
 
-A request is POST URL/chat/completions with a JSON schema for the answer. After a time-out or a status code in RETRIED the client tries
-again, with growing pauses or with the pause that the server asks for in Retry-After; other errors end the request. The API key comes from
-the environment and is never written to a file. docs/decisions/012-own-or-library.md explains why the openai package is not used.
+The client sends POST URL/chat/completions with a JSON schema that the model's answer must follow. After a time-out or an HTTP status code
+in RETRIED, the client sends the request again, with growing pauses or with the pause in the server's Retry-After header. Any other error
+ends the request. The API key comes from an environment variable and is never written to a file. docs/decisions/012-own-or-library.md
+explains why the openai package is not used.
 """
 
 from __future__ import annotations
@@ -28,23 +29,23 @@ LONGEST_PAUSE_S = 120.0
 
 
 class NoAnswerInTime(BackendError):
-    """All tries of one request timed out. Other requests may still succeed, which is not so after any other error."""
+    """Raised if every try of a request timed out. Later requests may still succeed, whereas after any other error they would fail too."""
 
 
 @dataclass
 class Endpoint:
-    """A language model on a server. Several threads may share the object.
+    """Describe a server and the name of a language model on it. Several threads may share the object.
 
     Args:
-        url: base address of the API, with /v1.
-        timeout_s: time limit of one try.
-        requests: number of tries of one request.
-        pause_s: pause before the second try; each further pause is twice as long.
-        key_variable: name of the environment variable with the bearer token; the variable may be unset.
-        max_tokens: maximum length of the answer.
-        key: bearer token; replaces the environment variable.
+        url: base URL of the server's API, including /v1.
+        timeout_s: time limit in seconds of a single try to get an answer.
+        requests: largest number of tries to get an answer to a request.
+        pause_s: pause in seconds before the second try; each further pause is twice as long.
+        key_variable: name of the environment variable that contains the API key (bearer token); the variable may be unset.
+        max_tokens: maximum length of the model's answer in tokens.
+        key: API key (bearer token) sent to the server; None takes the value of the environment variable `key_variable`.
     Raises:
-        ConfigError: the address is not valid. A request raises it if the key contains characters that cannot be sent.
+        ConfigError: the URL is not valid. A request also raises ConfigError if the API key contains characters that cannot be sent.
     """
 
     url: str = field(repr=False)  # it may hold a password
@@ -69,7 +70,7 @@ class Endpoint:
 
     @property
     def shown(self) -> str:
-        """Return the address without user, password and query, for messages."""
+        """Return the URL of the server for messages, without user name, password and query."""
         parts = urlsplit(self.url)
         return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path.rstrip("/"), "", ""))
 
@@ -81,7 +82,9 @@ class Endpoint:
 
     @property
     def _secret(self) -> str:
-        """Return the bearer token, or "". Raises ConfigError for a token that cannot be sent; the message does not contain the token."""
+        """Return the API key, or "" if there is none. Raises ConfigError for a key that cannot be sent; the message does not contain the
+        key.
+        """
         key = (self.key if self.key is not None else os.environ.get(self.key_variable, "")).strip()
         if not (key.isascii() and key.isprintable()):
             raise ConfigError(f"{self.key_variable} holds characters that no key has; copy the key again")
@@ -93,13 +96,13 @@ class Endpoint:
         """Send the messages to the model and return its answer.
 
         Args:
-            messages: dictionaries with "role" and "content", as in the OpenAI API.
-            schema: JSON schema of the answer. If a server refuses response_format, the request is sent without the schema, so the caller
-                must check the answer.
-            client: HTTP client that `client()` returned, if several requests share it.
+            messages: dictionaries with the keys "role" and "content", as in the OpenAI API.
+            schema: JSON schema that the model's answer must follow. If a server refuses the field response_format, the client sends the
+                request without the schema, so the caller must check the answer.
+            client: HTTP client from `client()` that several requests share; None creates a new client for this request.
         Raises:
             NoAnswerInTime: the last try timed out.
-            BackendError: there is no connection, the server refuses, or it is not OpenAI-compatible.
+            BackendError: the server cannot be reached, refuses the request, or is not OpenAI-compatible.
         """
         if client is None:
             with self.client() as client:
@@ -155,7 +158,9 @@ class Endpoint:
 
 
 def _retry_after(response: httpx.Response, otherwise: float) -> float:
-    """Return the seconds to wait according to the Retry-After header (a number or a date), or `otherwise` without the header."""
+    """Return the waiting time in seconds from the Retry-After header (a number or a date), or `otherwise` if the response has no such
+    header.
+    """
     header = response.headers.get("retry-after", "").strip()
     with contextlib.suppress(ValueError):
         return max(0.0, float(header))

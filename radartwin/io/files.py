@@ -1,6 +1,7 @@
-"""Write files atomically, read arrays from files, and lock files between processes.
+"""Write files atomically, read arrays from files, and lock files against other processes.
 
-A file is written under a temporary name beside its target, forced to the disk and renamed. So it is complete or absent, even after a kill.
+The module writes a file under a temporary name in the same folder, forces it to the disk and renames it. Therefore a file is complete or
+absent, even if the process is killed.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ LOCK = "lock"  # file in an unfinished folder, locked by the process that fills 
 
 
 def check_folder(folder: Path) -> Path:
-    """Check that a folder can be created or written, without creating it. Called before long work starts.
+    """Check that a folder can be created or written, without creating it. Commands call this function before long work starts.
 
     Raises:
-        OutputError: a file is in the way, or the folder cannot be written.
+        OutputError: a file has the name of the folder or of one of its parents, or the folder cannot be written.
     """
     existing = Path(folder).absolute()
     while not existing.exists():
@@ -43,7 +44,7 @@ def check_folder(folder: Path) -> Path:
 
 
 def make_folder(folder: Path) -> Path:
-    """Create the folder if it does not exist. Raises OutputError if it cannot be created or written."""
+    """Create the folder if it does not exist. Raises OutputError if the folder cannot be created or written."""
     check_folder(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -53,12 +54,12 @@ def make_folder(folder: Path) -> Path:
 
 
 def unfinished(path: Path) -> Path:
-    """Return the temporary path beside `path` under which this process writes the file."""
+    """Return the temporary path in the same folder as `path` under which this process writes the file until it is complete."""
     return path.with_name(f".{path.name}.radartwin-{os.getpid()}{TEMPORARY}")
 
 
 def write_atomically(path: Path, content: bytes | str) -> Path:
-    """Write a file so that it is either complete or unchanged.
+    """Write a file so that after any failure the file has either its old or its complete new content.
 
     Raises:
         OutputError: the folder cannot be created or written. No temporary file remains.
@@ -80,7 +81,7 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read the arrays of an .npz file by name, without unpickling.
+    """Read the arrays of an .npz file into a dictionary by array name, without unpickling Python objects.
 
     Raises:
         InputError: the content is not an .npz archive, holds Python objects, or declares arrays much larger than the archive.
@@ -103,7 +104,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_array(path: Path) -> np.ndarray:
-    """Read the array of a .npy file, without unpickling.
+    """Read the array of a .npy file, without unpickling Python objects.
 
     Raises:
         InputError: the file is not a .npy array, holds Python objects, or declares an array larger than the file.
@@ -123,7 +124,7 @@ def read_array(path: Path) -> np.ndarray:
 
 
 def _check_archive(stream: IO[bytes], path: Path) -> None:
-    """Check the headers of an .npz archive before memory is allocated for its arrays. Rewinds the stream."""
+    """Check the headers of an .npz archive before memory is allocated for its arrays, then set the stream back to its start."""
     import zipfile
 
     with zipfile.ZipFile(stream) as archive:
@@ -137,7 +138,7 @@ def _check_archive(stream: IO[bytes], path: Path) -> None:
 
 
 def _check_header(stream: IO[bytes], size: int, label: str) -> None:
-    """Refuse a .npy array of Python objects, or larger than `size` bytes. Raises InputError, ValueError."""
+    """Refuse a .npy array that holds Python objects or is larger than `size` bytes. Raises InputError or ValueError."""
     from numpy.lib import format as npy
 
     read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(npy.read_magic(stream))
@@ -152,7 +153,7 @@ def inside(folder: Path, name: str) -> Path:
     """Return FOLDER/NAME for a file name that was read from an index file in the folder.
 
     Raises:
-        InputError: the path leads out of the folder by "..", as an absolute path or through a link.
+        InputError: the name leads out of the folder by "..", as an absolute path or through a link.
     """
     path = folder / name
     if "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
@@ -171,7 +172,7 @@ def folder_bytes(folder: Path) -> int:
 
 
 def sync(path: Path, deep: bool = True) -> None:
-    """Force a file or folder from memory to the disk, with `deep` also the content of the folder."""
+    """Force a file or folder from memory to the disk; with `deep`, also all files and folders inside the folder."""
     if deep and path.is_dir():
         for child in path.iterdir():
             sync(child)
@@ -184,12 +185,13 @@ def sync(path: Path, deep: bool = True) -> None:
 
 @contextlib.contextmanager
 def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
-    """Within the `with`, hold a lock between processes on the file `path`. The file exists only while a process holds or awaits the lock.
+    """Hold a lock on the file `path` within the `with` block, so that other processes wait. The file exists only while a process holds the
+    lock or waits for it.
 
-    The kernel releases the lock of a process that dies.
+    If a process dies, the operating system releases its lock.
 
     Args:
-        waiting: called once if another process holds the lock.
+        waiting: function that is called once if another process holds the lock.
     Raises:
         OutputError: the lock file cannot be created or opened.
     """
@@ -235,16 +237,18 @@ def _cannot_lock(path: Path, error: OSError) -> OutputError:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the temporary files (see `unfinished`) of dead processes from the folder."""
+    """Remove from the folder the temporary files (see `unfinished`) of processes that no longer exist."""
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
         if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not alive(int(ours.group(1))):
             path.unlink(missing_ok=True)
 
 
 def drop_abandoned(folder: Path) -> None:
-    """Remove an unfinished folder, unless a living process holds its lock FOLDER/lock or waits for this lock.
+    """Remove a folder that a dead process left incomplete, unless a living process holds the folder's lock FOLDER/lock or waits for this
+    lock.
 
-    The lock is held until the folder is empty, so a process that wants to fill the folder waits and then starts anew.
+    This function holds the lock until the folder is empty, so a process that wants to fill the folder waits and then starts with an empty
+    folder.
     """
     with contextlib.suppress(OSError):
         folder.rmdir()  # an empty folder is from a process that was killed before it held the lock

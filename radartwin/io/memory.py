@@ -1,8 +1,8 @@
-"""Let the C library keep freed memory for reuse, and report the memory of processes.
+"""Let the C library keep freed memory for reuse, and report how much memory a process uses.
 
-The path arrays of a frame take tens of megabytes and are freed after milliseconds. By default the GNU C library requests memory from the
-system for each array and returns it afterwards. The system clears these pages each time, which takes half the time of tracing a rotating
-object (radartwin/simulation/aspects.py).
+The arrays of the propagation paths of a frame take tens of megabytes and are freed after milliseconds. By default the GNU C library
+requests memory from the system for each array and returns it afterwards. The system clears the memory pages each time, which takes half the
+time of tracing a rotating object (radartwin/simulation/aspects.py).
 """
 
 import contextlib
@@ -18,9 +18,10 @@ _PAD_BYTES = 1 << 28
 
 @functools.cache
 def keep_freed() -> None:
-    """Make this process keep the memory that it frees, if the C library is GNU's.
+    """Make this process keep the memory that it frees, if its C library is the GNU C library.
 
-    The process then stays at its largest size until `give_back` is called. Dr.Jit manages its own memory.
+    The memory of the process then stays at its largest size until `give_back` is called. This function does not affect the memory of
+    Dr.Jit, which manages its own memory.
     """
     with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library
         mallopt = ctypes.CDLL(None).mallopt
@@ -47,7 +48,7 @@ def resident_bytes(pid: int) -> float:
 
 
 def free_bytes() -> float:
-    """Return the available memory in bytes, or half of all memory if the system does not report the available memory."""
+    """Return the available memory of the machine in bytes. If the system does not report it, return half of the total memory."""
     try:
         with open("/proc/meminfo", encoding="ascii") as status:
             return next(1024.0 * int(line.split()[1]) for line in status if line.startswith("MemAvailable"))

@@ -1,4 +1,6 @@
-"""A pool of worker processes that end when their parent ends, built on concurrent.futures (docs/decisions/011-worker-pool.md)."""
+"""A pool of worker processes that end when their parent process ends. It is built on concurrent.futures
+(docs/decisions/011-worker-pool.md).
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,13 @@ _in_worker = False
 
 
 class ProcessPool:
-    """Up to `size` worker processes, started when they are needed.
+    """Run calls in up to `size` worker processes, which the pool starts when it needs them.
 
-    If a worker dies, the pool is broken: unfinished calls raise BrokenProcessPool, and so does the next `submit`.
+    If a worker dies, the pool cannot be used any more: unfinished calls and the next `submit` raise BrokenProcessPool.
 
     Args:
-        prepare: called first in each worker.
-        import_main: whether workers import the script that the user started; use False if it may lack `if __name__ == "__main__"`.
+        prepare: function that each worker calls when it starts.
+        import_main: whether workers import the script that the user started. Use False if the script may lack `if __name__ == "__main__"`.
     """
 
     def __init__(self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True) -> None:
@@ -39,7 +41,7 @@ class ProcessPool:
         self._executor = ProcessPoolExecutor(size, context, _start, (lifeline, prepare))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Call a module-level function in a worker. Its arguments, value and exceptions are pickled."""
+        """Call a module-level function in a worker. The arguments, the return value and exceptions are pickled."""
         with contextlib.nullcontext() if self._import_main else _without_main():
             future = self._executor.submit(_call, function, arguments)
         result: Future[Any] = Future()
@@ -66,7 +68,9 @@ def in_worker() -> bool:
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
-    """Within the `with`, hide the file of the main module, because `spawn` would import it in the new process."""
+    """Hide the file of the main module within the `with` block, because multiprocessing's start method `spawn` would import the file in the
+    new process.
+    """
     main = sys.modules["__main__"]
     hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
     vars(main).update(dict.fromkeys(hidden))

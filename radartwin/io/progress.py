@@ -18,7 +18,7 @@ PLAIN_INTERVAL_S = 5.0
 
 
 class Progress:
-    """Prints progress. `quiet` switches it off, for tests and library use."""
+    """Print the progress of long work. `quiet` switches the output off, for tests and use as a library."""
 
     def __init__(self, quiet: bool = False) -> None:
         self._quiet = quiet
@@ -29,7 +29,7 @@ class Progress:
             print(line, file=sys.stderr, flush=True)
 
     def over(self, items: Iterable[T], label: str) -> Iterator[T]:
-        """Yield the items and print the progress after each item."""
+        """Yield the items, and print the progress after each item."""
         total = len(items) if isinstance(items, Sized) else None
         with self.task(label, total) as advance:
             for item in items:
@@ -66,7 +66,7 @@ class Progress:
 
 
 def _duration(seconds: float) -> str:
-    """Format a duration: in seconds below two minutes, else in minutes.
+    """Format a duration in seconds if it is below two minutes, else in minutes.
 
     >>> _duration(99.6), _duration(119.7), _duration(3601)
     ('100 s', '2 min', '60 min')

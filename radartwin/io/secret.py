@@ -1,4 +1,4 @@
-"""Remove keys and passwords that are environment variables from text before the text is logged, shown or stored."""
+"""Remove the values of secret environment variables (keys and passwords) from a text before the text is logged, shown or stored."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ HIDDEN = "***"
 
 
 def hidden(text: str, *more: str | None) -> str:
-    """Replace the values of the environment variables VARIABLES and the strings in `more` by *** in a text.
+    """Replace the values of the environment variables in VARIABLES, and the strings in `more`, by *** in a text.
 
-    This is needed because error messages of servers and libraries may repeat keys.
+    Messages need this replacement because error texts of servers and libraries may repeat a key.
 
     >>> hidden("invalid key abc-123-def", "abc-123-def")
     'invalid key ***'

@@ -1,4 +1,4 @@
-"""Read JSON from other sources, with limits on size and nesting."""
+"""Read JSON from untrusted sources, with limits on size and nesting depth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ def load(text: str | bytes) -> Any:
 
 
 def read(path: Path) -> Any:
-    """Parse a JSON file in UTF-8. Raises ValueError as `load` (without reading all of a file that is too large), and OSError."""
+    """Parse a JSON file in UTF-8. Raises ValueError for the same reasons as `load`, and OSError. A file that is too large is not read
+    completely.
+    """
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     return load(content.decode("utf-8"))

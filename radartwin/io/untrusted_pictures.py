@@ -1,6 +1,7 @@
-"""Open pictures from untrusted sources: only the formats that scanners write, and at most Pillow's limit of 179 million pixels.
+"""Open pictures from untrusted sources. Only the formats that scanners write are allowed, and at most Pillow's limit of 179 million pixels.
 
-Pillow detects fifty formats by content and runs other programs for some, such as Ghostscript for EPS.
+Without this restriction, Pillow would detect fifty formats by content and would run other programs for some formats, such as Ghostscript
+for EPS.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ FORMATS = ("PNG", "JPEG", "PPM", "TIFF")  # PPM includes PGM
 
 
 def open_picture(path: Path) -> Image:
-    """Open a picture and read its header; the pixels are read on first use. The caller closes the picture.
+    """Open a picture and read its header; Pillow reads the pixels on first use. The caller closes the picture.
 
     Raises:
         FileNotFoundError: the file does not exist.

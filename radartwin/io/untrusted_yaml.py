@@ -1,4 +1,6 @@
-"""Read YAML from untrusted sources: only plain types, and no aliases, because a few lines of aliases can fill all memory."""
+"""Read YAML from untrusted sources. Only plain types are allowed, and no aliases, because a few lines of nested aliases can fill all
+memory.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def loader() -> type[yaml.SafeLoader]:
-    """Return the YAML loader class. It raises a yaml.YAMLError with the line number for an alias."""
+    """Return the class that loads such YAML. For an alias, it raises a yaml.YAMLError with the line number."""
     import yaml
     from yaml.composer import ComposerError
 

@@ -1,1 +1,1 @@
-"""The style of figures, and their interactive pages."""
+"""Style of the figures, and interactive HTML pages of the figures."""

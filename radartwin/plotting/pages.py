@@ -1,7 +1,8 @@
-"""Write a figure as one HTML page with zoom, pan, and readout of data values by pointer or keys. The page works offline.
+"""Write a figure as one HTML page on which the reader can zoom, pan, and read data values with pointer or keys. The page works offline.
 
-The page shows the figure's own vector drawing and contains its data: the points of lines, scatters, error bars and bars by series, and the
-values of pictures. Dates, shaded meshes and cells of unequal width are drawn, but their values cannot be read out.
+The page shows Matplotlib's vector drawing of the figure. It also contains the data of the figure: for each series, the points of lines,
+scatter plots, error bars and bars, and the pixel values of images. Date axes, shaded meshes and image cells of unequal width are drawn, but
+the page cannot show their values.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ PAGE = Path(__file__).with_name("pages.html")
 
 
 def page(drawing: Figure, title: str) -> str:
-    """Return the HTML page of a figure. Its layout must be final (after `savefig` or `draw_without_rendering`)."""
+    """Return the HTML page of a figure. The figure's layout must be final (after `savefig` or `draw_without_rendering`)."""
     stream = io.StringIO()
     drawing.savefig(stream, format="svg", metadata={"Date": None})
     drawn = stream.getvalue()
@@ -39,7 +40,7 @@ def page(drawing: Figure, title: str) -> str:
 
 
 def _numbered(drawn: str) -> str:
-    """Replace Matplotlib's identifiers of shared elements by numbers, because the identifiers depend on memory addresses."""
+    """Replace Matplotlib's identifiers of shared SVG elements by numbers, because the identifiers depend on memory addresses."""
     names = {name: f"part{number}" for number, name in enumerate(dict.fromkeys(re.findall(r'id="([a-zA-Z]+[0-9a-f]{10})"', drawn)))}
     return re.sub(r"\b[a-zA-Z]+[0-9a-f]{10}\b", lambda found: names.get(found[0], found[0]), drawn)
 
@@ -57,13 +58,13 @@ def _axes(axes: Axes, size: list[float]) -> dict[str, Any]:
 
 
 def _label(axes: Axes, name: str) -> str:
-    """Return the label of an axis, or the label of an axis that shares its scale."""
+    """Return the label of an axis. If the axis has no label, return the label of an axis that shares its scale."""
     shared = getattr(axes, f"get_shared_{name}_axes")().get_siblings(axes)
     return next((text for one in (axes, *shared) if (text := getattr(one, f"get_{name}label")())), "")
 
 
 def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]:
-    """Return limits, kind and label of a scale, and the tick names if the axis has names instead of numbers."""
+    """Return limits, kind and label of an axis scale, and the tick names if the axis has names instead of numbers."""
     from matplotlib.ticker import FixedFormatter, FuncFormatter
 
     names = []
@@ -80,7 +81,9 @@ def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]
 
 
 def _series(axes: Axes) -> list[dict[str, Any]]:
-    """Return the points of lines, scatters, error bars and bars in data coordinates. The third number of a bar is its value."""
+    """Return the points of all lines, scatter plots, error bars and bars in data coordinates. For a bar, the third number is the bar's
+    value.
+    """
     from matplotlib.collections import PathCollection
     from matplotlib.container import BarContainer, ErrorbarContainer
 
@@ -119,12 +122,14 @@ def _series(axes: Axes) -> list[dict[str, Any]]:
 
 
 def _points(x: Any, y: Any) -> np.ndarray:
-    """Return points (N, 2), with NaN in place of masked values."""
+    """Return points (N, 2) from x and y, with NaN in place of masked values."""
     return np.column_stack([np.ma.filled(np.ma.asarray(one, float), np.nan) for one in (x, y)])
 
 
 def _pictures(axes: Axes) -> list[dict[str, Any]]:
-    """Return images and meshes of equal cells: extent (left, right, first, last), and rows of values from `first` to `last`."""
+    """Return the images and the meshes of equal cells. Each has its extent (left, right, first, last), and rows of values ordered from
+    `first` to `last` on the vertical axis.
+    """
     from matplotlib.collections import QuadMesh
 
     found = []

@@ -1,7 +1,7 @@
-"""Define the style of every figure: the Okabe-Ito palette, which colour-blind readers can distinguish, and print sizes in inches.
+"""Define the style of every figure: print sizes in inches, and the Okabe-Ito palette, whose colours colour-blind readers can distinguish.
 
-Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. Figures need no display and no global
-state of pyplot: `figure` creates a figure, and `save` writes it as PNG, PDF and interactive page.
+Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. The figures need no display and do not change the
+global state of pyplot. The function `figure` creates a figure, and `save` writes it as PNG, PDF and interactive page.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def style() -> dict[Any, Any]:
 def figure(
     rows: int = 1, columns: int = 1, *, width_in: float = PAGE_WIDTH_IN, height_in: float = 2.6, **subplots: Any
 ) -> tuple[Figure, Any]:
-    """Create a figure in the project's style. Returns figure and axes as `plt.subplots`, but does not register them in pyplot."""
+    """Create a figure in the project's style. Returns figure and axes like `plt.subplots`, but does not register the figure in pyplot."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -59,10 +59,10 @@ def figure(
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write `stem`.png, .pdf and .html, each atomically, and return their paths.
+    """Write a figure as `stem`.png, .pdf and .html, each atomically, and return the three paths.
 
     Args:
-        drawing: a figure, a function that draws it, or the path without suffix of existing files.
+        drawing: a figure, a function that draws a figure, or the common path without suffix of existing figure files.
     """
     import matplotlib
 

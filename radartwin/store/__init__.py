@@ -1,1 +1,1 @@
-"""The store of computed products, the cache of arrays, and the digests that form their keys."""
+"""The store of computed results on the disk, the cache of arrays, and the digests from which the keys of stored results are formed."""

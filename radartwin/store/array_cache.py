@@ -1,7 +1,7 @@
-"""A cache of named arrays. The most recent entries are in memory; more are in a folder that several processes may share.
+"""A cache of named arrays. The most recently used entries are in memory. Further entries are in a folder that several processes may share.
 
-Each entry is one .npz file, named by its key and never partly written. A damaged entry is removed with a warning. When the folder exceeds
-its size limit, the least recently used entries are removed.
+Each entry in the folder is one .npz file, which is named by its key and never partly written. The cache removes a damaged entry and warns.
+When the folder exceeds its size limit, the cache removes the least recently used entries.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _SUFFIX = ".npz"
 
 
 class ArrayCache:
-    """Stores named arrays by key.
+    """Store named arrays by key, in memory and optionally in a folder.
 
     Args:
-        folder: where entries remain after this process ends; None keeps entries in memory only.
-        in_memory: number of entries to hold in memory.
-        max_bytes: size limit of the folder.
+        folder: folder in which entries remain after this process ends; None keeps entries in memory only.
+        in_memory: largest number of entries that are held in memory.
+        max_bytes: size limit of the folder in bytes.
     Raises:
         OutputError: the folder cannot be created or written.
 
@@ -54,11 +54,11 @@ class ArrayCache:
             files.sweep(self.folder)
 
     def get(self, key: str, read: Callable[[Arrays], T]) -> T | None:
-        """Return `read(arrays)` for the entry of this key; None if there is no entry.
+        """Return `read(arrays)` for the arrays stored under this key, or None if the cache has no such entry.
 
         Args:
-            read: converts the arrays of the entry and must not change them. If it raises ValueError, LookupError or TypeError, the entry
-                counts as damaged.
+            read: function that converts the arrays of the entry and must not change them. If `read` raises ValueError, LookupError or
+                TypeError, the cache treats the entry as damaged.
         """
         with self._lock:
             if key in self._recent:
@@ -82,7 +82,7 @@ class ArrayCache:
             return found
 
     def put(self, key: str, arrays: Arrays) -> None:
-        """Store the arrays. If the disk is full, warn and keep them in memory only."""
+        """Store the arrays under the key. If the disk is full, warn and keep the arrays in memory only."""
         with self._lock:
             self._remember(key, arrays)
             if self.folder is None:
@@ -107,7 +107,9 @@ class ArrayCache:
             self._recent.popitem(last=False)
 
     def _evict(self, newest: Path) -> None:
-        """Remove the least recently used entries until the folder is within its limit. Other processes may do so at the same time."""
+        """Remove the least recently used entries until the folder is within its size limit. Several processes may do so
+        at the same time.
+        """
         assert self.folder is not None
         entries = []
         for path in self.folder.glob(f"*{_SUFFIX}"):
@@ -127,13 +129,15 @@ _shared = ArrayCache()
 
 
 def shared() -> ArrayCache:
-    """Return the cache that this process shares: in memory only, unless `in_folder` names a folder."""
+    """Return the array cache that all code in this process shares. It is in memory only, unless `in_folder` has set a folder."""
     return _shared
 
 
 @contextlib.contextmanager
 def in_folder(folder: str | Path) -> Iterator[ArrayCache]:
-    """Within the `with`, the shared cache also uses this folder. Raises OutputError as ArrayCache does."""
+    """Make the shared array cache also use this folder within the `with` block. Raises OutputError if the folder cannot be created or
+    written.
+    """
     global _shared
     before, _shared = _shared, ArrayCache(folder)
     try:

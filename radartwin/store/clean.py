@@ -1,4 +1,4 @@
-"""`radartwin clean`: list the computed products of an output folder with their sizes, and delete them on request."""
+"""The command `radartwin clean` lists the stored results of an output folder with their sizes, and deletes them on request."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CACHE = "cache"  # in the output folder; everything in it can be computed again
 
 
 def cache_bytes(output: Path) -> dict[str, int]:
-    """Return the size in bytes of each kind of product in OUTPUT/cache, largest first."""
+    """Return {kind of stored result: size in bytes} for the folder OUTPUT/cache, largest size first."""
     folder = Path(output) / CACHE
     kinds = [path for path in sorted(folder.iterdir()) if path.is_dir() and not path.is_symlink()] if folder.is_dir() else []
     sizes = {kind.name: files.folder_bytes(kind) for kind in kinds}
@@ -20,10 +20,10 @@ def cache_bytes(output: Path) -> dict[str, int]:
 
 
 def clean(output: Path, cache: bool) -> int:
-    """Print the size of each kind of product and, with `cache`, delete all products. Returns the exit status.
+    """Print the size of each kind of stored result. If `cache` is True, also delete all stored results. Returns the exit status.
 
     Raises:
-        OutputError: a product cannot be deleted.
+        OutputError: a stored result cannot be deleted.
     """
     sizes = cache_bytes(output)
     folder = Path(output) / CACHE

@@ -1,8 +1,10 @@
-"""Digests (SHA-256) that form the keys of products: of a configuration, of source code and of input files.
+"""Compute the SHA-256 digests of a configuration, of source code and of input files. The keys of stored results are formed from these
+digests.
 
-A key must change whenever the result could change. The digest of source code covers whole packages: every package with a module that the
-computation imports, directly or indirectly. A package is a folder two levels deep, such as radartwin.simulation; a file beside such folders
-counts as its own package. Comments, docstrings, layout and imports for type checkers do not change a digest.
+The key of a stored result must change whenever the result could change. The digest of source code covers whole packages: every package with
+a module that the computation imports, directly or indirectly. Here a package is a folder two levels deep, such as radartwin.simulation; a
+file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting and imports for type checkers do not change the
+digest of source code.
 """
 
 from __future__ import annotations
@@ -26,12 +28,14 @@ if TYPE_CHECKING:
 
 
 def spec_digest(spec: Any) -> str:
-    """Return the digest of a tree of dictionaries, lists, arrays, dataclasses and scalars. The order of dictionary keys does not matter."""
+    """Return the digest of a tree of dictionaries, lists, arrays, dataclasses and scalars. The order of dictionary keys does not change the
+    digest.
+    """
     return hashlib.sha256(canonical(spec).encode()).hexdigest()
 
 
 def canonical(spec: Any) -> str:
-    """Write the tree as JSON with sorted keys. Raises TypeError for a value that JSON cannot represent."""
+    """Convert the tree to a JSON text with sorted keys. Raises TypeError for a value that JSON cannot represent."""
     return json.dumps(_plain(spec), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
@@ -54,7 +58,9 @@ def _plain(value: Any) -> Any:
 
 
 def semantic(description: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that influence a result: no `unkeyed` fields, and a file's content in place of its path."""
+    """Return the fields of a dataclass that influence a result. Fields marked `unkeyed` are left out, and the path of a file is replaced by
+    the digest of its content.
+    """
     out = {}
     for field in dataclasses.fields(description):
         value = getattr(description, field.name)
@@ -67,14 +73,16 @@ def semantic(description: Any) -> dict[str, Any]:
 
 
 def array_digest(array: np.ndarray) -> str:
-    """Return the digest of an array's type, shape and bytes. For large arrays this is faster than `spec_digest`."""
+    """Return the digest of an array's data type, shape and bytes. For large arrays this function is faster than `spec_digest`."""
     total = hashlib.sha256(f"{array.dtype.str} {array.shape}:".encode())
     total.update(array.tobytes())
     return total.hexdigest()
 
 
 def path_digest(path: Path) -> str:
-    """Return the digest of a file's bytes, or of a folder's relative file names and bytes. Raises MissingError if the path is absent."""
+    """Return the digest of a file's bytes, or of the relative names and bytes of all files in a folder. Raises MissingError if the path is
+    absent.
+    """
     if path.is_file():
         files = [path]
     elif path.is_dir():
@@ -90,7 +98,7 @@ def path_digest(path: Path) -> str:
 
 
 def source_digest(entries: Iterable[str]) -> str:
-    """Return the digest of the source code of all packages that the entries import, directly or indirectly.
+    """Return the digest of the source code of all packages that the modules in `entries` import, directly or indirectly.
 
     Args:
         entries: modules or packages where the computation starts, such as "experiments.campaign.truth" or "radartwin.simulation".
@@ -112,7 +120,9 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 
 @functools.cache
 def import_closure(entries: tuple[str, ...]) -> frozenset[str]:
-    """Return the modules of radartwin and experiments that the entries import, directly or indirectly, also inside functions."""
+    """Return the modules of radartwin and experiments that the modules in `entries` import, directly or indirectly, including imports
+    inside functions.
+    """
     reached: set[str] = set()
     waiting = [*_with_parents(name for entry in entries for name in _members(entry))]
     while waiting:
@@ -124,14 +134,14 @@ def import_closure(entries: tuple[str, ...]) -> frozenset[str]:
 
 
 def include(top: str) -> None:
-    """Include one more top-level package or module in source digests, such as a user's own experiment."""
+    """Include a further top-level package or module in source digests, such as the module of a user's own experiment."""
     if top not in _tops:
         _tops.add(top)
         forget()
 
 
 def forget() -> None:
-    """Forget all source code read so far, so that the next digest reads it again."""
+    """Forget all source code that has been read, so that the next digest reads the files again."""
     for function in (_source_digest, import_closure, _imports, _parsed, _source):
         function.cache_clear()
 
@@ -140,7 +150,7 @@ _tops = {"radartwin", "experiments"}  # constraints.txt pins the version of ever
 
 
 def _members(name: str) -> list[str]:
-    """Return the modules of a package two levels deep, or the module itself for any other name; [] if no such module exists."""
+    """Return the modules of a package two levels deep. For any other name, return the module itself, or [] if no such module exists."""
     folder = _location(name)
     if name.count(".") == 1 and folder and folder.is_dir():
         parts = (path.relative_to(folder).with_suffix("").parts for path in sorted(folder.rglob("*.py")))
@@ -165,13 +175,13 @@ def _imports(name: str) -> frozenset[str]:
 
 
 def _with_parents(names: Iterable[str]) -> frozenset[str]:
-    """Return the names that are modules, and the packages that contain them, because Python runs these packages first."""
+    """Return those names that are modules, and the packages that contain these modules, because Python runs the packages first."""
     parents = {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
     return frozenset(name for name in parents if _source(name))
 
 
 class _Parsed(NamedTuple):
-    """A module's import statements and the digest of its code."""
+    """Hold the import statements of a module and the digest of the module's code."""
 
     imports: list[ast.Import | ast.ImportFrom]
     digest: str
@@ -198,7 +208,7 @@ def _parsed(name: str) -> _Parsed:
 
 
 def _statements(nodes: Iterable[Any]) -> Iterator[Any]:
-    """Yield the nodes and all statements inside them, except blocks that only a type checker reads."""
+    """Yield the syntax tree nodes and all statements inside them, except blocks that only a type checker reads."""
     for node in nodes:
         yield node
         for block in ("orelse",) if _for_type_checkers(node) else ("body", "orelse", "finalbody", "handlers", "cases"):
@@ -210,7 +220,7 @@ def _for_type_checkers(node: Any) -> bool:
 
 
 def _lazy(package: str) -> dict[str, str]:
-    """Return the names that a package loads on first use, with their modules, from the dictionary in its __init__.py."""
+    """Return {name: module} for the names that a package imports on first use, from the dictionary in its __init__.py."""
     path = _source(package)
     if path is None or path != _init(package):
         return {}
@@ -225,7 +235,9 @@ def _lazy(package: str) -> dict[str, str]:
 
 @functools.cache
 def _source(name: str) -> Path | None:
-    """Find the source file of a module without importing it; None if it has no file or is not part of the digested packages."""
+    """Find the source file of a module without importing the module. Returns None if the module has no file or is outside the digested
+    packages.
+    """
     location = _location(name)
     if location is None:
         return None

@@ -1,10 +1,11 @@
-"""The store of computed products. A product is a folder named by its key, and is never incomplete.
+"""The store of computed results. A stored result (a product) is a folder that is named by its key and is never incomplete.
 
     output/cache/KIND/KEY/          the product: the files that `build` wrote, and meta.json
     output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next start removes folders that killed processes left
 
-The key is a digest of the specification, with the content of input files, and of the source code of the packages that compute the product
-(radartwin/store/digest.py). A stored product is computed again only if its files no longer have the sizes and SHA-256 sums in meta.json.
+The key is a digest of the specification of the result, of the content of its input files, and of the source code of the packages that
+compute it (radartwin/store/digest.py). The store computes a product again only if the product's files no longer have the sizes and SHA-256
+sums in meta.json.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ RUN = "run"  # the kind of product that holds the result of an experiment
 
 @dataclass(frozen=True)
 class Product:
-    """A finished product of the store. `reused` is False if this call computed the product."""
+    """Hold the key and the folder of a stored result. `reused` is True if the result was already in the store, and False if this call
+    computed it.
+    """
 
     path: Path
     key: str
@@ -55,9 +58,9 @@ class Product:
 
 @dataclass
 class Counts:
-    """The sets of products, as (kind, key), that were built and that were found in the store.
+    """Record which stored results, as pairs (kind, key), were computed and which were found in the store.
 
-    A product that is first built and then found counts as built.
+    A result that is first computed and then found in the store counts as computed.
     """
 
     built: set[tuple[str, str]] = field(default_factory=set)
@@ -77,7 +80,7 @@ class Counts:
 
     @property
     def by_kind(self) -> Counter[str]:
-        """Return the number of products of each kind, with keys such as "KIND built" and "KIND reused"."""
+        """Return the number of stored results of each kind, with keys such as "KIND built" and "KIND reused"."""
         built, reused = (Counter(kind for kind, _ in some) for some in (self.built, self.found - self.built))
         return Counter({f"{kind} built": n for kind, n in built.items()} | {f"{kind} reused": n for kind, n in reused.items()})
 
@@ -93,7 +96,7 @@ _open_counts: list[Counts] = []
 
 @contextlib.contextmanager
 def counting() -> Iterator[Counts]:
-    """Within the `with`, count all products that this process and its workers fetch from any store."""
+    """Count all stored results that this process and its workers fetch from any store within the `with` block."""
     counts = Counts()
     _open_counts.append(counts)
     try:
@@ -103,20 +106,21 @@ def counting() -> Iterator[Counts]:
 
 
 def count(more: Counts) -> None:
-    """Add the counts of a worker to all counts that are active in this process."""
+    """Add the counts of stored results from a worker to all `Counts` that are active in this process."""
     for counts in _open_counts:
         counts.built |= more.built
         counts.found |= more.found
 
 
 class Store:
-    """The product cache of one output folder. Any number of processes may share it.
+    """Store computed results in the cache folder of an output folder. Any number of processes may share the folder.
 
     Args:
-        root: folder of the cache, usually output/cache. It is created, and unfinished products of killed processes are removed.
-        say: called with a message when another process is computing a needed product, and when a product is damaged.
+        root: folder of the cache, usually output/cache. The store creates the folder and removes the unfinished results of killed
+            processes.
+        say: function that receives a message when another process is computing a needed result, and when a stored result is damaged.
     Raises:
-        OutputError: the folder cannot be written.
+        OutputError: the cache folder cannot be written.
     """
 
     def __init__(self, root: Path, say: Callable[[str], None] = lambda line: None) -> None:
@@ -128,18 +132,19 @@ class Store:
                 files.drop_abandoned(work)
 
     def key(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str]) -> str:
-        """Return the key of a product; for the arguments see `fetch`."""
+        """Return the key of a stored result; `fetch` describes the arguments."""
         return spec_digest({"kind": kind, "spec": spec, "source": source_digest(entries)})[:KEY_LENGTH]
 
     def fetch(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], build: Callable[[Path], object]) -> Product:
-        """Return the product of this specification. If the store does not hold it, build it first.
+        """Return the stored result of this specification. If the store does not hold the result, compute it first.
 
         Args:
-            kind: subfolder of the cache, such as "recording". A product of kind "run" counts as scored, every other product as simulated.
-            spec: everything that determines the content: plain values, arrays and dataclasses.
-            entries: modules or packages where the computation starts. Their packages and all packages that they import enter the key.
-            build: writes the product's files into an empty folder. If it returns a mapping, meta.json stores the mapping as "told". If it
-                raises an exception, the folder is removed.
+            kind: subfolder of the cache, such as "recording". A result of kind "run" counts as scored, every other result as simulated.
+            spec: plain values, arrays and dataclasses that together determine the content of the result.
+            entries: modules or packages where the computation starts. The source code of their packages, and of all packages that these
+                import, is part of the key.
+            build: function that writes the files of the result into an empty folder. If `build` returns a mapping, the store writes it to
+                meta.json under the key "told". If `build` raises an exception, the store removes the folder.
         Raises:
             OutputError: the disk is full or read-only.
         """
@@ -151,7 +156,7 @@ class Store:
         return product
 
     def holds(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str]) -> bool:
-        """Return whether the store holds the complete product, without computing it."""
+        """Return whether the store holds the complete result of this specification, without computing it."""
         return self._complete(self.root / kind / self.key(kind, spec, entries))
 
     def _fetch(self, kind: str, key: str, build: Callable[[Path], object], described: dict[str, Any]) -> Product:
@@ -172,7 +177,9 @@ class Store:
         return Product(final, key, reused=False)
 
     def _complete(self, product: Path) -> bool:
-        """Return whether the files are as they were written. The first check of a product reads their content, later checks only sizes."""
+        """Return whether the files of a stored result are unchanged. The first check of a result reads the content of its files; later
+        checks compare only the file sizes.
+        """
         complete = _as_written(product, read=product not in self._verified)
         if complete:
             self._verified.add(product)
@@ -208,7 +215,9 @@ def _sizes(folder: Path) -> dict[str, int]:
 
 
 def _as_written(product: Path, read: bool) -> bool:
-    """Return whether every file has the size, and with `read` the content, that meta.json records. Allows extra files, but no links."""
+    """Return whether every file has the size that meta.json records, and if `read` is True also the recorded content. Further files are
+    allowed, but links are not.
+    """
     try:
         meta = untrusted_json.read(product / META)
         if not meta["bytes"].items() <= _sizes(product).items() or any(path.is_symlink() for path in product.rglob("*")):
@@ -225,7 +234,7 @@ def _sha256(file: Path) -> str:
 
 @contextlib.contextmanager
 def _disk_errors(root: Path) -> Iterator[None]:
-    """Within the `with`, turn the error of a full or read-only disk into an OutputError of one line."""
+    """Convert the error of a full or read-only disk within the `with` block to an OutputError with a one-line message."""
     try:
         yield
     except UserError:
@@ -240,12 +249,12 @@ def _disk_errors(root: Path) -> Iterator[None]:
 
 
 def save_arrays(folder: Path, arrays: Mapping[str, np.ndarray], name: str = "arrays") -> None:
-    """Write NAME.npz into a folder under construction; `Product.arrays` reads it."""
+    """Write NAME.npz into the folder of an unfinished result; `Product.arrays` reads this file."""
     import numpy as np
 
     np.savez(folder / f"{name}.npz", **dict(arrays))  # pyright: ignore[reportArgumentType]
 
 
 def save_json(folder: Path, name: str, content: Any) -> None:
-    """Write NAME.json into a folder under construction; `Product.read_json` reads it."""
+    """Write NAME.json into the folder of an unfinished result; `Product.read_json` reads this file."""
     (folder / f"{name}.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
