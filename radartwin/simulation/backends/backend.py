@@ -1,7 +1,7 @@
-"""The interface (Protocol) of simulators, and functions that choose a simulator by name.
+"""Define the interface (Protocol) that all simulators implement, and functions that choose a simulator by name.
 
-A new simulator is a module with a settings dataclass and a class that follows the Protocol, plus a line in `_kinds`. The contract tests
-(tests/contract/test_simulators.py) then test the new simulator.
+To add a simulator, write a module with a settings dataclass and a class that implements the Protocol, and add a line to `_kinds`. The
+contract tests (tests/contract/test_simulators.py) then also test the new simulator.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,8 @@ class Backend(Protocol):
     """Find the propagation paths of a scene.
 
     Attributes:
-        name: one of SIMULATORS. settings: a dataclass. Recordings store both.
+        name: name of the simulator, one of SIMULATORS. Recordings store this name.
+        settings: dataclass instance with the simulator's settings. Recordings store these settings.
     """
 
     name: ClassVar[str]
@@ -33,21 +34,28 @@ class Backend(Protocol):
     def settings(self) -> Any: ...
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return the paths of all static surfaces and of every group of surfaces that move together.
+        """Return the propagation paths over all static surfaces and over every group of surfaces that move together.
 
         Args:
-            scene: surfaces in the world, except surfaces named in `motion`, which are in their own frames.
-            radar: waveform, frame rate and element pattern. Amplitudes exclude the element gain, because the synthesis applies it.
-            sensor_poses: (F, 4, 4) sensor to world, already checked.
-            motion: (F, 4, 4) object-to-world poses by surface name, already checked.
+            scene: surfaces in world coordinates. A surface whose name is a key of `motion` is in its own coordinate frame instead.
+            radar: waveform, frame rate and element pattern. Path amplitudes exclude the element gain, because the synthesis applies it.
+            sensor_poses: (F, 4, 4) transformations from the sensor frame to the world, which the caller has checked.
+            motion: (F, 4, 4) transformations from a surface's own frame to the world, by surface name, which the caller has checked.
         Returns:
-            Parts whose signals add up, each with F poses or with one pose that holds for all frames. The list is empty for an empty scene.
+            `Paths` objects whose signals add up. Each has F poses, or one pose that is valid for all frames. The list is empty for a scene
+            without surfaces.
         """
         ...
 
 
 def backend(name: str, **settings: Any) -> Backend:
-    """Return the simulator of a name, with fields of its settings dataclass. Raises InputError, which names the wrong argument.
+    """Return the simulator with the given name and settings.
+
+    Args:
+        name: one of SIMULATORS.
+        settings: values for fields of the simulator's settings dataclass; all other fields have their defaults.
+    Raises:
+        InputError: the name or a setting is unknown, or a value is invalid. The message names the wrong argument.
 
     >>> backend("rfgenesis", version="corrected").settings.grid
     128
@@ -63,10 +71,11 @@ def backend(name: str, **settings: Any) -> Backend:
 
 
 def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
-    """Return the simulator for a call that also passes tracer settings.
+    """Return the simulator for a call that passes both a simulator and settings of the Mitsuba tracer.
 
     Raises:
-        InputError: `simulator` is no simulator or an unknown name, or it ignores tracer settings that differ from their defaults.
+        InputError: `simulator` is neither a simulator nor a known name, or a setting differs from its default but `simulator` is not the
+            simulator on Mitsuba and would ignore it.
     """
     if simulator == MitsubaBackend.name:
         return MitsubaBackend(settings)

@@ -1,13 +1,13 @@
-"""Simulator on Mitsuba 3: image sources for rooms of flat panels, ray tubes for small or curved surfaces.
+"""Simulate scenes on Mitsuba 3: mirror images for rooms of flat panels, and ray tubes for small or curved surfaces.
 
-- A room of flat panels is traced by exact images with Fresnel factors (`panel_room`), at any pose and without tubes.
-- A room that is not flat is traced by tubes (`tube_paths`). If `rays` is set, every room is traced by tubes.
-- In a room of panels, and if anything moves, each object is traced in its own frame, for all poses in a few batches. The paths include
-  direct paths and paths that also reflect at the panels (`coupling`).
-- Rough surfaces scatter diffusely from a cloud of points fixed in the world (`diffuse`).
+- In a room of flat panels, the simulator computes exact mirror images with Fresnel factors (`panel_room`), at any pose and without tubes.
+- In a room that is not flat, the simulator traces ray tubes (`tube_paths`). If the setting `rays` is given, it does so in every room.
+- In a room of flat panels, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses in
+  a few batches. It traces direct paths and paths that also reflect at the panels (`coupling`).
+- Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed in the world (`diffuse`).
 
-Static surfaces seen by a resting sensor are traced once and cached. Two effects are not modelled: the shadow of a moving object on the
-room, and paths between two groups of surfaces that move differently.
+If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. It does not model two
+effects: the shadow of a moving object on the room, and paths between two groups of surfaces that move differently.
 """
 
 from collections.abc import Mapping
@@ -28,21 +28,21 @@ from radartwin.simulation.flat import coupling, panel_room
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, traced_once
 
-# Paths between small static objects and the room are dropped if their legs make them weaker than this times the room's strongest path
-# (error: 0.002 of the signal of the cluttered atrium).
+# The simulator drops a path between a small static object and the room if its amplitude is below this factor times the amplitude of the
+# room's strongest path. The resulting error is 0.002 of the signal in the simulated room "atrium" with many objects.
 PAIRS = 1e-2
 
 
 class Surroundings(NamedTuple):
-    """Hold the static surfaces around an object; both are None in free space."""
+    """Hold the static surfaces around an object. Both fields are None for an object in free space."""
 
-    room: panel_room.PanelRoom | None  # panels that paths may include
-    occluder: Geometry | None  # blocks paths
+    room: panel_room.PanelRoom | None  # flat panels at which the paths of the object may also reflect
+    occluder: Geometry | None  # triangles that may block the paths of the object
 
 
 @dataclass(frozen=True)
 class StaticScene:
-    """Hold the static surfaces of a scene with their triangles, panels and reflection."""
+    """Hold the static surfaces of a scene with their triangles, flat panels and reflection coefficients."""
 
     surfaces: list[Surface]
     geometry: Geometry
@@ -63,7 +63,10 @@ class MitsubaBackend:
     name: ClassVar[str] = "mitsuba"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Trace all static surfaces and moving groups. Arguments and result as in `radartwin.simulation.backends.backend.Backend`."""
+        """Trace the paths of all static surfaces and of all groups of surfaces that move together.
+
+        The arguments and the result are those of `radartwin.simulation.backends.backend.Backend.paths`.
+        """
         variant.activate(self.settings.variant)
         motion = motion or {}
         surfaces = [s for s in scene.surfaces if s.name not in motion]
@@ -82,13 +85,16 @@ class MitsubaBackend:
         return [part for part in parts if len(part)]
 
     def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        """Return the static paths. They are traced once per room and shared by all frames, objects, repetitions and chirp timings."""
+        """Return the paths of the static surfaces.
+
+        The simulator traces these paths once per room. All frames, objects, repetitions and chirp timings then use the cached paths.
+        """
         geometry, table = static.geometry, static.room.table
         spec = {
             "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in static.surfaces],
-            # Static paths depend only on these properties of the radar and on the reflection table; on the frame rate only if the radar
-            # moves.
+            # Static paths depend only on these properties of the radar and on the reflection table. They depend on the frame rate only if
+            # the radar moves.
             "element": radar.element,
             "wavelength_m": radar.wavelength_m,
             "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
@@ -110,10 +116,10 @@ class MitsubaBackend:
         return parts + self.diffuse_paths(static, radar, poses)
 
     def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
-        """Trace small or curved static objects in a room of panels, without pairs of legs below the amplitude `least`."""
+        """Trace the small or curved static objects in a room of flat panels, without paths whose amplitude is below `least`."""
         geometry, room = static.geometry, static.room
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
-        done: list[int] = []  # already traced objects, so that paths between two objects are traced only once
+        done: list[int] = []  # indices of the objects that are already traced, so that paths between two objects are traced only once
         parts: list[Paths] = []
         for cluster in tube_paths.clusters(static.surfaces, np.unique(geometry.surface[room.compact])):
             members = np.isin(geometry.surface, cluster) & room.compact
@@ -124,7 +130,7 @@ class MitsubaBackend:
         return parts
 
     def diffuse_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        """Return the diffuse paths of rough surfaces."""
+        """Return the diffuse paths of the rough static surfaces; the list is empty if all surfaces are smooth or `diffuse` is False."""
         cloud = diffuse.cloud(static.surfaces) if self.settings.diffuse else None
         if cloud is None or not len(cloud):
             return []
@@ -142,7 +148,16 @@ class MitsubaBackend:
         ball: tuple[np.ndarray, float] | None = None,
         prune: float = PRUNE,
     ) -> list[Paths]:
-        """Trace a group of surfaces that move together, at `poses` (F, 4, 4); `least`, `ball`, `prune` as in `coupling.group_paths`."""
+        """Trace the paths of a group of surfaces that move together.
+
+        Args:
+            group: triangles and reflection table of the surfaces.
+            surroundings: static surfaces around the group.
+            radar: radar whose frequency sweep and frame rate apply.
+            sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
+            poses: (F, 4, 4) transformations from the group's own frame to the world.
+            least, ball, prune: as in `radartwin.simulation.flat.coupling.group_paths`.
+        """
         settings, room = self.settings, surroundings.room
         alone = room is None
         coupled = room if room is not None and room.usable.any() and settings.coupling and settings.max_bounces > 1 else None
@@ -159,7 +174,7 @@ class MitsubaBackend:
 
 
 def target(surfaces: list[Surface], radar: Radar) -> Target:
-    """Prepare the triangles of the surfaces and their reflection in the radar's sweep."""
+    """Prepare the triangles of the surfaces and their reflection coefficients in the radar's frequency sweep."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high)
     return Target(geometry_module.build([s.mesh for s in surfaces]), table)

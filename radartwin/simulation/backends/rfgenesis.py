@@ -1,28 +1,32 @@
-"""The tracer of RF Genesis ("naive tracer"): one ray per camera pixel, and each hit is a point scatterer with one phase.
+"""Simulate a scene like the program RF Genesis: one ray per camera pixel, and each hit is a point scatterer with a single phase.
 
-Re-implemented from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization of mmWave Sensing through Simulation-Based Data
-Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798) and from the behaviour of its published program.
-It serves as a baseline and is correct only in range and direction. It has three versions:
+This module calls that method the naive tracer. It implements the method anew from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization
+of mmWave Sensing through Simulation-Based Data Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798), and
+from the behaviour of the published program. The naive tracer serves as a baseline for comparison. It is correct only in range and
+direction. It has three versions:
 
-- `shipped`: as published. Rays pass through the corners of 128 x 128 pixels over 60 degrees. Surfaces have albedo 0.8 and are lit by a spot
-  of intensity 1000 beside the camera, full up to 30 degrees off axis and zero beyond 40 degrees. Hits nearer than 0.1 m or with
-  a rendered intensity below 0.1 are dropped. The amplitude is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path L, times a
-  weight. The weight should be the rendered intensity, but it is the distance, because the published program exchanges these two columns.
-  Between frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its hit in the previous frame, or else in the
-  next frame. The chirps of a frame are spread over the whole frame period, and all transmitters transmit at the same time.
-- `columns`: as `shipped`, with distance and intensity in the right columns.
-- `corrected`: corrected as far as the method allows. Each ray returns the power of its Lambert patch,
-  rho cos(t) dOmega lambda^2/(16 pi^3 r^2) with the material's mean power reflection rho, as an amplitude. Rays pass through pixel centres,
-  the radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
+- The version `shipped` computes the same as the published program. Rays pass through the corners of 128 x 128 camera pixels over a field of
+  view of 60 degrees. Surfaces have the albedo 0.8. A spotlight of intensity 1000 beside the camera illuminates them; its intensity is full
+  up to 30 degrees off axis and zero beyond 40 degrees. The tracer drops hits nearer than 0.1 m and hits with a rendered light intensity
+  below 0.1. The signal amplitude of a hit is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path length L, times a weight.
+  The weight should be the rendered intensity, but it is the distance, because the published program exchanges these two columns. Between
+  two frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its hit in the previous frame, or else in the next
+  frame. The chirps of a frame are spread over the whole frame period, and all transmitters transmit at the same time.
+- The version `columns` differs from `shipped` only because distance and intensity are in the right columns.
+- The version `corrected` is as correct as the method allows. Each ray returns the power of the Lambert patch that its pixel sees, which is
+  rho cos(t) dOmega lambda^2/(16 pi^3 r^2). Here rho is the mean power reflection of the material, t the angle of incidence, dOmega the
+  solid angle of the pixel and r the distance. The signal amplitude is the square root of this power. Rays pass through pixel centres, the
+  radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
 
-Errors of all versions: there is no mirror reflection, so plates have no specular echo and corners no multiple bounces. A surface patch of
-many wavelengths has a single phase, so where patches add in phase the echo grows with the number of rays. Surfaces outside the field of
-view return no power. There is no polarisation.
+All versions have these errors. They have no mirror reflection, so plates have no specular echo and corners have no multiple bounces. A
+surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in phase. Surfaces outside
+the field of view return no power. There is no polarisation.
 
-Differences from the published program: meshes are two-sided; the rendered intensity is that of the ray's own hit, not the mean of 32
-jittered samples; the camera is at the radar; a hit that would move more than `JUMP_M` within a frame stays fixed, because the pixel now
-sees another surface. In paths for `radartwin.simulation.signal.synthesis`, transmitters transmit one after another, half a
-stretched chirp loop apart. `rfgenesis_signal` has the original timing.
+This module differs from the published program in these points. Meshes reflect on both sides. The rendered intensity is that of the ray's
+own hit, while the program averages 32 randomly displaced samples. The camera is at the radar. A hit that would move more than `JUMP_M`
+within a frame stays fixed, because the pixel sees another surface in the next frame. In the paths for
+`radartwin.simulation.signal.synthesis`, the transmitters transmit one after another, half a stretched chirp loop apart. The module
+`rfgenesis_signal` has the original timing.
 """
 
 from collections.abc import Mapping
@@ -44,12 +48,13 @@ from radartwin.simulation.paths import Paths
 VERSIONS = ("shipped", "columns", "corrected")
 ALBEDO, SPOT_INTENSITY = 0.8, 1000.0
 SPOT_FULL_DEG, SPOT_END_DEG = 30.0, 40.0
-MIN_VISIBLE = 0.1  # smallest distance in metres, and smallest rendered intensity, of a visible hit
-LOSS_WAVELENGTH_M = 3e8 / 77e9  # the published program computes the loss at one frequency with this speed of light
-JUMP_M = 0.1
-SLOW_MPS = 0.02  # m/s; slower paths form a separate part, because the synthesis of faster paths takes longer
-MAX_GRID = 4096
-MAX_RAYS = 50_000_000  # rays of all frames together; their paths need some gigabytes
+MIN_VISIBLE = 0.1  # hits at a smaller distance (in metres) or with a smaller rendered intensity are dropped
+LOSS_WAVELENGTH_M = 3e8 / 77e9  # wavelength in metres with which the published program computes the free-space loss
+JUMP_M = 0.1  # a hit that would move more metres than this within a frame stays fixed
+# Speed limit in m/s. Paths that are slower form a separate `Paths` object, because the synthesis of faster paths takes longer.
+SLOW_MPS = 0.02
+MAX_GRID = 4096  # largest number of camera pixels along each side
+MAX_RAYS = 50_000_000  # largest number of rays of all frames together; the paths of this number of rays need some gigabytes
 RAYS_PER_BLOCK = 2_000_000
 
 
@@ -58,10 +63,10 @@ class RFGenesisSettings:
     """Settings of the naive tracer's camera and signal model.
 
     Attributes:
-        version: one of VERSIONS; see the module's description.
-        grid: pixels along each side of the camera.
-        fov_deg: full field of view, in azimuth and elevation.
-        variant: "auto", "llvm" or "cuda".
+        version: "shipped", "columns" or "corrected"; the module's docstring describes these versions.
+        grid: number of camera pixels along each side of the image.
+        fov_deg: full field of view of the camera in azimuth and in elevation, in degrees.
+        variant: Mitsuba variant that traces the rays: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
     """
 
     version: str = "shipped"
@@ -78,24 +83,27 @@ class RFGenesisSettings:
 
 @dataclass(frozen=True)
 class Hits:
-    """Hold the first hits of P rays in F poses."""
+    """Hold the first hit of each of P rays at each of F sensor poses."""
 
-    directions: np.ndarray  # (P, 3) unit, in the sensor frame
-    distance: np.ndarray  # (F, P) metres along the ray, 0 for a miss
-    cosine: np.ndarray  # (F, P) of the angle between ray and surface normal
-    surface: np.ndarray  # (F, P) index of the surface in the scene, -1 for a miss
-    speed: np.ndarray  # (F, P) rate of change of the distance due to rigid motion, m/s
+    directions: np.ndarray  # (P, 3) unit directions of the rays in the sensor frame
+    distance: np.ndarray  # (F, P) distance from the sensor to the hit in metres; 0 if the ray hits nothing
+    cosine: np.ndarray  # (F, P) cosine of the angle between ray and surface normal
+    surface: np.ndarray  # (F, P) index of the scene surface that the ray hits; -1 if the ray hits nothing
+    speed: np.ndarray  # (F, P) rate of change of the distance by the rigid motion of sensor and surface, in m/s
 
 
 @dataclass(frozen=True)
 class RFGenesisBackend:
-    """Simulate scenes with the naive tracer."""
+    """Simulate scenes with the naive tracer, which this module's docstring describes."""
 
     settings: RFGenesisSettings = RFGenesisSettings()
     name: ClassVar[str] = "rfgenesis"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return one path per hit and frame; a single pose if nothing moves. Arguments and errors as in `backend.Backend` and `trace`."""
+        """Return one path per hit and frame. If neither sensor nor surfaces move, the paths have a single pose.
+
+        The arguments are those of `backend.Backend.paths`, and the errors are those of `trace`.
+        """
         if not len(scene):
             return []
         hits = trace(scene, radar, sensor_poses, motion or {}, self.settings)
@@ -107,7 +115,7 @@ class RFGenesisBackend:
         weight = hits.distance if self.settings.version == "shipped" else intensity
         seen = (hits.distance > MIN_VISIBLE) & (intensity > MIN_VISIBLE)
         loss = power_loss(2 * np.maximum(hits.distance, MIN_VISIBLE))
-        # the published timing spreads the loops over the whole frame
+        # The published program spreads the chirp loops of a frame over the whole frame period.
         spread = 1 / (radar.num_chirps * radar.loop_interval_s)
         classes = (moved == 0, np.abs(moved) * radar.frame_rate_hz <= SLOW_MPS, np.full(moved.shape, True))
         parts, left = [], seen
@@ -119,12 +127,12 @@ class RFGenesisBackend:
 
 
 def power_loss(length_m: np.ndarray) -> np.ndarray:
-    """Return (lambda/(4 pi L))^2 for whole path lengths L, a power loss that the published program uses as amplitude."""
+    """Return the free-space power loss (lambda/(4 pi L))^2 for path lengths L, which the published program uses as an amplitude."""
     return (LOSS_WAVELENGTH_M / (4 * np.pi * length_m)) ** 2
 
 
 def pixel_directions(settings: RFGenesisSettings) -> np.ndarray:
-    """Return the unit vectors (P, 3) of all pixels in the sensor frame. Rows run from the top, pixels of a row from the left."""
+    """Return the unit ray directions (P, 3) of all camera pixels in the sensor frame, row by row from the top and from left to right."""
     offset = 0.5 if settings.version == "corrected" else 0.0
     across = (1 - 2 * (np.arange(settings.grid) + offset) / settings.grid) * np.tan(np.radians(settings.fov_deg) / 2)
     up, left = np.meshgrid(across, across, indexing="ij")
@@ -133,10 +141,10 @@ def pixel_directions(settings: RFGenesisSettings) -> np.ndarray:
 
 
 def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], settings: RFGenesisSettings) -> Hits:
-    """Find the first hits of all rays and poses; of a single pose if neither sensor nor surfaces move.
+    """Find the first hits of all rays at all sensor poses, or at a single pose if neither sensor nor surfaces move.
 
     Raises:
-        InputError: there would be more than MAX_RAYS rays.
+        InputError: the number of rays of all poses together exceeds MAX_RAYS.
     """
     variant.activate(settings.variant)
     if poses_module.at_rest(sensor_poses, *motion.values()):
@@ -168,7 +176,15 @@ def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[
 
 
 def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return distance (float64, inf for a miss), cosine of incidence and face index of the first hit of each ray (N, 3)."""
+    """Find the first hit of each of N rays.
+
+    Args:
+        built: geometry that the rays may hit.
+        origins: (N, 3) start points of the rays in metres.
+        directions: (N, 3) unit directions of the rays.
+    Returns:
+        Distance (N,) float64 in metres, which is infinite if the ray hits nothing, cosine of incidence (N,) and face index (N,).
+    """
     import mitsuba as mi
 
     ray = mi.Ray3f(mi.Point3f(*origins.T.astype(np.float32)), mi.Vector3f(*directions.T.astype(np.float32)))
@@ -179,13 +195,13 @@ def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions:
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[face]
     slope = np.einsum("ni,ni->n", directions, normals)
     height = np.einsum("ni,ni->n", built.corners[face, 0] - origins, normals)
-    steep = np.abs(slope) > 1e-4  # at grazing incidence, the float32 distance is more accurate
+    steep = np.abs(slope) > 1e-4  # at grazing incidence, Mitsuba's float32 distance is more accurate than the computed float64 distance
     exact = np.where(steep, height / np.where(steep, slope, 1.0), rough)
     return np.where(valid, exact, np.inf), np.abs(slope), face
 
 
 def _rigid_parts(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> list[tuple[list[int], np.ndarray | None]]:
-    """Group the indices of surfaces that move together, each group with its poses; the poses of static surfaces are None."""
+    """Group the indices of surfaces that move together. Each group has its poses (F, 4, 4); the group of static surfaces has None."""
     moving = poses_module.rigid_groups({s.name: motion[s.name] for s in surfaces if s.name in motion})
     parts: list[tuple[list[int], np.ndarray | None]] = [([i for i, s in enumerate(surfaces) if s.name not in motion], None)]
     parts += [([i for i, s in enumerate(surfaces) if s.name in names], motion[names[0]]) for names in moving]
@@ -193,14 +209,18 @@ def _rigid_parts(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]
 
 
 def _rendered(hits: Hits) -> np.ndarray:
-    """Return the radiance (F, P) of Lambert surfaces lit by the spot beside the camera."""
+    """Return the rendered intensity (F, P): the radiance of Lambert surfaces that the spotlight beside the camera illuminates."""
     off_axis = np.degrees(np.arccos(np.clip(hits.directions[:, 0], -1, 1)))
     spot = SPOT_INTENSITY * np.clip((SPOT_END_DEG - off_axis) / (SPOT_END_DEG - SPOT_FULL_DEG), 0, 1)
     return np.where(hits.surface >= 0, ALBEDO / np.pi * spot * hits.cosine / np.maximum(hits.distance, 1e-3) ** 2, 0.0)
 
 
 def _between_frames(hits: Hits) -> tuple[Hits, np.ndarray]:
-    """Fill missing pixels from neighbouring frames. Returns the hits and their movement (F, P) in metres until the next frame."""
+    """Give each pixel without a hit its hit in the previous or the next frame.
+
+    Returns:
+        The hits, and the change (F, P) of each hit's distance until the next frame, in metres.
+    """
     distance, cosine, surface = hits.distance.copy(), hits.cosine.copy(), hits.surface.copy()
     for frame in range(len(distance) - 1):
         for into, source in ((frame, frame + 1), (frame + 1, frame)):
@@ -217,7 +237,7 @@ def _between_frames(hits: Hits) -> tuple[Hits, np.ndarray]:
 
 
 def _lambert(hits: Hits, scene: Scene, frequency_hz: float, settings: RFGenesisSettings) -> np.ndarray:
-    """Return amplitudes (F, P), whose square is received over transmitted power between isotropic antennas."""
+    """Return the amplitudes (F, P) of the version `corrected`; their square is received over transmitted power for isotropic antennas."""
     table = reflection_table.build([(s.material, 0.0) for s in scene.surfaces], frequency_hz)
     power = ((np.abs(table.te) ** 2 + np.abs(table.tm) ** 2) / 2)[:, :, 0]
     angle = np.clip(np.rint(hits.cosine * (reflection_table.COSINES - 1)).astype(int), 0, reflection_table.COSINES - 1)

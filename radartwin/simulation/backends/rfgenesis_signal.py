@@ -1,8 +1,9 @@
-"""Signal of the naive tracer, computed as in the published program of RF Genesis, to measure the time of a whole frame.
+"""Compute the signal of the naive tracer (see `rfgenesis`) as the published program RF Genesis does, to measure its time per frame.
 
-For every chirp, transmitter and receiver, the program evaluates each hit's echo at every sample with its carrier, sums the weighted echoes
-and mixes them with the transmitted chirp: s = tx conj(sum of echoes). Unlike the shared synthesis, this includes the residual video phase
-S L^2/(2 c^2).
+For every chirp, transmitter and receiver, the program evaluates the echo of each hit at every sample, with its carrier frequency. It sums
+the weighted echoes and mixes the sum with the transmitted chirp tx: s = tx conj(sum of echoes). Unlike
+`radartwin.simulation.signal.synthesis`, this signal includes the residual video phase S L^2/(2 c^2), in cycles, with the chirp slope S and
+the path length L.
 """
 
 import numpy as np
@@ -13,13 +14,15 @@ from radartwin.simulation.backends import rfgenesis
 
 
 def direct_frame(start_m: np.ndarray, stop_m: np.ndarray, weight: np.ndarray, radar: Radar) -> np.ndarray:
-    """Compute one frame with simultaneous transmitters. The hits move from `start_m` to `stop_m` until the next frame.
+    """Compute the samples of one frame, with all transmitters active at the same time.
 
     Args:
-        start_m, stop_m: (N, 3) hits in the sensor frame, at the start of this frame and of the next.
-        weight: (N,) factor by which the free-space power loss is multiplied.
+        start_m: (N, 3) positions of the hits in the sensor frame at the start of the frame, in metres.
+        stop_m: (N, 3) positions of the same hits at the start of the next frame, in metres.
+        weight: (N,) factor of each hit by which its free-space power loss is multiplied.
+        radar: radar with C chirps per frame, T transmitters and R receivers.
     Returns:
-        complex (C, T, R, samples) for C chirps, T transmitters and R receivers.
+        Complex samples (C, T, R, samples per chirp).
     """
     samples = np.arange(radar.num_samples) / radar.sample_rate_hz
     sent = _chirp(samples, radar)

@@ -1,9 +1,9 @@
-"""Point-scatterer simulator: an object is one or a few isotropic points, and a room is empty or gives one mirror image per wall.
+"""Simulate objects as one or a few isotropic point scatterers, and each wall of a room as a single mirror reflection.
 
-This is the simplest simulator. It models no near field, no paths between object and room and no occlusion. The shape of an object enters
-only through a table of its far-field cross-section. A point at distance R has the amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)) by
-the radar equation. A wall at the perpendicular distance d returns the image of the sensor with a = Gamma(0) lambda/(4 pi 2d), where
-Gamma(0) is its reflection at normal incidence.
+This simulator is the simplest one of the package. It models no near field, no paths between object and room, and no occlusion. The shape of
+an object enters only through a table of its far-field radar cross-section sigma. By the radar equation, a point at distance R has the
+amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)). A wall at the perpendicular distance d reflects the radar signal like a mirror, with
+the amplitude a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is the wall's reflection coefficient at normal incidence.
 """
 
 import functools
@@ -29,23 +29,24 @@ from radartwin.store.digest import array_digest
 CROSS_SECTIONS = ("table", "sphere")
 POINTS = ("centre", "box")
 ROOMS = ("images", "void")
-NEAREST_M = 1e-3
-EDGE = 1e-9  # tolerance of barycentric coordinates; a point on the diagonal of a wall lies on both triangles
-TABLE_ENTRIES = 100_000
+NEAREST_M = 1e-3  # shortest distance of a point scatterer, in metres; walls that are nearer are ignored
+EDGE = 1e-9  # tolerance of barycentric coordinates, so that a point on the diagonal of a rectangular wall lies on both triangles
+TABLE_ENTRIES = 100_000  # largest number of cross-sections in memory
 
 
 @dataclass(frozen=True)
 class PointSettings:
-    """Settings of the point models of objects and of the room.
+    """Set how the point-scatterer simulator models objects and the room.
 
     Attributes:
-        cross_section: "table" uses the object's far-field cross-section by aspect; "sphere" uses that of a ball of the same
-            material, whose radius is the object's mean half extent.
-        points: "centre" puts one point at the centre of the bounding box. "box" puts points of equal power at the centres of those box
-            faces that face the sensor.
-        room: "images" gives one mirror image of the sensor per wall; "void" ignores the room.
-        step_deg: step of the cross-section table in azimuth and elevation. Entries are computed on first use.
-        rays_per_wavelength2: ray tubes per square wavelength with which the table is computed.
+        cross_section: "table" uses the object's far-field radar cross-section at the current viewing angle. "sphere" uses the
+            cross-section of a ball of the same material, whose radius is half the mean side length of the object's bounding box.
+        points: "centre" puts one point at the centre of the object's bounding box. "box" puts points of equal power at the centres of
+            those faces of the bounding box that face the sensor.
+        room: "images" simulates one mirror reflection per wall; "void" ignores the room.
+        step_deg: step of the cross-section table in azimuth and in elevation, in degrees. The simulator computes a table entry when it
+            first needs this entry.
+        rays_per_wavelength2: number of ray tubes per square wavelength with which the simulator computes the cross-sections.
     """
 
     cross_section: str = "table"
@@ -64,15 +65,15 @@ class PointSettings:
 
 @dataclass(frozen=True)
 class PointBackend:
-    """Simulate objects as point scatterers and rooms as first-order images."""
+    """Simulate objects as point scatterers and rooms as single mirror reflections at their walls."""
 
     settings: PointSettings = PointSettings()
     name: ClassVar[str] = "points"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return one part per object and one for the room, as in `backend.Backend`.
+        """Return one `Paths` object per scene object and one for the room. The arguments are those of `backend.Backend.paths`.
 
-        A part has a single pose if it does not move relative to the sensor.
+        A `Paths` object has a single pose if its surfaces do not move relative to the sensor.
         """
         motion = motion or {}
         parts = []
@@ -107,7 +108,14 @@ class PointBackend:
         return _paths(sensor, velocity, pose, level[:, None], frequencies, away / distance[:, None], distance)
 
     def _cross_section(self, surface: Surface, frequency_hz: float, towards: np.ndarray, radius_m: float) -> np.ndarray:
-        """Return cross-sections (F,) in m^2 for directions towards the sensor (F, 3) in the object's frame."""
+        """Return the radar cross-sections (F,) of an object in m^2.
+
+        Args:
+            surface: the object.
+            frequency_hz: frequency in Hz.
+            towards: (F, 3) vectors from the object to the sensor, in the object's frame.
+            radius_m: radius in metres of the ball that replaces the object if the setting `cross_section` is "sphere".
+        """
         if self.settings.cross_section == "sphere":
             table = reflection_table.build([(surface.material, surface.roughness_m)], frequency_hz)
             return np.full(len(towards), np.pi * radius_m**2 * abs(table.te[0, -1, 0]) ** 2)
@@ -124,7 +132,7 @@ class PointBackend:
 
 @dataclass(frozen=True)
 class _MeshKey:
-    """Wrap a mesh as a cache key that is compared by the mesh's content."""
+    """Wrap a mesh as a key of a cache. Two keys are equal if the vertices and faces of their meshes are equal."""
 
     digest: str
     mesh: trimesh.Trimesh = field(compare=False)
@@ -134,14 +142,14 @@ class _MeshKey:
 def _entry(
     mesh: _MeshKey, material: str | Layered, frequency_hz: float, density: float, step_deg: float, azimuth: int, elevation: int
 ) -> float:
-    """Compute the far-field cross-section at one aspect of the table."""
+    """Compute one table entry: the far-field radar cross-section in m^2 at one azimuth and elevation (both in steps of `step_deg`)."""
     a, e = np.radians(azimuth * step_deg), np.radians(elevation * step_deg)
     direction = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     return rcs(mesh.mesh, direction, frequency=frequency_hz, material=material, rays_per_wavelength2=density)
 
 
 def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity: np.ndarray) -> Paths:
-    """Return the sensor's mirror images in those walls that contain the foot of the perpendicular from the sensor."""
+    """Return the paths from the sensor straight to a wall and back, for those walls that contain the foot of the perpendicular."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in walls], radar.start_frequency_hz, high)
     built = geometry.build([s.mesh for s in walls])
@@ -160,14 +168,17 @@ def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity
     pose, face = _once_per_plane(on, height, normals, built.surface)
     away = -height[pose, face, None] * normals[face]
     distance = np.abs(height[pose, face])
-    # reflection uses exp(+j omega t), paths use exp(+j k L)
+    # Reflection coefficients have the time convention exp(+j omega t), but paths have the phase factor exp(+j k L), so conjugate.
     gamma = np.conj(table.te[built.surface[face], -1])
     level = gamma * (SPEED_OF_LIGHT / table.frequencies_hz) / (8 * np.pi * distance[:, None])
     return _paths(sensor, velocity, pose, level, table.frequencies_hz, away / distance[:, None], distance)
 
 
 def _once_per_plane(on: np.ndarray, height: np.ndarray, normals: np.ndarray, surface: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (pose, face) of the chosen faces. A foot on the common edge of two coplanar triangles counts once."""
+    """Return the pose indices and face indices of the wall reflections, so that each wall counts only once per pose.
+
+    The foot of the perpendicular may lie on the common edge of two triangles of a wall; only one of these triangles is returned.
+    """
     pose, face = np.nonzero(on)
     foot = np.rint(height[pose, face, None] * normals[face] * 1e6).astype(np.int64)
     _, first = np.unique(np.column_stack([pose, surface[face], foot]), axis=0, return_index=True)
@@ -176,7 +187,7 @@ def _once_per_plane(on: np.ndarray, height: np.ndarray, normals: np.ndarray, sur
 
 
 def _relative(sensor_poses: np.ndarray, group: np.ndarray | None, frame_rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return sensor poses and velocities in the frame of a surface; a single pose if the poses do not change."""
+    """Return the sensor's poses and velocities in the coordinate frame of a surface; only one pose if the poses do not change."""
     sensor, velocity = poses_module.relative(sensor_poses, group, frame_rate_hz)
     return (sensor[:1], velocity[:1]) if poses_module.at_rest(sensor) else (sensor, velocity)
 
@@ -185,7 +196,7 @@ def _paths(
     sensor: np.ndarray, velocity: np.ndarray, pose: np.ndarray, level: np.ndarray, frequencies_hz: np.ndarray, ray: np.ndarray,
     distance: np.ndarray,
 ) -> Paths:  # fmt: skip
-    """Build paths that go out and back along the unit vectors `ray` (N, 3) in the surface's frame."""
+    """Build N paths that go from the sensor along the unit vectors `ray` (N, 3), given in the surface's frame, and back the same way."""
     local = np.einsum("nij,ni->nj", sensor[pose, :3, :3], ray)
     rate = -2 * np.einsum("ni,ni->n", ray, velocity[pose])
     one = np.ones(len(pose), int)

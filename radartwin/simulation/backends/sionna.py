@@ -1,14 +1,14 @@
-"""Sionna RT as a simulator: exact specular paths that reflect at facets, computed in a worker process.
+"""Simulate scenes with the ray tracer Sionna RT, which finds exact mirror reflections at mesh facets, in a worker process.
 
-Sionna treats every facet that contains the mirror point as an infinite mirror and ignores other facets. Echoes of walls are therefore
-exact, but those of objects are not: a plate of any size has the echo of an infinite mirror, a trihedral or a sphere has none, and diffuse
-paths add coherently. `sionna_limits` warns about these cases. If transmitter and receiver are at one point, the mirror point of a corner
-lies on an edge, and rounding decides whether Sionna finds its path. `separation_m` therefore moves the receiver aside during the search for
-paths.
+Sionna treats every facet that contains a mirror reflection point as an infinite mirror, and it ignores all other facets. Its echoes of
+walls are therefore exact, but its echoes of objects are not. A plate of any size has the echo of an infinite mirror, a trihedral or a
+sphere has no echo, and diffuse paths add coherently. `sionna_limits` warns the user about these errors. If transmitter and receiver are at
+one point, the reflection point in a corner lies exactly on an edge, and rounding decides whether Sionna finds the path. The setting
+`separation_m` therefore moves the receiver aside while Sionna searches for paths.
 
-Reflection follows the scene's materials, layer by layer (`sionna_material`). Sionna's single-precision phases are not used. Length, angles
-and mirror of each path are recomputed from its facets in double precision. The rate of change of a path's length is computed for the line
-through its hits, which move with their surfaces.
+The reflection coefficients are those of the scene's layered materials (`sionna_material`). The simulator does not use Sionna's phases,
+which have single precision. It computes length, angles and mirror matrix of each path again from the path's facets, in double precision.
+The rate of change of a path's length is that of the line through its hits, which move with their surfaces.
 """
 
 import warnings
@@ -31,11 +31,14 @@ from radartwin.simulation.backends.sionna_mesh import Mesh, merged
 from radartwin.simulation.checks import check_flag, check_whole
 from radartwin.simulation.paths import Paths
 
-RAYS = 200_000  # rays per pose; enough to find every path of the furnished rooms down to 40 dB below the strongest (tested)
-ASIDE = np.array([0.74, 0.53, 0.41])  # direction of separation_m in the sensor frame, parallel to no wall
+# Default number of rays per pose. A test shows that this number finds every path of the furnished rooms down to 40 dB below the strongest.
+RAYS = 200_000
+ASIDE = np.array([0.74, 0.53, 0.41])  # direction in the sensor frame in which separation_m moves the receiver; parallel to no wall
 ASIDE /= np.linalg.norm(ASIDE)
-COSINES = 4096  # entries per reflection table; the two boards of a stud wall need more than the tracer's tables have
-MAX_RAYS = 50_000_000
+# Number of cosines of incidence in a reflection table. A wall of two boards on studs needs more cosines than the tables of the simulator on
+# Mitsuba have.
+COSINES = 4096
+MAX_RAYS = 50_000_000  # largest number of rays per pose
 
 
 @dataclass(frozen=True)
@@ -44,11 +47,12 @@ class SionnaSettings:
 
     Attributes:
         max_bounces: largest number of reflections per path, 1 to 32.
-        rays: number of rays per pose over the sphere. None: RAYS.
-        diffuse: whether to add diffuse reflection, with the power that roughness removes from the mirror reflection at normal incidence.
-        separation_m: distance of the receiver from the transmitter during the search, 0 to 1 m. Lengths and angles of paths are computed
-            for receiver and transmitter at one point.
-        variant: "auto", "llvm" or "cuda".
+        rays: number of rays per pose in all directions; None takes RAYS.
+        diffuse: whether to add diffuse reflection. Its power is the power that roughness removes from the mirror reflection at normal
+            incidence.
+        separation_m: distance of the receiver from the transmitter while Sionna searches for paths, 0 to 1 m. The simulator computes
+            lengths and angles of the paths for receiver and transmitter at one point.
+        variant: Mitsuba variant: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
         seed: random seed of Sionna's diffuse rays.
     """
 
@@ -77,10 +81,12 @@ class SionnaBackend:
     name: ClassVar[str] = "sionna"
 
     def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
-        """Return specular paths in one part and diffuse paths in another, as in `backend.Backend`; a single pose if nothing moves.
+        """Return one `Paths` object with mirror reflections and one with diffuse paths. The arguments are those of `backend.Backend.paths`.
+
+        If neither sensor nor surfaces move, the paths have a single pose.
 
         Warns:
-            UserWarning: Sionna cannot return a part of this scene correctly.
+            UserWarning: Sionna cannot compute the echo of a surface of this scene correctly.
         """
         motion = motion or {}
         if poses_module.at_rest(sensor_poses, *motion.values()):
@@ -103,7 +109,11 @@ class SionnaBackend:
         return self.settings.separation_m * ASIDE
 
     def found(self, scene: Scene, mesh: Mesh, radar: Radar, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
-        """Search the paths for the mesh of a scene. Returns the arrays of `sionna_worker.trace` and their frequencies_hz (Q,)."""
+        """Let Sionna search the paths over the mesh of a scene.
+
+        Returns:
+            The arrays of `sionna_worker.trace`, and the array frequencies_hz (Q,) of the frequency nodes of the amplitudes, in Hz.
+        """
         diffuse = self.settings.diffuse
         entries = [(s.material, 0.0 if diffuse else s.roughness_m) for s in scene.surfaces]
         te, tm, row, frequencies = reflection_tables(entries, radar)
@@ -120,26 +130,33 @@ class SionnaBackend:
 def reflection_tables(
     entries: Sequence[tuple[str | Layered, float]], radar: Radar
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Tabulate the D distinct entries: te, tm (D, COSINES, Q) complex64, the table row of each entry, and the frequencies (Q,)."""
+    """Tabulate the reflection coefficients of the D different pairs (material, rms roughness in metres) in `entries`.
+
+    Returns:
+        TE coefficients and TM coefficients (D, COSINES, Q) complex64, the table row of each entry, and the frequency nodes (Q,) in Hz.
+    """
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     frequencies = reflection_table.build(entries, radar.start_frequency_hz, high).frequencies_hz
     distinct = list(dict.fromkeys(entries))
     cosines = np.linspace(0, 1, COSINES)
-    cosines[0] = 1e-6  # grazing limit, where TM reflection changes sign
+    cosines[0] = 1e-6  # a small cosine replaces zero, because the TM reflection changes its sign at grazing incidence
     both = [np.stack(reflection(material, cosines[:, None], frequencies, rough)) for material, rough in distinct]
     te, tm = np.swapaxes(np.array(both, np.complex64), 0, 1)
     return te, tm, np.array([distinct.index(entry) for entry in entries]), frequencies
 
 
 def scattering(surfaces: tuple[Surface, ...], frequency_hz: float) -> np.ndarray:
-    """Return Sionna's scattering coefficients (S,): square roots of the power that roughness removes at normal incidence."""
+    """Return Sionna's scattering coefficient of each surface, (S,).
+
+    Its square is the fraction of the reflected power that roughness removes from the mirror reflection at normal incidence.
+    """
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     kept = np.array([float(ament(s.roughness_m, np.array(1.0), wavenumber)) if s.roughness_m else 1.0 for s in surfaces])
     return np.sqrt(1 - kept**2)
 
 
 def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray, rate: np.ndarray) -> Paths:
-    """Build specular paths from their facets, by mirroring the sensor in one facet after another."""
+    """Build paths of mirror reflections from the facets that Sionna found, by mirroring the sensor in one facet after another."""
     pose = found["pose"]
     rotation, place = sensor_poses[pose, :3, :3], sensor_poses[pose, :3, 3]
     mirror, shift = np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))
@@ -158,7 +175,7 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
     there = length > 0
     length = np.where(there, length, 1.0)
     departure, arrival = (np.einsum("nji,nj->ni", rotation, line / length[:, None]) for line in (away, towards))
-    # Sionna uses exp(+j omega t), paths use exp(+j k L)
+    # Sionna has the time convention exp(+j omega t), but paths have the phase factor exp(+j k L), so conjugate the amplitudes.
     amplitude = found["amplitude"].conj() * (found["length_m"] / length)[:, None]
     local = np.swapaxes(rotation, 1, 2) @ mirror @ rotation
     bounces = (found["face"] >= 0).sum(axis=1)
@@ -169,7 +186,7 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
 
 
 def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: np.ndarray, rate: np.ndarray) -> Paths:
-    """Build paths with a diffuse hit, along the line through their hits."""
+    """Build paths that contain a diffuse hit. Each path is the line through the hits that Sionna found."""
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, offset)
     length = np.linalg.norm(legs, axis=2)
@@ -183,7 +200,10 @@ def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: n
 
 
 def _legs(found: dict[str, np.ndarray], vertex: np.ndarray, sensor_poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Return the legs (N, D + 1, 3) from the transmitter through the hits to the receiver; zeros after the last leg."""
+    """Return the straight sections of N paths as vectors (N, D + 1, 3) in metres, from the transmitter through the hits to the receiver.
+
+    D is the largest number of hits; paths with fewer hits have zero vectors after their last section.
+    """
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     stops = np.concatenate([sensor_poses[pose, None, :3, 3], vertex, vertex[:, :1]], axis=1)
     end = sensor_poses[pose, :3, 3] + np.einsum("nij,j->ni", sensor_poses[pose, :3, :3], offset)
@@ -192,7 +212,7 @@ def _legs(found: dict[str, np.ndarray], vertex: np.ndarray, sensor_poses: np.nda
 
 
 def _rate(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray, offset: np.ndarray, frame_rate_hz: float) -> np.ndarray:
-    """Return the rate of change (N,) of the length of the line through the hits, m/s, as sensor and surfaces move."""
+    """Return the rate of change (N,) of the length of the line through each path's hits in m/s, while sensor and surfaces move."""
     pose, face = found["pose"], found["face"]
     vertex = found["vertex"].copy()
     on = mesh.surface[face]

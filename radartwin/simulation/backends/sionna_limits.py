@@ -1,10 +1,10 @@
 """Warnings about parts of a scene whose echoes are wrong in Sionna RT.
 
-- Sionna reflects a facet like an infinite mirror. A flat face of area A at distance d returns at most 2 A/(lambda d) times the field of
-  an infinite mirror. If this ratio is below one, Sionna's echo is too strong.
-- A curved or cornered object mostly has no mirror point on any facet, so Sionna returns nothing.
-- Diffuse paths have the phase of their length and add as fields. Near the mirror direction they are in phase, so their sum grows with their
-  number.
+- Sionna treats each facet as an infinite mirror. A real flat face of area A at distance d returns at most 2 A/(lambda d) times the field of
+  an infinite mirror, where lambda is the wavelength. If this ratio is below one, Sionna's echo of the face is too strong.
+- A curved object or an object with corners mostly has no mirror reflection point on any of its facets, so Sionna returns no echo.
+- Sionna adds diffuse paths as fields, with phases that follow from the path lengths. Near the mirror direction these paths are in phase, so
+  the sum grows with the number of paths.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,11 @@ def warnings_for(
     """Yield one warning for each limit of Sionna that affects the scene.
 
     Args:
-        found: paths from the worker, with pose (N,), face (N, D), length_m (N,) and scattered (N,).
+        surfaces: surfaces of the scene.
+        mesh: merged mesh of these surfaces.
+        found: the N paths that `sionna_worker.trace` returned.
+        wavelength_m: wavelength in metres.
+        diffuse: whether Sionna traced diffuse paths.
     """
     silent = _silent(surfaces, mesh, found["face"])
     if silent:
@@ -46,7 +50,11 @@ def _silent(surfaces: Sequence[Surface], mesh: Mesh, face: np.ndarray) -> list[s
 
 
 def _too_small(surfaces: Sequence[Surface], mesh: Mesh, found: dict[str, np.ndarray], wavelength_m: float) -> dict[str, float]:
-    """Return {surface name: excess level in dB} for surfaces with a single-bounce path on a face smaller than lambda d/2."""
+    """Find surfaces whose echo is too strong, because a path reflects once at a flat face with an area below lambda d/2 (d: distance).
+
+    Returns:
+        Excess level of the echo in dB, by surface name.
+    """
     single = (found["face"] >= 0).sum(axis=1) == 1
     excess: dict[str, float] = {}
     corners = mesh.vertices[0][mesh.faces]

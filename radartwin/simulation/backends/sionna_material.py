@@ -1,10 +1,11 @@
-"""A radio material for Sionna whose reflection is tabulated by face and angle.
+"""Define a material for Sionna RT whose reflection coefficients come from a table over mesh face and angle of incidence.
 
-Sionna's own material is one homogeneous slab in air, but walls here are stacks of layers. The table holds `radartwin.materials.reflection`
-on a uniform grid of 4096 cosines with linear interpolation. Its error is below 3e-3 of the incident field for every finish of the rooms,
-from 89.7 degrees to normal incidence, and it agrees with Sionna for a slab in air (both tested). Sionna's own code computes
-polarisation, diffuse pattern and sampling probabilities. One material serves all surfaces, because Dr.Jit traces the code of every material
-on each call. Import only in the worker process, after its Mitsuba variant is active.
+Sionna's own material is one homogeneous slab in air, but the walls of radartwin's scenes are stacks of layers. The table holds the
+coefficients of `radartwin.materials.reflection` at 4096 equally spaced cosines of incidence, with linear interpolation between them. The
+interpolation error is below 3e-3 of the incident field for all wall, floor and ceiling materials of the rooms, at angles of incidence up
+to 89.7 degrees. For a slab in air, the table agrees with Sionna's own material. Tests check both statements. Sionna's own code computes
+polarisation, diffuse pattern and sampling probabilities. A single material object serves all surfaces, because Dr.Jit processes the code of
+every material object on each call. Import this module only in the worker process, after the process has activated its Mitsuba variant.
 """
 
 from typing import Any
@@ -16,15 +17,16 @@ from sionna.rt import RadioMaterial
 
 
 class TabulatedMaterial(RadioMaterial):
-    """Give each face its tabulated reflection.
+    """Reflect waves at each mesh face with the tabulated coefficients of the face's material.
 
     Args:
-        row: (F,) table row of each face.
-        scattering: (F,) Sionna's scattering coefficient, 0 to 1: square root of the fraction of the reflected power that is scattered.
+        row: (F,) index of the table row that holds the coefficients of each of F faces.
+        scattering: (F,) Sionna's scattering coefficient of each face, from 0 to 1. Its square is the scattered fraction of the reflected
+            power.
     """
 
     def __init__(self, row: np.ndarray, scattering: np.ndarray) -> None:
-        # Sionna uses this conductivity to choose between reflection and transmission; a metal reflects at every angle
+        # Sionna uses the conductivity to choose between reflection and transmission. With the conductivity of a metal, it always reflects.
         super().__init__(name="tabulated", conductivity=1e7)
         self._rows = mi.UInt(np.ascontiguousarray(row, np.uint32))
         self._scattering = mi.Float(np.ascontiguousarray(scattering, np.float32))
@@ -34,7 +36,7 @@ class TabulatedMaterial(RadioMaterial):
         dr.make_opaque(self._rows, self._scattering)
 
     def use(self, te: np.ndarray, tm: np.ndarray) -> None:
-        """Set the reflection tables (D, C), complex, on a uniform grid of cosines from 0 to 1."""
+        """Set the complex TE and TM reflection tables (D materials, C equally spaced cosines of incidence from 0 to 1)."""
         self._cosines = te.shape[1]
         parts = (np.real(te), np.imag(te), np.real(tm), np.imag(tm))
         self._table = [mi.Float(np.ascontiguousarray(part, np.float32).ravel()) for part in parts]
@@ -53,14 +55,14 @@ class TabulatedMaterial(RadioMaterial):
         return super().pdf(ctx, si, wo, active)
 
     def _select(self, si: Any) -> None:
-        """Select the table row of the hit faces, and set the scattering coefficient that Sionna reads."""
+        """Select the table rows of the faces that the rays hit, and set the scattering coefficients that Sionna reads."""
         self._row = dr.gather(mi.UInt, self._rows, si.prim_index)
         self._s = dr.gather(mi.Float, self._scattering, si.prim_index)
 
     def _specular_reflection_transmission_matrix(
         self, to_world: Any, ki_local: Any, ko_local: Any, reflection: Any, r_te: Any, r_tm: Any, t_te: Any, t_tm: Any
     ) -> Any:
-        """Return Sionna's Jones matrix, computed with the tabulated r_te and r_tm."""
+        """Return Sionna's Jones matrix of the reflection, computed with the tabulated coefficients instead of Sionna's r_te and r_tm."""
         place = dr.clip(-ki_local.z, 0, 1) * (self._cosines - 1)
         below = dr.minimum(mi.UInt(place), self._cosines - 2)
         share, index = place - mi.Float(below), below + self._row * self._cosines

@@ -1,4 +1,4 @@
-"""All surfaces of a scene as the single mesh that Sionna RT traces."""
+"""Merge all surfaces of a scene into the single mesh that Sionna RT traces."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,17 +7,17 @@ import numpy as np
 
 from radartwin.scene.scene import Surface
 
-MIN_AREA_M2 = 1e-14  # smaller faces are dropped
+MIN_AREA_M2 = 1e-14  # faces with a smaller area, in square metres, are dropped
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """Hold all surfaces as one mesh."""
+    """Hold all surfaces of a scene as one mesh with V vertices and T triangles."""
 
-    vertices: np.ndarray  # (F, V, 3) in the world, or (1, V, 3) if no surface moves
-    faces: np.ndarray  # (T, 3)
-    surface: np.ndarray  # (T,) index of each face's surface
-    poses: Mapping[int, np.ndarray]  # {surface index: (F, 4, 4)} of the moving surfaces
+    vertices: np.ndarray  # (F, V, 3) vertex positions in the world at F frames, in metres, or (1, V, 3) if no surface moves
+    faces: np.ndarray  # (T, 3) vertex indices of the triangles
+    surface: np.ndarray  # (T,) index of the scene surface to which each triangle belongs
+    poses: Mapping[int, np.ndarray]  # poses (F, 4, 4) of the moving surfaces in the world, by surface index
 
 
 def merged(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> Mesh:

@@ -1,6 +1,6 @@
-"""Code that runs in the worker process of Sionna RT. Sionna needs a polarised Mitsuba variant, and a process can have only one variant.
+"""Run Sionna RT in a separate worker process, because Sionna needs a polarised Mitsuba variant and a process can have only one variant.
 
-`sionna_process` calls `answer` in the worker. Ref: J. Hoydis et al., Sionna RT:
+The module `sionna_process` starts the worker process, in which it calls the function `answer`. Reference: J. Hoydis et al., Sionna RT:
 Differentiable ray tracing for radio propagation modeling, IEEE Globecom Workshops 2023; sionna-rt 2.2.0.
 """
 
@@ -16,13 +16,19 @@ NAME = "scene"
 
 
 def answer(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Call `trace` if the message has "vertices", and `slab` otherwise."""
+    """Handle a message of the main process: call `trace` if the message has the key "vertices", and `slab` otherwise."""
     variant.activate(str(message["variant"]), "mono_polarized")
     return trace(message) if "vertices" in message else slab(message)
 
 
 def slab(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return Sionna's own te, tm (N,) of a slab in air, for "cosine" (N,), "permittivity", "thickness_m" and "frequency_hz"."""
+    """Return the reflection coefficients of a slab in air that Sionna itself computes.
+
+    Args:
+        message: "cosine" (N,) of incidence, complex "permittivity", "thickness_m" and "frequency_hz".
+    Returns:
+        TE coefficients "te" (N,) and TM coefficients "tm" (N,).
+    """
     import mitsuba as mi
     from sionna.rt.utils import itu_coefficients_single_layer_slab
 
@@ -37,15 +43,18 @@ def slab(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Trace the paths of all poses.
+    """Trace the paths at all sensor poses with Sionna.
 
     Args:
-        message: vertices (F or 1, V, 3) in the world; faces (T, 3); te, tm (D, C, Q); row (T,) is the table row of each face; scattering
-            (T,); frequencies_hz (Q,); sensor (F, 4, 4); offset_m (3,) of the receiver in the sensor frame; max_bounces, samples, diffuse,
-            seed.
+        message: mapping of these arrays and numbers. The mesh has vertices (F or 1, V, 3) in the world in metres and faces (T, 3). The
+            reflection tables te and tm (D, C, Q) have one row per material; row (T,) is the table row of each face. scattering (T,) is
+            Sionna's scattering coefficient of each face. frequencies_hz (Q,) are the frequency nodes. sensor (F, 4, 4) are the sensor
+            poses, and offset_m (3,) is the position of the receiver in the sensor frame in metres. max_bounces is the largest number of
+            reflections, samples the number of rays, diffuse whether to add diffuse reflection, and seed the random seed.
     Returns:
-        Arrays of N paths: pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), hit points vertex (N, D, 3),
-        face (N, D) with -1 after the last hit, and scattered (N,), which is true for paths with a diffuse hit.
+        Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), hit points vertex
+        (N, D, 3) in metres, indices of the hit faces face (N, D) with -1 after the last hit, and scattered (N,), which is true for paths
+        with a diffuse hit.
     """
     import mitsuba as mi
     from sionna.rt import PathSolver
@@ -77,7 +86,7 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _build(message: dict[str, np.ndarray]) -> tuple[Any, Any]:
-    """Build Sionna's scene with the mesh and isotropic antennas polarised along z. Returns the scene and its material."""
+    """Build a Sionna scene with the mesh and with isotropic antennas that are polarised along z. Return the scene and its material."""
     import mitsuba as mi
     from sionna.rt import PlanarArray, Receiver, SceneObject, Transmitter, load_scene
 
@@ -111,7 +120,10 @@ def _place(scene: Any, sensor: np.ndarray, offset_m: np.ndarray) -> None:
 
 
 def _found(pose: int, scene: Any, solver: Any, paths: Any, material: Any, message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the paths of one pose in a deterministic sequence. Their sequence in Sionna's tensors depends on threads."""
+    """Return the paths of one pose in an order that is the same in every run.
+
+    The order of the paths in Sionna's tensors depends on the timing of threads.
+    """
     from sionna.rt import InteractionType
 
     order = np.array(paths._path_ind)
@@ -134,10 +146,10 @@ def _nothing(nodes: int) -> dict[str, np.ndarray]:
 
 
 def _amplitudes(scene: Any, solver: Any, paths: Any, material: Any, message: dict[str, np.ndarray]) -> np.ndarray:
-    """Compute coefficients (N, Q) along the known paths, at each frequency with the table of this frequency.
+    """Compute the complex amplitudes (N, Q) of N known paths at Q frequency nodes, each with the reflection table of this frequency.
 
-    Sionna's solver takes one frequency per call and would search the paths again. This function therefore uses Sionna's field calculator,
-    which is not public.
+    Sionna's path solver accepts only one frequency per call and would search the paths again at each frequency. This function therefore
+    uses Sionna's field calculator, which is not part of Sionna's public interface.
     """
     import drjit as dr
     import mitsuba as mi

@@ -1,4 +1,4 @@
-"""Settings of the tracer on Mitsuba 3."""
+"""Define the settings of the ray tracer on Mitsuba 3."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,16 @@ class TraceSettings:
 
     Attributes:
         max_bounces: largest number of reflections per path.
-        rays: ray tubes per pose over the sphere for a room, or over the objects if there is no room. None: chosen by
-            `tube_paths.WIDTH_RULE`.
-        rays_per_wavelength2: ray tubes per square wavelength on objects.
-        variant: "auto", "llvm" or "cuda".
-        room: "panels" for image sources, "tubes", or "auto": panels if the room is flat and `rays` is None.
-        coupling: whether to trace paths between objects and the room's panels.
+        rays: number of ray tubes per pose in all directions for a room, or over the objects if the scene has no room. None lets
+            `tube_paths.WIDTH_RULE` set the number of tubes for a room.
+        rays_per_wavelength2: number of ray tubes per square wavelength on objects.
+        variant: Mitsuba variant that traces the tubes: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
+        room: "panels" computes mirror images of the room's flat panels, and "tubes" traces the room by ray tubes. "auto" chooses "panels"
+            if the room consists of flat panels and `rays` is None, and "tubes" otherwise.
+        coupling: whether to trace paths that reflect at an object and at the flat panels of the room.
         diffuse: whether rough surfaces scatter diffusely.
-        coupled_rays_per_wavelength2: tube density on objects for paths between object and room. There are many such paths, so that a lower
-            density saves time. None: rays_per_wavelength2.
+        coupled_rays_per_wavelength2: number of ray tubes per square wavelength on objects, for paths that reflect at object and room. Such
+            paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`.
     """
 
     max_bounces: int = 4

@@ -1,7 +1,7 @@
-"""Trace rooms and objects by ray tubes; the paths are in the sensor's frame.
+"""Trace rooms and objects by ray tubes, and return their propagation paths in the sensor's frame.
 
-A room is traced by wide tubes over the sphere, and each cluster of small objects in it by tubes of about a wavelength over its bounding
-box. A tube belongs to the cluster of its first hit, so that no path counts twice.
+Wide tubes in all directions trace a room. Narrow tubes, about a wavelength wide, trace each cluster of small objects over the bounding box
+of the cluster. A tube counts only for the cluster of objects (or the room) that it hits first, so that no path counts twice.
 """
 
 from collections.abc import Sequence
@@ -22,16 +22,18 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import Pruner
 from radartwin.simulation.reflection_table import ReflectionTable
 
-WIDTH_RULE = 0.3  # ratio of tube width to sqrt(wavelength x distance) in a room; flat walls alone would allow 1, furniture needs less
-FARTHEST_M = 12.0  # largest distance in the width rule; farther surfaces lie beyond the unambiguous range
-NEAREST_M = 0.5
-MAX_AROUND = 6_000_000  # largest number of tubes over the sphere
-# Paths weaker than this times the strongest path of their pose, with antenna gains, are dropped (error: 0.2 % of the furnished lab's
-# signal).
+# Ratio of tube width to sqrt(wavelength x distance) in a room. Flat walls alone would allow a ratio of 1, but furniture needs narrower
+# tubes.
+WIDTH_RULE = 0.3
+FARTHEST_M = 12.0  # largest distance in metres that WIDTH_RULE considers; farther surfaces lie beyond the unambiguous range
+NEAREST_M = 0.5  # smallest distance in metres from which the number of tubes is computed
+MAX_AROUND = 6_000_000  # largest number of tubes in all directions together
+# The simulator drops paths whose amplitude, including antenna gains, is below this factor times that of the strongest path at the same
+# pose. The resulting error is 0.2 % of the signal in the simulated furnished lab.
 PRUNE = 1e-3
-TRACE_PRUNE = 2e-4  # the same threshold during tracing, before antenna gains are applied
-ROOM = 0  # index of the cluster of large surfaces
-NEIGHBOUR_M = 0.05  # objects closer than this form a cluster
+TRACE_PRUNE = 2e-4  # factor for dropping weak hits during tracing, where amplitudes do not yet include antenna gains
+ROOM = 0  # number of the cluster that contains the large surfaces of the room
+NEIGHBOUR_M = 0.05  # objects whose bounding boxes are closer than this distance in metres form a cluster
 
 
 class Target(NamedTuple):
@@ -42,7 +44,15 @@ class Target(NamedTuple):
 
 
 def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSettings, radar: Radar, poses: np.ndarray) -> Paths:
-    """Trace static surfaces (`target` holds the same surfaces) from sensor poses (F, 4, 4)."""
+    """Trace the static surfaces of a scene by ray tubes.
+
+    Args:
+        surfaces: static surfaces.
+        target: triangles and reflection table of the same surfaces.
+        settings: settings of the tracer.
+        radar: radar whose antenna pattern and frame rate apply.
+        poses: (F, 4, 4) transformations from the sensor frame to the world.
+    """
     objects = clusters(surfaces, np.array([i for i, surface in enumerate(surfaces) if surface.kind == "object"], int))
     cluster_of_surface = np.full(len(surfaces), ROOM)
     for label, members in enumerate(objects, ROOM + 1):
@@ -71,7 +81,17 @@ def object_paths(
     occluder: Geometry | None,
     alone: bool,
 ) -> Paths:
-    """Trace the direct paths of an object in its own frame. `occluder` is in the world's frame; `alone`: there is no room."""
+    """Trace the direct paths between the sensor and a moving object, in the object's own frame.
+
+    Args:
+        target: triangles and reflection table of the object.
+        settings: settings of the tracer.
+        sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
+        object_poses: (F, 4, 4) transformations from the object's frame to the world.
+        radar: radar whose antenna pattern and frame rate apply.
+        occluder: static triangles in the world that may block the paths; None if nothing blocks them.
+        alone: whether the scene has no room; only then `settings.rays` sets the number of tubes.
+    """
     sensor, velocity = poses_module.relative(sensor_poses, object_poses, radar.frame_rate_hz)
     hidden = None if occluder is None else Occluder(occluder, object_poses[:, :3, :3], object_poses[:, :3, 3])
     grids = [(grid, ROOM + 1) for grid in _object_grids(target.geometry, settings, sensor, radar, alone)]
@@ -79,7 +99,10 @@ def object_paths(
 
 
 def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, radar: Radar, alone: bool) -> float:
-    """Return the width of a tube on an object seen from `source` (1, 3). `settings.rays` is used only without a room (`alone`)."""
+    """Return the width in metres of a ray tube at an object that is seen from the position `source` (1, 3).
+
+    If the scene has no room (`alone`), `settings.rays` sets the number of tubes and thereby their width.
+    """
     cell = radar.wavelength_m / np.sqrt(settings.rays_per_wavelength2)
     if alone and settings.rays:
         grid = tube_grid.towards(geometry.hull_points(), source, geometry.centre, cell, geometry.grid_shift)
@@ -89,7 +112,10 @@ def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, rada
 
 
 def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]:
-    """Cluster the chosen surface indices: surfaces whose bounding boxes are closer than NEIGHBOUR_M are traced together."""
+    """Group the surface indices `chosen` into clusters that are traced together.
+
+    Surfaces whose bounding boxes are closer than NEIGHBOUR_M belong to one cluster.
+    """
     if not len(chosen):
         return []
     box = np.array([surfaces[i].mesh.bounds for i in chosen])
@@ -99,7 +125,7 @@ def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]
 
 
 def _object_grids(geometry: Geometry, settings: TraceSettings, sensor: np.ndarray, radar: Radar, alone: bool) -> list[tube_grid.TubeGrid]:
-    """Return grids of tubes over a compact object, or over the sphere if the object is too close for a planar grid."""
+    """Return one grid of tubes over a small object, or six grids that cover all directions if the object is too close for a planar grid."""
     source = sensor[:, :3, 3]
     cell = cell_m(geometry, settings, source[:1], radar, alone)
     grid = tube_grid.towards(geometry.hull_points(), source, geometry.centre, cell, geometry.grid_shift)
@@ -119,9 +145,13 @@ def _collect(
     cluster: np.ndarray | None = None,
     occluder: Occluder | None = None,
 ) -> Paths:
-    """Trace each grid with the cluster that its tubes must hit first, and convert the hits to paths in the sensor's frame."""
+    """Trace grids of tubes and convert the hits to paths in the sensor's frame.
+
+    Each entry of `grids` is a grid of tubes and the number of the cluster that these tubes must hit first.
+    """
     antenna = Antennas(sensor[:, :3, 3], sensor[:, :3, 2])
-    # Clusters are pruned separately, because a single small tube of an object is far weaker than a wall's echo, but their sum is not.
+    # Weak paths are dropped separately for each cluster, because a single narrow tube of an object is far weaker than the echo of a wall,
+    # although the sum of the object's tubes is not.
     pruners: dict[int, Pruner] = {}
     parts: dict[int, list[Paths]] = {}
     for grid, label in grids:
@@ -140,7 +170,7 @@ def _collect(
 
 
 def _room_rays(geometry: Geometry, positions: np.ndarray, wavelength_m: float) -> int:
-    """Return the number of tubes over the sphere, from WIDTH_RULE at the farthest surface."""
+    """Return the number of tubes in all directions together for which the tube width at the farthest surface agrees with WIDTH_RULE."""
     corners = geometry.corners.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
     away = np.maximum(np.abs(positions - low), np.abs(positions - high))
