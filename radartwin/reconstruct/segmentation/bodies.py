@@ -1,4 +1,4 @@
-"""Group segments into bodies: sets of segments that are the sides of one object, because they meet at convex edges and have one colour.
+"""Group segments into bodies. A body is a set of segments that meet at convex edges and have similar colours, as the sides of an object do.
 
 Convexity separates objects (Stein et al. 2014, Object partitioning using local convexity): the sides of a cabinet meet at convex edges, but
 the cabinet meets the wall behind it at a concave edge. Floor, ceiling and walls belong to no body.
@@ -16,22 +16,24 @@ from scipy.spatial import KDTree
 from radartwin.reconstruct.segmentation.coplanar import in_plane
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
 
-SIMILAR = 14.0  # largest weighted L*a*b* difference between sides of one object, which are lit differently
-SAME = 7.0  # largest difference across a concave edge, as between the boards of a shelf
-OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85  # smallest height of a wall relative to the scan: with nothing behind it, and otherwise
+SIMILAR = 14.0  # largest weighted L*a*b* colour difference between sides of the same object, which are lit differently
+SAME = 7.0  # largest weighted L*a*b* difference between segments of an object that meet at a concave edge, such as the boards of a shelf
+# smallest height of a wall relative to the height of the scan: for a plane with nothing behind it, and for any other plane
+OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85
 INNER_WIDTH_M = 1.0  # a narrower plane is the side of a column
-BEHIND_M, NOTHING = 0.15, 0.02  # a plane has nothing behind it if less than this share of the scan lies more than BEHIND_M behind it
+# a plane has nothing behind it if less than the fraction NOTHING of the scan lies more than BEHIND_M behind it
+BEHIND_M, NOTHING = 0.15, 0.02
 WALL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
 UPRIGHT = np.sin(np.radians(15.0))
 CONTACT_M = 0.08  # segments with a shorter common edge do not count as touching
-APART_M = 0.06  # segments this close count as touching, because scanners miss edges
+APART_M = 0.06  # segments with a smaller distance count as touching, because scanners miss edges
 
 
 def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
     """Return a mask (S,) of the segments that bound the room: floor, ceiling, and walls.
 
-    A wall is an upright plane that spans the scan's height or has nothing behind it.
+    A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts if the scan has nothing behind it.
     """
     places = faces.centre[thinned(faces.centre, 0.1)]
     low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
@@ -53,13 +55,16 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
 
 
 def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | None) -> list[Segment]:
-    """Return the segments with `body` numbers, from the weighted L*a*b* colours `lab` (F, 3) of the faces, or without colours."""
+    """Return the segments with their `body` numbers, which tell which segments are sides of the same object.
+
+    `lab` (F, 3) are the weighted L*a*b* colours of the faces; with None, colour is not compared.
+    """
     bounds = room_bounds(faces, segments)
     colour = None
     if lab is not None:
         colour = np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
     area = np.array([s.area_m2 for s in segments])
-    body_colour = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # indexed by root segment
+    body_colour = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # index: number of the first segment of each body
     root = np.arange(len(segments))
 
     def find(k: int) -> int:
@@ -75,9 +80,9 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
             continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
         if not convex and colour is None:
-            continue  # parts such as legs and handles stay separate, because nothing shows which object they belong to
+            continue  # parts such as legs and handles stay separate, because the scan does not show to which object they belong
         limit = SIMILAR if convex else SAME
-        # The mean colours of the bodies must also agree, so that a chain of similar segments cannot join two objects.
+        # The mean colours of two bodies must also agree, so that a chain of similar segments cannot join two objects.
         if difference < limit and (colour is None or float(np.linalg.norm(body_colour[a] - body_colour[b])) < limit):
             root[b] = a
             body_colour[a] = (area[a] * body_colour[a] + area[b] * body_colour[b]) / (area[a] + area[b])
@@ -124,6 +129,6 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, 
 
 
 def _length(points: np.ndarray) -> float:
-    """Estimate the length of a line of points (N, 3) from the number of cells of size CONTACT_M / 4 that hold points."""
+    """Estimate the length in metres of a line of points (N, 3) from the number of cubes of edge CONTACT_M / 4 that contain points."""
     cells = np.unique(np.floor(points / (CONTACT_M / 4)).astype(np.int64), axis=0)
     return len(cells) * CONTACT_M / 4

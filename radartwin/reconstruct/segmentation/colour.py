@@ -1,8 +1,8 @@
-"""Separate surfaces that lie in one plane by colour, such as a door in its wall, a poster, or a metal strip along a painted wall.
+"""Separate surfaces that lie in the same plane by colour, such as a door in a wall, a poster, or a metal strip along a painted wall.
 
-The plane's colours form a picture. A region is divided as long as it has a sharp colour step between neighbouring cells (light
-changes gradually), and the separated piece is wide and large enough. Colours are CIE L*a*b* with reduced lightness, because shading changes
-lightness most.
+The colours of the faces in a plane are drawn into a picture of square cells. A region of the picture is divided if it has a sharp colour
+step between neighbouring cells and if the separated piece is wide and large enough. A gradual colour change does not divide a region,
+because light changes gradually. Colours are CIE L*a*b* with reduced weight of the lightness, because shading changes the lightness most.
 """
 
 from __future__ import annotations
@@ -17,28 +17,30 @@ from skimage.color import rgb2lab
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.coplanar import in_plane
 
-LIGHTNESS = 0.6  # weight of L* against a* and b*
-DEEP_M, BESIDE_M = 0.3, 0.25  # colours up to these distances inside and outside of an edge are compared
-EDGE = 0.4  # largest colour difference between cells two apart in an even area, relative to STEP
-MOSTLY = 0.6  # smallest share of a piece's cells that differ from the outside, and smallest share of its border that is a sharp edge
-ACROSS = 2.5  # number of cells; colours nearer to a border are blurred
-WITHIN = 0.5  # smallest colour step inside a piece, relative to the step at its border, because light scales both
+LIGHTNESS = 0.6  # weight of the lightness L*; a* and b* have weight 1
+DEEP_M, BESIDE_M = 0.3, 0.25  # largest distances from an edge, inside and outside of a piece, at which colours are compared
+EDGE = 0.4  # largest colour difference between a cell and the second next cell in an area without edges, relative to STEP
+MOSTLY = 0.6  # smallest fraction of the cells of a piece that differ from the outside, and of the border of a piece that is a sharp edge
+ACROSS = 2.5  # distance from a border in cells; nearer to a border, colours are blurred
+# smallest colour step that divides a piece further, relative to the step at the border of the piece, because light scales both
+WITHIN = 0.5
 ROUNDS = 12  # largest number of divisions per plane
-CELL_M = 0.02  # cell size of the picture; about the scan's resolution
+CELL_M = 0.02  # cell size of the picture, about the resolution of the scan
 STEP = 7.0  # smallest colour difference across the edge of a piece (weighted L*a*b*; 2 is just visible side by side)
 CONTRAST = 2.0  # smallest ratio of the colour difference to the colour variation outside the edge
 WIDTH_M, AREA_M2 = 0.12, 0.12  # narrower or smaller pieces (painted lines, frames) are not separated
 
 
 def colour_pieces(centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Divide the faces of a plane by colour. Return the piece number (K,) of each face; 0 is the main piece.
+    """Divide the K faces of a plane by colour into pieces. Return the piece number (K,) of each face; 0 is the main piece.
 
     Args:
-        centre, area, lab: (K, 3) centres, (K,) areas and (K, 3) colours (from `face_colours`) of the faces.
-        normal: (3,) of the plane.
+        centre, area: (K, 3) centres of the faces in metres, and (K,) areas of the faces in m2.
+        lab: (K, 3) weighted L*a*b* colours of the faces, from `face_colours`.
+        normal: (3,) unit normal of the plane.
     """
     points = centre @ in_plane(normal).T
-    # A picture with cells smaller than the faces would have holes.
+    # If the cells were smaller than the faces, some cells of the picture would have no colour.
     cell = max(CELL_M, 1.5 * float(np.sqrt(np.median(area))))
     at = ((points - points.min(axis=0)) / cell).astype(int)
     shape = tuple(at.max(axis=0) + 1)
@@ -56,15 +58,15 @@ def colour_pieces(centre: np.ndarray, area: np.ndarray, lab: np.ndarray, normal:
 
 
 def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
-    """Write the piece numbers of a picture (W, H, 3) to `label`. Cells with -1 are outside the plane."""
+    """Divide a picture (W, H, 3) into pieces, and write the piece number of each cell to `label`. Cells with -1 are outside the plane."""
     count, todo = 1, [0]
-    min_step = {0: STEP}  # smallest colour step that divides each piece further
+    min_step = {0: STEP}  # for each piece number, the smallest colour step that divides the piece further
     for _ in range(ROUNDS):
         if not todo:
             return
         current = todo.pop()
         region = label == current
-        # Pieces that are already separated must not affect the blurred colours at the borders of the rest.
+        # Pieces that are already separated must not affect the blurred colours at the borders of the remaining region.
         inner = region & (masks.distance(~region) > 1.5)
         found = _pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, min_step[current])
         for piece, step in found:
@@ -77,7 +79,7 @@ def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
 
 
 def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> list[tuple[np.ndarray, float]]:
-    """Find pieces that differ from the rest of a region by at least `min_step`. Return each piece with its colour step.
+    """Find pieces whose colour differs from the rest of a region by at least `min_step`. Return each piece's mask with its colour step.
 
     If two pieces overlap, only the piece with the sharper edge is returned.
     """
@@ -99,7 +101,7 @@ def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: f
 
 
 def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-    """Return candidate pieces: areas that colour edges separate from the largest even area."""
+    """Return masks of candidate pieces: areas that colour edges separate from the largest area without edges."""
     strength = np.zeros(region.shape)
     for axis in range(2):
         step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
@@ -108,14 +110,14 @@ def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list
     if not even:
         return []
     main = max(even, key=np.sum)
-    # An edge is blurred over two cells. The cell nearer to the main area belongs to the main area.
+    # A colour edge is blurred over two cells. The cell nearer to the main area belongs to the main area.
     others = region & ~masks.dilated(main, 2)
     wide = masks.opened(others, np.ceil(WIDTH_M / 2 / cell))
     return [masks.dilated(piece, 2, region & ~main) for piece in masks.pieces(wide)]
 
 
 def _of_two_colours(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
-    """Return candidate pieces: connected areas that have the rarer of the region's two main colours."""
+    """Return masks of candidate pieces: connected areas that have the rarer of the two main colours of a region."""
     minor = np.zeros(region.shape, dtype=bool)
     minor[region] = _two_means(picture[region])
     minor = masks.opened(minor, WIDTH_M / 2 / cell)
@@ -124,7 +126,9 @@ def _of_two_colours(region: np.ndarray, picture: np.ndarray, cell: float) -> lis
 
 
 def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> np.ndarray:
-    """Return the piece with its border moved to the colour edge. It is empty if the colours differ by less than `min_step`."""
+    """Return the mask of a piece after its border moved to the colour edge; the mask is empty if the colours differ by less than
+    `min_step`.
+    """
     none = np.zeros_like(piece)
     rest = region & ~piece
     if piece.sum() * cell**2 < AREA_M2 or not rest.any():
@@ -134,7 +138,7 @@ def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: f
     inside = piece & (to_rest > 1) & (to_rest * cell <= DEEP_M)
     if min(beside.sum(), inside.sum()) < 8:
         return none
-    # Light varies along the edge, so each cell is compared with the nearest cell outside.
+    # Light varies along the edge, so each cell is compared with the nearest cell outside of the piece.
     difference = np.linalg.norm(picture - picture[masks.nearest(beside)], axis=-1)
     spread = float(np.median(np.linalg.norm(picture[beside] - _local_mean(picture, beside, cell)[beside], axis=-1)))
     min_step = max(min_step, CONTRAST * spread)
@@ -147,7 +151,7 @@ def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: f
 
 
 def _steps(piece: np.ndarray, region: np.ndarray, picture: np.ndarray) -> np.ndarray:
-    """Return the colour difference across a piece's border at each border cell, between cells ACROSS cells away on either side."""
+    """Return the colour difference across the border of a piece at each border cell, measured ACROSS cells away on either side."""
     rest = region & ~piece
     to_rest, to_piece = masks.distance(rest), masks.distance(piece)
     inside, outside = piece & (to_rest > ACROSS), rest & (to_piece > ACROSS)
@@ -166,7 +170,7 @@ def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Return the sRGB colour (F, 3), 0..255, of every face; None for a mesh without colours."""
+    """Return the sRGB colour (F, 3), 0..255, of every face; None for a mesh without vertex or face colours."""
     visual: Any = mesh.visual
     if visual.kind == "vertex":
         return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1)
@@ -176,7 +180,7 @@ def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def _two_means(values: np.ndarray) -> np.ndarray:
-    """Divide values (N, 3) into two clusters. Return a mask (N,) of the smaller cluster."""
+    """Divide colours (N, 3) into two clusters by k-means. Return a boolean mask (N,) of the smaller cluster."""
     centred = values - values.mean(axis=0)
     axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
     second = centred @ axis > _otsu(centred @ axis)
@@ -192,7 +196,7 @@ def _two_means(values: np.ndarray) -> np.ndarray:
 
 
 def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarray:
-    """Return, for each cell, the mean colour of the masked cells within BESIDE_M."""
+    """Return, for each cell of the picture, the mean colour of the cells in the mask `where` within BESIDE_M."""
     sigma = BESIDE_M / 2 / cell
     weight = gaussian_filter(where.astype(float), sigma)
     mean = [gaussian_filter(np.where(where, picture[..., k], 0.0), sigma) for k in range(3)]
@@ -200,7 +204,7 @@ def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarr
 
 
 def _otsu(values: np.ndarray) -> float:
-    """Return the threshold with the largest variance between the values below and above it (Otsu 1979)."""
+    """Return the threshold that maximises the variance between the class of smaller and the class of larger values (Otsu 1979)."""
     counts, edges = np.histogram(values, 128)
     middle = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)

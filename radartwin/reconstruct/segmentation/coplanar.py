@@ -1,7 +1,7 @@
-"""Join coplanar pieces of one surface, such as the parts of a wall on both sides of a window or of a cabinet.
+"""Join coplanar pieces of the same surface, such as the parts of a wall on both sides of a window or of a cabinet.
 
-Two pieces of one plane are joined unless points behind the plane were seen through the gap between them. The floor is visible through the
-gap between two tables, but nothing is visible through a gap in a wall.
+Two pieces in the same plane are joined unless the scan has points behind the plane that were seen through the gap between the pieces. For
+example, the floor is visible through the gap between two tables, so the tables are not joined.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from radartwin.reconstruct.segmentation.faces import Faces, members
 
 CELL_M = 0.05
 BEHIND_M = 0.06  # points count as behind the plane beyond this depth, which exceeds the noise
-CONTRADICTED = 0.2  # two pieces stay separate if at least this share of the gap's cells has points behind the plane
+CONTRADICTED = 0.2  # two pieces stay separate if at least this fraction of the cells of the gap has points behind the plane
 ANGLE_DEG = 6.0  # largest angle between the planes of two joined pieces
-OFFSET_M = 0.03  # largest distance of either piece's centre from the common plane
-GAP_M, GAP_SIZES = 3.0, 2.0  # largest gap, in metres and in multiples of the smaller piece's side (square root of its area)
-NEAR_M = 0.15  # pieces this close are always joined
+OFFSET_M = 0.03  # largest distance of the centre of each piece from the common plane
+# largest gap between joined pieces, in metres and in multiples of the smaller piece's side (square root of its area)
+GAP_M, GAP_SIZES = 3.0, 2.0
+NEAR_M = 0.15  # coplanar pieces with a smaller gap are always joined
 
 
 def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
-    """Join the coplanar pieces of labels (F,), largest first. Return labels (F,) with the numbers 0..P-1; -1 for faces without a plane."""
+    """Join coplanar pieces, largest first. `label` (F,) is the piece number of each face; -1 if the face is in no plane.
+
+    Returns: the new piece numbers (F,), 0..P-1 or -1.
+    """
     while True:
         groups = members(label)
         normal, offset = faces.planes(label)
@@ -43,10 +47,13 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
 
 
 def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray) -> list[tuple[int, int]]:
-    """Return candidate pairs (larger, smaller), largest first: nearly parallel pieces whose centres lie near each other's planes."""
+    """Return index pairs (larger piece, smaller piece) of nearly parallel pieces whose centres lie near each other's planes.
+
+    The pairs are sorted by area, largest first.
+    """
     if len(normal) < 2:
         return []
-    away = np.abs(centre @ normal.T - offset)  # [i, j]: distance of the centre of i from the plane of j
+    away = np.abs(centre @ normal.T - offset)  # entry [i, j]: distance of the centre of piece i from the plane of piece j
     # The plane of a small piece is inaccurate far from the piece, so the larger piece's plane is used.
     large = np.where(area[:, None] >= area[None], away.T, away)
     close = (normal @ normal.T > np.cos(np.radians(ANGLE_DEG))) & (large < 2 * OFFSET_M)
@@ -58,7 +65,7 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
 
 
 def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
-    """Return whether one plane fits both pieces."""
+    """Return whether a common plane fits the faces of both pieces."""
     normal, offset = faces.plane(np.concatenate([first, second]))
     return all(
         abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < OFFSET_M
@@ -68,7 +75,9 @@ def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float) -> bool:
-    """Return whether two pieces are one surface: their gap is at most gap_m, and no points were seen through it behind the plane."""
+    """Return whether two pieces are the same surface: their gap is at most `gap_m`, and few cells of the gap have
+    points behind the plane.
+    """
     normal, offset = plane
     axes = in_plane(normal)
     a, b = faces.centre[first] @ axes.T, faces.centre[second] @ axes.T
@@ -89,7 +98,7 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
         return True
     if gap > gap_m:
         return False
-    # The gap holds the cells on or near a shortest path between the pieces.
+    # The gap consists of the cells on or near a shortest path between the pieces.
     between = (from_a + from_b < gap + 0.3) & ~of_a & ~of_b
     hull = MultiPoint(np.vstack([a, b])).convex_hull
     x, y = (low[k] + CELL_M * (np.arange(shape[k]) + 0.5) for k in range(2))
@@ -102,7 +111,10 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
 
 
 def in_plane(normal: np.ndarray) -> np.ndarray:
-    """Return two unit vectors (2, 3) in the plane, right-handed with the normal; horizontal and upward for an upright plane."""
+    """Return two unit vectors (2, 3) in the plane with this normal, right-handed with the normal.
+
+    For an upright plane, the first vector is horizontal and the second vector points upward.
+    """
     up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     across = np.cross(up, normal)
     across /= np.linalg.norm(across)

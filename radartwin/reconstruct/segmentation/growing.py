@@ -1,7 +1,8 @@
-"""Grow planes over a mesh, face by face.
+"""Find the planes of a mesh by region growing, face by face.
 
-Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness constraint: the seeds are
-taken in order of local flatness. A neighbouring face joins if its normal and its distance fit the plane. The plane is refitted as it grows.
+Region growing after Rabbani, van den Heuvel and Vosselman 2006, Segmentation of point clouds using smoothness constraint. Each region
+starts from a seed face, and the flattest faces are seeds first. A neighbouring face joins the region if its normal and its distance fit the
+plane of the region. The plane is refitted as the region grows.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ import numpy as np
 from radartwin.compiled import compiled
 from radartwin.reconstruct.segmentation.faces import MIN_FITTED, Faces
 
-REFIT = 1.2  # the plane is refitted each time its number of faces has grown by this factor
+REFIT = 1.2  # the plane of a region is refitted each time the number of faces in the region has grown by this factor
 
 
 class _Mesh(NamedTuple):
-    """Arrays of the faces: neighbours in compressed sparse rows, centres (F, 3) or corners (F, 3, 3), normals and areas."""
+    """Arrays of F faces for the compiled functions: neighbours in compressed sparse rows, centres (F, 3) or corners (F, 3, 3), normals,
+    areas.
+    """
 
     start: np.ndarray
     neighbour: np.ndarray
@@ -27,7 +30,7 @@ class _Mesh(NamedTuple):
 
 
 def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) -> np.ndarray:
-    """Grow planes. Return the plane index (F,) of every face; -1 if the face belongs to no plane."""
+    """Grow planes over the faces. Return the plane number (F,) of every face; -1 if the face belongs to no plane."""
     label = np.full(len(faces.area), -1)
     mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area)
     order = np.argsort(-faces.coherence, kind="stable")
@@ -36,7 +39,10 @@ def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) 
 
 
 def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float) -> None:
-    """Label the unlabelled faces that touch a plane and whose corners all lie near it, ring by ring, in place."""
+    """Add faces without a plane to a plane that they touch, if all their corners lie near it.
+
+    `label` (F,) is changed in place, ring by ring.
+    """
     normal, offset = faces.planes(label)
     if len(normal):
         mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal, faces.area)
@@ -45,7 +51,10 @@ def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float)
 
 @compiled
 def _plane(count, sums, normal):
-    """Return the plane (nx, ny, nz, d) from weighted sums over its faces: [w, wc (3), wcc (xx xy xz yy yz zz), wn (3)]."""
+    """Return the plane (nx, ny, nz, d) from sums over its faces: [w, wc (3), wcc (xx xy xz yy yz zz), wn (3)].
+
+    In these sums, w is the area of a face, c its centre and n its normal.
+    """
     w = sums[0]
     cx, cy, cz = sums[1] / w, sums[2] / w, sums[3] / w
     normal[0], normal[1], normal[2] = sums[10], sums[11], sums[12]
@@ -70,7 +79,7 @@ def _plane(count, sums, normal):
 
 @compiled
 def _add(sums, w, c, n):
-    """Add a face of area w, centre c and normal n to the sums of `_plane`."""
+    """Add a face of area `w`, centre `c` and normal `n` to the sums from which `_plane` computes a plane."""
     sums[0] += w
     sums[1] += w * c[0]
     sums[2] += w * c[1]
@@ -87,18 +96,18 @@ def _add(sums, w, c, n):
 
 @compiled
 def _fits(c, n, normal, offset, min_cosine, distance):
-    """Return whether a face with centre c and normal n lies in the plane."""
+    """Return whether a face with centre `c` and unit normal `n` fits the plane within the limits of angle and distance."""
     away = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] - offset
     return n[0] * normal[0] + n[1] * normal[1] + n[2] * normal[2] > min_cosine and abs(away) < distance
 
 
 @compiled
 def _grow(mesh, order, min_cosine, distance, min_area, label):
-    """Grow a plane from each face in `order`, and label (F,) the faces of planes with at least `min_area`."""
+    """Grow a plane from each face in `order`, and write the plane number to `label` (F,) if the plane has at least the area `min_area`."""
     start, neighbour, centre, normals, area = mesh
     faces = len(area)
     tried = np.zeros(faces, np.bool_)
-    mark = np.full(faces, -1)  # the last seed whose region contained the face
+    mark = np.full(faces, -1)  # for each face, the last seed whose region contained the face
     queue = np.empty(faces, np.int64)
     normal, sums = np.empty(3), np.empty(13)
     planes = 0
@@ -106,7 +115,7 @@ def _grow(mesh, order, min_cosine, distance, min_area, label):
         if tried[seed] or label[seed] >= 0:
             continue
         sums[:] = 0.0
-        origin = centre[seed]  # sums are relative to the seed, because squares of large coordinates lose accuracy
+        origin = centre[seed]  # sums use coordinates relative to the seed face, because squares of large coordinates lose accuracy
         _add(sums, area[seed], centre[seed] - origin, normals[seed])
         offset = _plane(1, sums, normal)
         mark[seed] = seed
@@ -147,7 +156,10 @@ def _grow(mesh, order, min_cosine, distance, min_area, label):
 
 @compiled
 def _absorb(mesh, normal, offset, min_cosine, distance, label):
-    """Give unlabelled faces the label of a neighbour whose plane (normal (P, 3), offset (P,)) fits all their corners."""
+    """Give each face without a plane the plane number of a neighbour face whose plane fits all corners of the face.
+
+    The planes are given by `normal` (P, 3) and `offset` (P,).
+    """
     start, neighbour, corners, normals, _ = mesh
     faces = len(label)
     queue = np.empty(faces, np.int64)

@@ -1,7 +1,7 @@
-"""Segment a scan: grow planes over the mesh, join pieces of one plane, and divide the other faces into connected parts.
+"""Segment a scan: grow planes over the mesh, join pieces of the same plane, and divide the remaining faces into connected parts.
 
 Normals are first averaged over neighbouring faces, because depth noise of 5 mm changes the normal of a 5 cm triangle by 8 degrees. If the
-scan has colour, planes are cut where their colour changes, and convex neighbours of one colour form one body.
+scan has colour, planes are cut where their colour changes. Segments of similar colour that meet at a convex edge form a body (one object).
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import absorb, grow
 
 ANGLE_DEG = 25.0  # a face joins a plane up to this angle between its smoothed normal and the plane's normal
-DISTANCE_M = 0.04  # and up to this distance of its centre from the plane; about twice the depth noise (phone LiDAR: 1-2 cm)
-MIN_PLANE_M2 = 0.06  # the faces of smaller planes become unlabelled
+DISTANCE_M = 0.04  # and up to this distance between the face's centre and the plane; about twice the depth noise (phone LiDAR: 1-2 cm)
+MIN_PLANE_M2 = 0.06  # planes with a smaller area are dissolved, and their faces then belong to no plane
 SMOOTHING_M = 0.08  # radius for averaging normals; larger triangles keep their own normals
-LOOSE_DEG = 75.0  # the same angle for a remaining face with all corners within DISTANCE_M of a plane, because its tilt is noise
+# limit instead of ANGLE_DEG for a remaining face with all corners within DISTANCE_M of a plane, because the tilt of such a face is noise
+LOOSE_DEG = 75.0
 MIN_PART_M2 = 0.01  # smaller connected parts are collected in one segment of fragments
-MIN_WIDTH_M = 0.07  # narrower planes are rounded edges; their faces join neighbouring planes
+MIN_WIDTH_M = 0.07  # narrower planes are rounded edges, and their faces join neighbouring planes
 
 
 def segmented(mesh: trimesh.Trimesh) -> list[Segment]:
-    """Segment a mesh (metres, z up). Each face belongs to one segment.
+    """Segment a mesh (metres, z up). Each face belongs to exactly one segment.
 
-    The result lists the planes, then the other parts, each sorted from large to small, then one segment of all fragments.
+    The result lists the planes from large to small, then the parts that are not planar from large to small, and last a segment of all
+    fragments.
     """
     faces = Faces.of(mesh, SMOOTHING_M)
     label = grow(faces, ANGLE_DEG, DISTANCE_M, MIN_PLANE_M2)
@@ -46,7 +48,7 @@ def segmented(mesh: trimesh.Trimesh) -> list[Segment]:
 
 
 def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
-    """Return the labels after planes are divided where their colour changes."""
+    """Divide planes where their colour changes. `label` (F,) is the plane number of each face; the new plane numbers (F,) are returned."""
     out, count = label.copy(), int(label.max(initial=-1)) + 1
     for which in members(label):
         if faces.area[which].sum() < 2 * AREA_M2:
@@ -58,7 +60,10 @@ def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
 
 
 def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
-    """Divide the remaining faces into connected parts, largest first, and a list with one segment of all fragments, or none."""
+    """Divide the faces `remaining`, which belong to no plane, into connected parts, largest first.
+
+    The second returned list contains a segment of all small fragments, or is empty if there are no fragments.
+    """
     if remaining.size == 0:
         return [], []
     count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
@@ -76,9 +81,9 @@ def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
 
 
 def _settle(faces: Faces, label: np.ndarray) -> None:
-    """Move faces at the common edge of two planes to the plane that is nearer to their corners, ring by ring, in place.
+    """Move faces at the common edge of two planes to the plane that is nearer to the corners of the face.
 
-    Smoothed normals blur an edge over one or two faces on either side.
+    Smoothed normals blur an edge over one or two faces on either side. The function changes `label` in place, ring by ring.
     """
     normal, offset = faces.planes(label)
     coo = faces.adjacency.tocoo()
@@ -95,7 +100,7 @@ def _settle(faces: Faces, label: np.ndarray) -> None:
 
 
 def _without_narrow(faces: Faces, label: np.ndarray) -> np.ndarray:
-    """Remove the labels of planes narrower than MIN_WIDTH_M (area / length)."""
+    """Remove the planes narrower than MIN_WIDTH_M (area / length) from `label`, so that their faces belong to no plane."""
     out = label.copy()
     for which in members(label):
         if which.size <= 2:
