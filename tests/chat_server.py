@@ -1,4 +1,4 @@
-"""An OpenAI-compatible chat server on loopback whose replies a test defines."""
+"""An OpenAI-compatible chat server on the loopback interface, whose replies the test defines."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Reply = tuple[int, dict[str, str], str]  # status, headers, body
 
 
 def completion(content: object) -> Reply:
-    """The reply of a model whose message is a text, or an object as JSON."""
+    """Return the HTTP reply of a model that answers with this text, or with this object as JSON."""
     text = content if isinstance(content, str) else json.dumps(content)
     return 200, {}, json.dumps({"choices": [{"message": {"role": "assistant", "content": text}}]})
 
 
 class ChatServer:
-    """A running server that records its requests.
+    """A running chat server that records the requests that it receives.
 
     Args:
-        reply: from the number (from 0) and the body of a request to the reply.
+        reply: function that computes the reply from the number of the request (the first is 0) and the body of the request.
     """
 
     def __init__(self, reply: Callable[[int, dict[str, Any]], Reply]) -> None:

@@ -18,7 +18,7 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """Real scans, meshes and captures beside the checkout; they are too large to be part of it."""
+    """Return the folder beside the checkout with real scans, meshes and captures, which are too large for the repository."""
     folder = ROOT.parent / "shared" / "data"
     if not folder.is_dir():
         pytest.skip(f"{folder} is not here: the real captures and scans are not part of the repository")
@@ -29,7 +29,9 @@ def shared_data() -> Path:
 def inside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
-    """The command line in this process, which has already imported everything, in an empty folder: inside("run", "experiment=...")."""
+    """Return a function that runs the command line in this process, in an empty folder: inside("run", "experiment=..."). This is fast,
+    because the process has already imported all modules.
+    """
     from radartwin.cli import main
 
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,6 @@
-"""Small disks that fill up or can only be read. Mounting needs root; elsewhere these tests are skipped and say so."""
+"""Small file systems for tests of full and read-only disks. Mounting needs root; without root, the tests that need these disks are skipped
+with this reason.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ import pytest
 
 
 class Disk:
-    """A file system of its own in memory, at `folder`."""
+    """A small file system in memory, mounted at `folder`."""
 
     def __init__(self, folder: Path, megabytes: int) -> None:
         self.folder = folder
@@ -21,7 +23,7 @@ class Disk:
         subprocess.run(["mount", *options, str(self.folder)], capture_output=True, check=True)
 
     def fill(self, leave: int = 0) -> None:
-        """Until so many bytes are free, to a page."""
+        """Fill the disk until only `leave` bytes are free, rounded to a memory page."""
         with (self.folder / "filler").open("wb", buffering=0) as stream:
             try:
                 while stream.write(bytes(4096)):
@@ -30,12 +32,14 @@ class Disk:
                 stream.truncate(max(0, stream.tell() - leave))
 
     def empty(self) -> None:
-        """As before `fill`."""
+        """Remove the file that `fill` wrote, so that its space is free again."""
         (self.folder / "filler").unlink()
 
     @contextlib.contextmanager
     def read_only(self) -> Iterator[Path]:
-        """Another path to it, through which it can only be read; files that are open for writing do not mind."""
+        """Return a second path to the disk through which the disk can only be read. Files that are already open for
+        writing stay writable.
+        """
         view = self.folder.with_name("read_only")
         view.mkdir()
         subprocess.run(["mount", "--bind", str(self.folder), str(view)], check=True)
@@ -50,7 +54,7 @@ class Disk:
         subprocess.run(["umount", "--lazy", str(self.folder)], check=True)
 
     def content(self) -> dict[str, bytes]:
-        """Every file but the filler."""
+        """Return the content of every file on the disk, except the file that `fill` wrote."""
         found = (path for path in sorted(self.folder.rglob("*")) if path.is_file() and path.name != "filler")
         return {path.relative_to(self.folder).as_posix(): path.read_bytes() for path in found}
 

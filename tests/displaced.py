@@ -1,4 +1,4 @@
-"""A scene whose surfaces are slightly out of place, as in a second scan of one room."""
+"""Make a scene whose surfaces are slightly displaced, as in a second scan of the same room."""
 
 import numpy as np
 import trimesh
@@ -7,7 +7,9 @@ from radartwin.scene.scene import Scene
 
 
 def displaced(scene: Scene, rng: np.random.Generator, offset_m: float = 0.01, tilt_deg: float = 0.2) -> Scene:
-    """Move every room surface rigidly: flat surfaces along their normal, all by random offsets and tilts of these deviations."""
+    """Move every room surface rigidly by a random offset and a random tilt with these standard deviations. A flat surface moves along its
+    normal.
+    """
     surfaces = []
     for surface in scene:
         if surface.kind == "room":

@@ -1,4 +1,4 @@
-"""Recordings of point echoes with known ranges, levels, directions and speeds, for tests of features."""
+"""Simulated recordings of point echoes with known ranges, levels, directions and speeds, for tests of features."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Motion = float | Callable[[np.ndarray], np.ndarray]
 
 
 def echoes(frames: int, points: list[tuple[Motion, Motion] | tuple[Motion, Motion, float]], noise: float = 0.0, seed: int = 0) -> Recording:
-    """Point echoes in the far field of the array, chirp by chirp.
+    """Compute the recording of point echoes in the far field of the array, chirp by chirp.
 
     Args:
-        points: (amplitude, range in metres) or (amplitude, range, azimuth in degrees); amplitude and range are numbers or functions of
-            the time in seconds.
-        noise: standard deviation of the complex noise of a sample.
+        points: one tuple per point, (amplitude, range in metres) or (amplitude, range in metres, azimuth in degrees). Amplitude and range
+            are numbers or functions of the time in seconds.
+        noise: standard deviation of the complex noise in each sample.
     """
     time = np.arange(frames)[:, None, None] / RADAR.frame_rate_hz + RADAR.chirp_times()[None]
     frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(RADAR.num_samples) / RADAR.sample_rate_hz

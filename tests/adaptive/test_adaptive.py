@@ -1,4 +1,6 @@
-"""simulator=auto: the greedy choice, limits of features, and thinned recordings."""
+"""Tests of simulator=auto: the greedy search for the cheapest model, the repeatability limits of features, and recordings thinned to a few
+frames.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ LIMITS = Limits({"level_db": 1.0}, "this test")
 
 @dataclass
 class FakeProbe:
-    """A probe whose only feature changes by the given amounts."""
+    """A probe with a single feature, which each lowered setting changes by a given amount."""
 
     moves: dict[str, dict[object, float]]
 
@@ -57,7 +59,9 @@ def test_parts_that_change_a_feature_stay_and_are_reported() -> None:
 
 
 def test_one_dimension_does_not_use_up_the_tolerance_of_others() -> None:
-    """A room that uses nearly the whole tolerance stays if three small errors fit instead, and is left out if there are none."""
+    """The search keeps a room whose removal uses nearly the whole tolerance if three small errors fit instead. Without these errors it
+    removes the room.
+    """
     small = {"rays_per_wavelength2": {0.25: 0.2}, "elements": {"planar": 0.1}, "coupling": {False: 0.1}}
     assert choose([(FakeProbe({"parts": {"none": 0.9}, **small}), LIMITS)]).model == Model("large", 1, False, False, 0.25, "planar")
     assert choose([(FakeProbe({"parts": {"none": 0.9}}), LIMITS)]).model.parts == "none"
@@ -88,7 +92,9 @@ def test_greedy_never_exceeds_its_tolerance() -> None:
 
 
 def test_95_percent_of_pairs_differ_by_less_than_the_limit() -> None:
-    """Of normal draws in groups of five, 95 % of pairs differ by less, in the mean over many such measurements."""
+    """For normally distributed features in groups of five recordings, 95 % of pairs differ by less than the limit, in the mean over many
+    such measurements.
+    """
     rng = np.random.default_rng(1)
     kept = []
     for _ in range(400):

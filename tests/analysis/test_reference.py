@@ -1,4 +1,4 @@
-"""The API reference is built from the docstrings without a warning and has every public name."""
+"""The API reference is built from the docstrings without a warning and contains every public name."""
 
 from __future__ import annotations
 

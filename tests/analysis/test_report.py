@@ -1,4 +1,6 @@
-"""The report's folder: content of each table, escaping, integrity, and equal bytes when written twice."""
+"""Tests of the report's folder: the content of each table, HTML escaping, intact links, and equal bytes when the report
+is written twice.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ VOID = {"meta", "link", "img", "input", "br"}
 
 
 class Read(HTMLParser):
-    """A page's elements: balance, ids, links, and the text of each section."""
+    """Read the elements of an HTML page: unbalanced tags, ids, links, and the text of each section."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""A table has the same rows in four formats, and its rows are checked before any file is written."""
+"""A results table is written with the same rows in four file formats, and its rows are checked before any file is written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mistake in a configuration is one line that names the key and what would be right."""
+"""A mistake in a configuration gives a one-line error that names the configuration key and a correct value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The configured scene: its room, its target, and the place of the target."""
+"""Tests of the configured scene: its room, its target, and the position of the target."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The configured trajectory and layout: positions, and what is refused before anything is traced."""
+"""Tests of the configured trajectory and furniture layout: positions, and impossible values that are refused before any ray is traced."""
 
 import warnings
 
@@ -15,14 +15,14 @@ from radartwin.scene.trajectories import trajectory
 
 
 def course(*overrides):
-    """(configuration, room, course)."""
+    """Return the composed configuration, the room, and the poses of sensor and target."""
     config = compose(["scene=lab", *overrides])
     room = build_room(config.scene, config.materials)
     return config, room, build_course(config.trajectory, build_radar(config.radar), room)
 
 
 def written(tmp_path, shift=(0.0, 0.0, 0.0), frames=21):
-    """The override for a TUM file: 1 s along +x from (1, 0, 0.4) at 0.4 m/s."""
+    """Write a trajectory file in TUM format, and return the override that selects it: 1 s along +x from (1, 0, 0.4) at 0.4 m/s."""
     path = tmp_path / "drive.txt"
     times = np.linspace(0, 1, frames)
     path.write_text("\n".join(f"{100 + t:.6f} {1 + 0.4 * t + shift[0]} {shift[1]} {0.4 + shift[2]} 0 0 0 1" for t in times))

@@ -1,4 +1,4 @@
-"""Newly compiled machine code and the same code read from the cache give the same bytes."""
+"""Newly compiled machine code and machine code from Numba's cache give bit-identical results."""
 
 import os
 import subprocess
@@ -20,7 +20,9 @@ print(hashlib.sha256(rt.simulate(rooms.room("lab", detail="shell"), radar, pose[
 
 @pytest.mark.slow
 def test_compiled_now_and_read_from_the_cache_are_the_same(tmp_path):
-    """With fused multiply-add this failed: the last bits of a room's mirror images depended on which process had compiled the code."""
+    """With fused multiply-add instructions, this test failed: the last bits of a room's mirror images depended on which process had
+    compiled the code.
+    """
 
     def digest() -> str:
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

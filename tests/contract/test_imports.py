@@ -1,4 +1,6 @@
-"""The import contracts in pyproject.toml hold: one direction of data flow, no import cycles, one package that imports MLflow."""
+"""The import contracts in pyproject.toml hold: packages import along one direction of data flow, without cycles, and only one package
+imports MLflow.
+"""
 
 from __future__ import annotations
 

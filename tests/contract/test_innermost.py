@@ -1,4 +1,4 @@
-"""Functions compiled by `innermost`, without reference counts, must not return or create arrays."""
+"""Functions compiled by `innermost`, which does not count references to arrays, must not return or create arrays."""
 
 import ast
 from pathlib import Path
@@ -19,13 +19,13 @@ def _functions() -> list[ast.FunctionDef]:
 
 
 def _handed_back(function: ast.FunctionDef) -> list[ast.expr]:
-    """Return the values of all return statements of a function."""
+    """Return the expressions that the return statements of a function return."""
     values = [node.value for node in ast.walk(function) if isinstance(node, ast.Return) and node.value is not None]
     return [part for value in values for part in (value.elts if isinstance(value, ast.Tuple) else [value])]
 
 
 def test_none_hands_back_what_may_be_an_array() -> None:
-    """An array that is returned without a reference count is freed while it is in use."""
+    """An array that a function returns without a reference count would be freed while the caller still uses it."""
     functions = _functions()
     assert len(functions) > 20
     for function in functions:

@@ -1,4 +1,6 @@
-"""Contract of every material source: geometry and target stay unchanged, every surface gets a label and its source."""
+"""The contract of every material source: it leaves geometry and target unchanged, and gives every surface a material label and the source
+of this label.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Measured data from a recording set: the digest of a recording, and folders that are no set."""
+"""Tests of measured data from a recording set: the digest of a recording, and the refusal of folders that contain no recording set."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CARD = Card("noise", "CC0-1.0", "amplitude", "IWR1843", "tests/contract", "2026"
 
 @pytest.fixture
 def measured(tmp_path: Path) -> RecordingSet:
-    """A set of two recordings of noise."""
+    """Return a recording set of two recordings that contain only noise."""
     made = RecordingSet.create(tmp_path / "set", CARD)
     for n in range(2):
         iq = np.random.default_rng(n).normal(size=(2, 4, RADAR.num_tx, RADAR.num_rx, RADAR.num_samples)).astype(np.complex64)

@@ -1,4 +1,6 @@
-"""The contract of every simulator. Where a baseline deviates, the test states and checks its result."""
+"""The contract of every simulator. If a baseline simulator does not fulfil a part of the contract, the test asserts the deviating result of
+this simulator.
+"""
 
 import hashlib
 import subprocess
@@ -75,7 +77,7 @@ def ball(radius=0.05):
 
 
 def seen(case, azimuth):
-    """Return a target that the simulator can see: the ball, or for Sionna, which sees only flat surfaces, a plate that faces the sensor."""
+    """Return a target that the simulator can see: a ball, or for Sionna, which sees only flat surfaces, a plate that faces the sensor."""
     if not case.startswith("sionna"):
         return ball()
     turned = trajectory.pose([0, 0, 0]) @ trimesh.transformations.rotation_matrix(azimuth, [0, 0, 1])
@@ -153,7 +155,7 @@ def test_empty_scene_has_no_paths(simulator):
 
 
 def test_target_appears_at_its_range_and_on_its_side(case, simulator):
-    """Positive range is a positive beat frequency, and left is a positive azimuth."""
+    """A target at a positive range has a positive beat frequency, and a target left of the boresight has a positive azimuth."""
     azimuth = np.radians(20)
     pose = at(2 * np.cos(azimuth), 2 * np.sin(azimuth))
     iq = rt.simulate(seen(case, azimuth), RADAR, HERE, motion={"ball": pose[None]}, simulator=simulator).iq[0]
@@ -205,7 +207,7 @@ def test_seed_decides_the_noise_and_nothing_else(simulator):
 
 
 def digests():
-    """Digests of the noisy samples of a ball in front of a rough wall, by every simulator."""
+    """Return the digests of the noisy samples that each simulator computes for a ball in front of a rough wall."""
     wall = rt.Surface(objects.plate(3, 3).apply_transform(at(3.0)), "concrete", "wall", role="room", roughness_m=3e-4)
     scene, motion = rt.Scene([*ball().surfaces, wall]), {"ball": at(2.0)[None]}
     signals = (rt.simulate(scene, RADAR, HERE, motion=motion, simulator=name, noise=True).iq for name in SIMULATORS)
@@ -219,7 +221,7 @@ def test_processes_give_equal_bytes():
 
 
 def broken(kind: str) -> trimesh.Trimesh:
-    """Return a mesh with one kind of defect, about 1 m in front of the radar."""
+    """Return a mesh with the given kind of defect, about 1 m in front of the radar."""
     if kind == "zero-area faces":
         corners = [[1, -0.2, -0.2], [1, 0.2, -0.2], [1, 0.2, 0.2], [1, -0.2, 0.2], [1, 0.1, -0.2]]
         return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [0, 1, 4]], process=False)
@@ -333,7 +335,9 @@ def test_every_simulator_records_a_configured_scene(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rfgenesis", "points"])
 def test_environment_experiment_runs_on_every_baseline(name, tmp_path):
-    """The measured recordings are reused, because no simulator changes them."""
+    """With each baseline simulator, the environment experiment reuses the measured recordings, because the simulator
+    does not change them.
+    """
     from radartwin.runs.run import run_experiment
 
     small = ["experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1"]

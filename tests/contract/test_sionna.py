@@ -1,4 +1,4 @@
-"""Sionna RT as a simulator is exact for walls, warns about objects, and always runs in another process."""
+"""Used as a simulator, Sionna RT gives exact echoes of walls, warns about objects, and always runs in a process of its own."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def mirror_db(distance_m: float) -> float:
 
 
 def told(scene: rt.Scene, **settings: object) -> tuple[list[Paths], list[str]]:
-    """Return the paths from the origin, and the warnings."""
+    """Return the paths that Sionna finds from the origin, and the warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         parts = backend("sionna", **settings).paths(scene, RADAR, HERE)
@@ -49,7 +49,7 @@ def level_db(parts: list[Paths]) -> float:
 
 
 def test_sionna_and_the_tracer_use_separate_processes():
-    """Both simulators alternate, each with its own Mitsuba variant, and this process never imports Sionna."""
+    """The test alternates both simulators, which need different Mitsuba variants. The test's own process never imports Sionna."""
     wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")])
     first, own, again = (np.abs(rt.simulate(wall, RADAR, HERE, simulator=name).iq).max() for name in ("sionna", "mitsuba", "sionna"))
     import mitsuba
@@ -86,7 +86,9 @@ def test_tables_interpolate_layered_walls(finish):
 
 
 def test_every_path_of_a_room_is_an_exact_image():
-    """Complex amplitudes over layered walls, door and window, up to four bounces, for a turned antenna."""
+    """The complex amplitudes of paths over layered walls, door and window agree with image sources, up to four bounces and for a rotated
+    antenna.
+    """
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 0, 0)
     found, images = reference("Sionna, co-located", scene, pose).strong(40.0), reference("image sources", scene, pose)
     index = partners(found, images)
@@ -100,7 +102,9 @@ def test_every_path_of_a_room_is_an_exact_image():
 
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_elements_see_the_same_images_as_with_the_tracer():
-    """Sionna's mirrors come from the facets of its paths, the tracer's from panels."""
+    """Both simulators give the same image per antenna element, although Sionna's mirror planes come from the facets of its paths and the
+    tracer's from panels.
+    """
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 1, 0)
     (theirs,) = backend("sionna", max_bounces=2).paths(scene, RADAR, pose[None])
     mine = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=2)).paths(scene, RADAR, pose[None])[0]
@@ -117,7 +121,7 @@ def test_elements_see_the_same_images_as_with_the_tracer():
 
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_rates_match_length_differences():
-    """Sensor and plate both move and turn."""
+    """The range rates of paths agree with differences of path lengths between frames, while sensor and plate both move and turn."""
     turn = [trimesh.transformations.rotation_matrix(np.radians(0.05 * f), [0.2, 0.3, 1]) for f in range(2)]
     sensor = np.array([at(0.001 * f, 0.0005 * f) @ turn[f] for f in range(2)])
     plate = np.array([at(2 + 0.002 * f, 0.05, 0.02 - 0.001 * f) @ turn[f] for f in range(2)])
@@ -169,7 +173,7 @@ def test_plate_of_any_size_returns_the_level_of_a_mirror(size_m, excess_db):
 
 
 def test_diffuse_level_grows_with_the_number_of_rays():
-    """Near the mirror direction, phases agree: ten times the rays return more."""
+    """Near the mirror direction, diffuse contributions have equal phases, so that ten times the rays give a stronger return."""
     wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "concrete", "wall", roughness_m=3e-4, role="room")])
     sums, powers = [], []
     for rays in (30_000, 300_000):
@@ -195,7 +199,7 @@ def test_scattering_coefficient_matches_the_roughness_loss():
 
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_moving_plate_hides_the_wall_behind_it():
-    """When a plate slides in front of a wall, the path to the wall disappears."""
+    """When a plate slides in front of a wall, the path from the radar to the wall disappears."""
     wall = rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")
     plate = rt.Surface(objects.plate(0.5, 0.5), "metal", "plate")
     course = np.array([at(2.0, 1.0), at(2.0, 0.01)])

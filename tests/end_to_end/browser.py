@@ -1,4 +1,6 @@
-"""Control headless Chromium by the DevTools protocol over a pipe, without driver program, port or package."""
+"""Control the browser Chromium without a window. The test sends DevTools commands through a pipe, without a driver program, network port or
+Python package.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ def find() -> str | None:
 
 
 class Page:
-    """One tab. `messages` collects console messages and uncaught errors."""
+    """One browser tab. The list `messages` collects the console messages and the uncaught JavaScript errors of the tab."""
 
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive, self._buffer = send, receive, b""
@@ -46,7 +48,9 @@ class Page:
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters: Any) -> Any:
-        """Send one command and return its answer; store console messages that arrive before the answer."""
+        """Send one command to the browser and return its answer. Console messages that arrive before the answer are
+        stored in `messages`.
+        """
         number = next(self._ids)
         command: dict[str, Any] = {"id": number, "method": method, "params": parameters}
         if self._session:
@@ -82,13 +86,13 @@ class Page:
             self.messages.append(f"network: {parameters['request']['url'][:100]}")
 
     def run(self, expression: str) -> Any:
-        """Evaluate a JavaScript expression."""
+        """Evaluate a JavaScript expression in the tab and return its value."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
     def open(self, path: Path, width: int = 1280, height: int = 800, fragment: str = "") -> None:
-        """Load a file and wait until the page reports that it is drawn."""
+        """Load a file and wait until the page reports that it has drawn its content."""
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         self.call("Page.navigate", url=path.resolve().as_uri() + fragment)
         self.until("document.body !== null && (document.body.dataset.ready === 'yes' || document.querySelector('.failure') !== null)")
@@ -100,14 +104,16 @@ class Page:
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:
-        """Click in the middle of an element that no longer moves and is not covered; then wait two frames for the page to draw."""
+        """Click the middle of an element when the element no longer moves and is not covered; then wait two frames for the page to draw."""
         x, y = self._at_rest(selector)
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
         self.settle()
 
     def _at_rest(self, selector: str) -> tuple[float, float]:
-        """Return the middle of an element after it has not moved for 0.25 s, because loading iframes may move the elements below them."""
+        """Return the middle of an element after the element has not moved for 0.25 s, because loading iframes may move the elements below
+        them.
+        """
         end, since, last = time.monotonic() + 30, time.monotonic(), None
         while True:
             x, y, hit = self.run(
@@ -140,7 +146,9 @@ class Page:
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
 
     def screenshot(self, name: str = "") -> np.ndarray:
-        """Return the window's pixels, (height, width, 3) uint8. If `name` is given, also write outputs/screenshots/NAME.png."""
+        """Return the pixels of the browser window, shape (height, width, 3), uint8. If `name` is given, also write
+        outputs/screenshots/NAME.png.
+        """
         png = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         if name:
             SCREENSHOTS.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Fixtures of the tests that open pages or run a user's experiment."""
+"""Fixtures of the tests that open pages in a browser or run a user's experiment."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], browser.Page]]:
-    """A headless browser; each call opens a page of it."""
+    """Start a browser without a window; each call of the result opens a tab."""
     executable = browser.find()
     if executable is None:
         pytest.skip("no Chromium here to open pages in; on Debian or Ubuntu: apt-get install chromium")
@@ -23,7 +23,9 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], 
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """An empty working folder with modules of the user; they are forgotten afterwards, because many tests write my_experiment.py."""
+    """Return an empty working folder for a user's modules. After the test, Python forgets these modules, because many tests write
+    my_experiment.py.
+    """
     elsewhere = {name: sys.modules.pop(name) for name in ("echoes", "my_experiment") if name in sys.modules}
     before, path = set(sys.modules), list(sys.path)
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,6 @@
-"""simulator=auto from the command line: it prints its choice and the reasons, stores the choice, and can be overridden."""
+"""With simulator=auto, the command line prints the chosen settings and the reasons and stores them, and the user can
+override each setting.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Classification of recordings from outside the study: library, command line, and the same model through MLflow."""
+"""A model classifies new recordings, which are not part of the virtual measurement campaign, through the library, through the command line
+and through MLflow.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ def radar() -> Radar:
 
 
 def turning(kind: str, seed: int, distance_m: float = 1.0, gain: float = 1.0) -> Recording:
-    """A point echo in front of a fixed wall; its amplitude oscillates `TURNS` times per revolution."""
+    """Simulate a point echo in front of a fixed wall; the amplitude of the echo oscillates `TURNS` times per revolution."""
     rng, one = np.random.default_rng(seed), radar()
     phase = 2 * np.pi * np.arange(FRAMES) / FRAMES + rng.uniform(0, 2 * np.pi)
     amplitude = 1 + 0.6 * (TURNS[kind] > 0) * np.cos(TURNS[kind] * phase)
@@ -75,7 +77,9 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("kind", TURNS)
 def test_a_recording_at_another_distance_and_gain_is_recognised(model: Path, tmp_path: Path, inside, kind: str):
-    """The command line prints the library's probabilities."""
+    """The model recognises a recording with another target distance and amplitude, and the command line prints the same probabilities as
+    the library.
+    """
     turning(kind, 77, distance_m=1.8, gain=20.0).save(tmp_path / "seen")
     answer = classify(tmp_path / "seen", model)
     assert answer.classes[0] == kind
@@ -87,7 +91,7 @@ def test_a_recording_at_another_distance_and_gain_is_recognised(model: Path, tmp
 
 
 def test_a_raw_cube_with_a_radar_description_is_classified(model: Path, tmp_path: Path):
-    """A .npy cube of ADC counts without amplitudes or poses."""
+    """The model classifies a .npy cube of ADC counts that has neither an amplitude scale nor poses."""
     seen = turning("once", 6)
     cube = np.round(seen.iq / np.abs(seen.iq).max() * 8000)
     np.save(tmp_path / "seen.npy", cube.astype(np.complex64))
@@ -113,7 +117,7 @@ def test_mistakes_give_a_one_line_message(model: Path, tmp_path: Path, inside, a
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 def test_mlflow_loads_a_tracked_model_and_predicts(model: Path, tmp_path: Path):
-    """MLflow loads the model from a tracked run; none of its files is a pickle."""
+    """MLflow loads the model from a tracked run, and no file of the model is a pickle."""
     import mlflow
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""The command line starts fast, prints help, runs doctor, and turns a scene into a processed recording."""
+"""The command line starts fast, prints help, runs `radartwin doctor`, and computes a processed recording from a scene."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_help_takes_less_than_half_a_second() -> None:
-    """In processor time, which other processes on the machine do not change."""
+    """The test measures processor time, because other processes on the machine do not change it."""
 
     def seconds() -> float:
         before = os.times()

@@ -1,4 +1,4 @@
-"""A mistake on the command line is one line on standard error and exit status 2, and leaves no file."""
+"""A mistake on the command line gives one line on standard error and exit status 2, and leaves no file behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`radartwin dashboard` serves MLflow's pages of our runs on loopback, and ends with all its processes.
+"""`radartwin dashboard` serves MLflow's web pages of our runs on the loopback interface, and ends with all its processes.
 
 The slow tests open the pages in a real browser and write screenshots to outputs/screenshots of the checkout.
 """
@@ -55,7 +55,7 @@ def serving(output: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
 
 
 def ask(url: str, headers: Mapping[str, str] | None = None, **query: Any) -> str:
-    """The server's answer to a GET request, or to a POST request if there is a query."""
+    """Return the server's answer to a GET request, or to a POST request if there is a query."""
     content = json.dumps(query).encode() if query else None
     request = urllib.request.Request(url, content, {"Content-Type": "application/json", **(headers or {})})
     with urllib.request.urlopen(request, timeout=60) as response:
@@ -68,13 +68,13 @@ def experiment_id(address: str, table: str = "environment") -> str:
 
 
 def runs_of(address: str, table: str = "environment", words: str = "", most: int = 10) -> list[Any]:
-    """Runs that match the filter."""
+    """Ask the server for the runs of a table that match a text filter, at most `most` runs."""
     url = f"{address}/api/2.0/mlflow/runs/search"
     return json.loads(ask(url, experiment_ids=[experiment_id(address, table)], filter=words, max_results=most))["runs"]
 
 
 def listening(port: int) -> set[str]:
-    """Addresses on which this machine listens at the port, of either family."""
+    """Return the IPv4 and IPv6 addresses on which this machine listens at the port."""
     found = set()
     for family, table in ((socket.AF_INET, "tcp"), (socket.AF_INET6, "tcp6")):
         for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
@@ -87,13 +87,13 @@ def listening(port: int) -> set[str]:
 
 
 def descendants(pid: int) -> list[int]:
-    """Processes that a process started, directly or indirectly."""
+    """Return the ids of the processes that a process started, directly or indirectly."""
     children = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
     return children + [grandchild for child in children for grandchild in descendants(child)]
 
 
 def assert_ends(command: subprocess.Popen[str], number: signal.Signals, port: int) -> None:
-    """A signal ends the server with all its processes and frees the port."""
+    """Send a signal to the command, and check that the server ends with all its processes and that the port becomes free."""
     started = descendants(command.pid)
     assert len(started) >= 1
     command.send_signal(number)
@@ -136,7 +136,7 @@ def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals
 
 
 def record(tracker: Tracker, number: int, artifacts: Path) -> str:
-    """Track a run as the runner does, with parameters, metrics, a table, input data and pictures."""
+    """Track a run in the same way as the runner, with parameters, metrics, a table, input data and pictures."""
     source = MATERIALS[number % len(MATERIALS)]
     params = {"materials": source, "seed": str(number)}
     with tracker.run("environment", f"{number:032x}", f"materials={source},seed={number}", params) as run:
@@ -149,7 +149,7 @@ def record(tracker: Tracker, number: int, artifacts: Path) -> str:
 
 @pytest.fixture(scope="module")
 def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with figures."""
+    """Return a folder that contains a few figures."""
     folder = tmp_path_factory.mktemp("product") / "figures"
     figure, axes = style.figure()
     axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
@@ -159,7 +159,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path, str, list[str]]:
-    """An output folder with a sweep of three runs, the id of the parent run, and the ids of the three."""
+    """Return an output folder with a sweep of three runs, the id of the sweep's parent run, and the ids of the three runs."""
     output = tmp_path_factory.mktemp("output")
     tracker = Tracker(TrackingConfig(), output)
     parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}")
@@ -172,7 +172,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path
 
 
 def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> float:
-    """Load a page and wait until it shows all the words. Returns the time in s."""
+    """Load a page and wait until it shows all the words. Returns the waiting time in seconds."""
     page.call("Emulation.setDeviceMetricsOverride", width=1500, height=950, deviceScaleFactor=1, mobile=False)
     page.call("Page.navigate", url="about:blank")  # another fragment of the same page would not load anew
     started = time.monotonic()
@@ -213,7 +213,7 @@ def test_pages_show_experiments_a_run_with_its_picture_and_the_jobs_of_a_sweep(c
 
 @pytest.mark.slow
 def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """This is the situation on a cluster: the jobs reach MLflow's store and its artifacts only over HTTP."""
+    """On a cluster, the jobs reach MLflow's store and its artifacts only over HTTP; the test reproduces this situation."""
     arguments, own = own_experiment.write(here / "mine")
     (here / "served").mkdir()
     with serving(here / "served") as (address, _):
@@ -231,7 +231,9 @@ def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, m
 
 @pytest.mark.slow
 def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tmp_path: Path, figures: Path) -> None:
-    """The runner's own tracker writes the runs, each with a picture, a table, a dataset and tags. The page is in the browser's cache."""
+    """The runner's own tracker writes 2000 runs, each with a picture, a table, a dataset and tags. The browser already has the page in its
+    cache.
+    """
     tracker, made = Tracker(TrackingConfig(), tmp_path), [time.monotonic()]
     for number in range(2000):
         record(tracker, number, figures)

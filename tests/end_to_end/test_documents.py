@@ -1,6 +1,6 @@
-"""Commands and examples in documents and help texts run or compose, and every file, module and target that they name exists.
+"""Commands and examples in documents and help texts can be run or parsed, and every file, module and Hydra target that they name exists.
 
-The commands of the README run in test_readme.py.
+The commands of the README are tested in test_readme.py.
 """
 
 from __future__ import annotations
@@ -121,7 +121,9 @@ def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixtur
 
 
 def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The page imports one capture and then a folder of captures with a mapping, checks the set, and loops over its recordings."""
+    """The page docs/recording-sets.md imports one capture and then a folder of captures with a mapping file, checks the recording set, and
+    loops over its recordings.
+    """
     capture = shared_data / "radar" / "iwr6843_static_room"
     for stem in ("CAPTURE", "FOLDER/mug_1m/run3", "FOLDER/mug_0.5m/run1"):
         (here / stem).parent.mkdir(parents=True, exist_ok=True)

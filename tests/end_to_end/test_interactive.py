@@ -1,4 +1,4 @@
-"""The page of a figure in a real browser shows values under the pointer, zooms and pans by pointer and keys, and logs no errors."""
+"""In a real browser, the HTML page of a figure shows values under the pointer, zooms and pans by pointer and keys, and logs no errors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def drawn():
 
 
 def others():
-    """Draw figures with unusual data, which a page must display without error and with correct values where it shows values."""
+    """Draw figures with unusual data. A page must display them without errors, and each value that it shows must be correct."""
     figure, axes = style.figure(2, 3, height_in=4)
     axes[0, 0].plot(["mug", "can"], [1, 2])
     axes[0, 1].pcolormesh([1, 10, 100], [0, 1], [[1.0, 2.0]])
@@ -81,7 +81,7 @@ def test_unsupported_data_has_no_values(tmp_path: Path) -> None:
 
 
 def over(opened, axes: dict, x: float, y: float) -> str:
-    """Return the readout with the pointer at the fractions x and y of a panel's width and height."""
+    """Return the value that the page shows when the pointer is at the fractions x and y of a panel's width and height."""
     x0, y0, x1, y1 = axes["box"]
     opened.run(
         f"""(() => {{ const b = svg.getBoundingClientRect(), X = {x0 + x * (x1 - x0)}, Y = {y1 - y * (y1 - y0)};

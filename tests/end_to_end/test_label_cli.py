@@ -1,4 +1,4 @@
-"""The command `radartwin label`: asking a server, export, import, error messages, and continuing after a kill."""
+"""The command `radartwin label` asks a server, exports questions, imports answers, reports errors, and continues after it was killed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from radartwin.scene.scene import Scene, Surface
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A scanned corner of a room with a shelf and an object on it."""
+    """Return a scene folder with a scanned corner of a room, a shelf and an object on the shelf."""
     x, y, z = eye(3)
     parts = {
         "floor": rooms.rectangle([0, 0, 0], x, y, (3, 3)),
@@ -36,7 +36,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 class Model(ChatServer):
-    """A slow model that answers "wood" for surfaces and "plastic with water" for objects."""
+    """A slow language model that answers "wood" for surfaces and "plastic with water" for objects."""
 
     pause_s = 0.0
 

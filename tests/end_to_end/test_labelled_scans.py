@@ -1,4 +1,6 @@
-"""Recorded answers on the rooms that they ship for: every surface has the source of its label, and the manifest round trips."""
+"""With the recorded model answers of the shipped rooms, every surface has the source of its material label, and the manifest of the scene
+is unchanged by saving and loading.
+"""
 
 from __future__ import annotations
 
@@ -50,6 +52,8 @@ def test_recorded_answers_label_the_scan_and_the_manifest_round_trips(room: str,
 @pytest.mark.slow
 @pytest.mark.parametrize("room", shipped_rooms())
 def test_shipped_answers_match_the_current_questions(room: str, request: pytest.FixtureRequest) -> None:
-    """The digests of prompt and pictures match for a new reconstruction of the scan."""
+    """The recorded answers contain digests of the prompt and of the pictures, which must match those of a new
+    reconstruction of the scan.
+    """
     data = request.getfixturevalue("shared_data") / "scans" / CHAIR if room == CHAIR else Path()
     assert exact(room, asked(room, data)) > 0.99, "of the area of all surfaces"

@@ -1,4 +1,6 @@
-"""The README works as printed, from top to bottom, on small input; overrides shorten the slow commands."""
+"""All commands of the README run as printed, in the order of the README, on small input. The test adds overrides that shorten slow
+commands.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,9 @@ STUDY = next(n for n, block in enumerate(PAGE) if "experiment=environment" in bl
 
 @pytest.fixture
 def folder(here: Path, shared_data: Path) -> Path:
-    """The working folder with the inputs of the commands: a room, a radar configuration, frames, a real capture and a real cube."""
+    """Return a working folder with the input files of the README's commands: a room, a radar configuration, camera frames, a real capture
+    and a real data cube.
+    """
     room = rooms.lab(detail="shell")
     trimesh.util.concatenate([s.mesh for s in room]).export(here / "room.glb")
     (here / "profile.cfg").write_text(
@@ -63,7 +67,7 @@ def wooden_answer(kind: str) -> dict[str, object]:
 
 @pytest.fixture
 def model() -> Iterator[ChatServer]:
-    """A server that labels every surface as wood."""
+    """Start a chat server that labels every surface as wood."""
     server = ChatServer(lambda _, body: completion(wooden_answer("object" if "contents" in json.dumps(body["response_format"]) else "")))
     yield server
     server.stop()

@@ -1,4 +1,6 @@
-"""Real captures through the whole processing, within one range bin of the values in their descriptions, and the noise of a real room."""
+"""Process real radar captures: target positions are within one range bin of the values in the captures' descriptions, and the noise of a
+real room is checked.
+"""
 
 import numpy as np
 import pandas as pd
@@ -110,7 +112,7 @@ def test_invalid_capture_is_refused_without_output(shared_data, tmp_path):
 
 
 def test_one_chirp_per_frame_leaves_the_speed_empty(inside, tmp_path):
-    """A capture of a foreign IWR1843 with its mmWave SDK .cfg; the target is at 2 m."""
+    """The capture is from an IWR1843 of other authors, with its mmWave SDK .cfg file; its target is at 2 m."""
     (tmp_path / "radar.cfg").write_text(
         "channelCfg 15 1 0\nprofileCfg 0 77 7 0 57 0 0 70 1 256 5210 0 0 30\nchirpCfg 0 0 0 0 0 0 0 1\nframeCfg 0 0 1 0 100 1 0\n"
     )

@@ -1,4 +1,6 @@
-"""Real frames: the chair on a patio (ARKit, 24 frames), up to its radar echoes, and five frames of slambook2."""
+"""Reconstruct real camera frames: 24 ARKit frames of a chair on a patio, up to its simulated radar echoes, and five frames of the data set
+slambook2.
+"""
 
 import dataclasses
 
@@ -32,7 +34,9 @@ def vendor(shared_data):
 
 @pytest.mark.parametrize(("refine", "median_m", "p95_m"), [(False, 0.010, 0.12), (True, 0.015, 0.13)])
 def test_mesh_and_vendor_mesh_are_close(chair, vendor, refine, median_m, p95_m):
-    """The goal is a median of 30 mm. The vendor's mesh uses 70 frames at the recorded poses, ours 24."""
+    """The goal is a median distance of 30 mm between our mesh and the vendor's mesh. The vendor uses 70 frames at the recorded camera
+    poses; we use 24 frames.
+    """
     mesh, _ = chair[1][refine]
     for one, other in ((mesh, vendor), (vendor, mesh)):
         distance = to_mesh(covered(np.asarray(one.triangles), 0.04)[0], other)
@@ -49,7 +53,7 @@ def test_floor_has_the_height_of_the_vendor_mesh(chair, vendor):
 
 
 def high_pass(frame: Frame) -> Frame:
-    """The frame with the high-pass grey picture at a sixth of its size as colour."""
+    """Return the frame with a high-pass filtered grey picture, at a sixth of the size, in place of its colour picture."""
     assert frame.colour is not None
     assert frame.colour_intrinsics is not None
     height, width, _ = frame.colour.shape
@@ -59,7 +63,7 @@ def high_pass(frame: Frame) -> Frame:
 
 
 def values_at(place: np.ndarray, frame: Frame) -> np.ndarray:
-    """Pixel values (N,) at world points (N, 3); NaN at points that the frame does not see."""
+    """Return the pixel values (N,) that a frame shows at world points (N, 3), with NaN at points that the frame does not see."""
     local = (place - frame.pose[:3, 3]) @ frame.pose[:3, :3]
 
     def sampled(picture, k, order):
@@ -72,14 +76,14 @@ def values_at(place: np.ndarray, frame: Frame) -> np.ndarray:
 
 
 def agreement(first: Frame, second: Frame) -> float:
-    """Correlation of two pictures at the same surface points, from the first frame's depth."""
+    """Return the correlation of two pictures at the same surface points, which follow from the first frame's depth."""
     place = points(first)[(first.confidence == 2) & (first.depth_m > 0)]
     values = np.array([values_at(place, frame) for frame in (first, second)])
     return float(np.corrcoef(values[:, np.isfinite(values).all(axis=0)])[0, 1])
 
 
 def test_colours_agree_better_after_alignment(chair):
-    """The alignment uses only depth, so the colours are an independent check."""
+    """The alignment uses only depth, so the agreement of the colour pictures is an independent check of the alignment."""
     frames, fused = chair
     coloured = {i: high_pass(frame) for i, frame in enumerate(frames) if frame.colour is not None}
     pairs = [(i, j) for i in coloured for j in coloured if j - i in (9, 12, 15, 18, 21)]
@@ -106,7 +110,9 @@ def test_slambook_frames_fuse_to_one_room(shared_data):
 
 @pytest.mark.slow
 def test_echoes_of_a_labelled_scan_come_from_its_surfaces(shared_data):
-    """The patio has no wall; upright surfaces are furniture, a planter and leaves. The strongest returns must come from surfaces."""
+    """The patio has no wall; its upright surfaces are furniture, a planter and leaves. The strongest simulated echoes must come from these
+    surfaces.
+    """
     scene = Vlm(missing="concrete")(reconstruct(shared_data / "scans" / "arkit_lidar_chair_scan"))
     assert "floor" in scene.names
     assert not any(name.startswith("wall") for name in scene.names), "a patio"

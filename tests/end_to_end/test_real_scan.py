@@ -1,4 +1,6 @@
-"""A real phone-LiDAR mesh (ARKit, y up, the lower metre of a room with a chair): reconstruction, labels, recording, peaks."""
+"""Reconstruct a real phone-LiDAR mesh (ARKit, y axis up, the lower metre of a room with a chair), label it, simulate a recording, and check
+the echo peaks.
+"""
 
 import csv
 
@@ -49,7 +51,7 @@ def test_floor_is_the_largest_surface_and_level(chair):
 
 
 def test_chair_has_a_level_seat_at_sitting_height(chair):
-    """One body of several planes has a level seat."""
+    """The chair is reconstructed as one object of several planes, one of which is a horizontal seat at the height of a chair."""
 
     def level_area(surface):
         centre = surface.mesh.triangles_center[:, 2]
@@ -123,7 +125,9 @@ def test_real_scan_becomes_a_processed_recording(chair, inside, tmp_path):
 
 @pytest.mark.parametrize(("side", "distance_m"), [("seat", 0.7), ("back", 0.6)])
 def test_strongest_return_is_at_the_side_that_faces_the_radar(scan, chair, side, distance_m):
-    """The radar is normal to a flat side of the chair. The expected range is the median of the scan's vertices on the boresight."""
+    """The radar looks along the normal of a flat side of the chair. The expected range is the median distance of the scan's vertices on the
+    boresight.
+    """
     scanned, scene = load_scan(scan)[0], chair[0]
     body = max((s.mesh for s in scene if s.provenance["planes"] > 1), key=lambda m: m.area)
     level = body.facets_normal[:, 2] > 0.95 if side == "seat" else np.abs(body.facets_normal[:, 2]) < 0.5

@@ -1,4 +1,4 @@
-"""`radartwin import` and `radartwin doctor --data` on real captures, and the processing of the imported recordings."""
+"""Test `radartwin import` and `radartwin doctor --data` on real radar captures, and process the imported recordings."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The report works in a real browser offline, by keys, on a phone, in print and without scripts, and loads fast.
+"""The report page loads fast in a real browser and works offline, with the keyboard, on a phone screen, in print and without JavaScript.
 
-The screenshots stay in outputs/screenshots of the checkout.
+The tests write screenshots to outputs/screenshots of the checkout.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ READABLE = 4.5  # contrast of text, WCAG 2.2 level AA
 
 @pytest.fixture(scope="module")
 def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the path of a report that was moved away from the folders from which it was made."""
+    """Return the path of a report page that was moved away from the folders from which it was made."""
     output = tmp_path_factory.mktemp("out")
     reported.write(output)
     return Path(shutil.move(output / "report", tmp_path_factory.mktemp("moved") / "a report")) / "index.html"
@@ -48,7 +48,7 @@ def shown(page: browser.Page, table: str) -> list[str]:
 
 
 def until_seen(page: browser.Page, there: Callable[[np.ndarray], bool]) -> None:
-    """Wait until the window's picture (height, width, 3) fulfils the condition, because pages inside iframes cannot be queried."""
+    """Wait until the picture of the window (height, width, 3) fulfils the condition, because a test cannot query pages inside iframes."""
     end = time.monotonic() + 30
     while not there(page.screenshot().astype(int)):
         assert time.monotonic() < end, "nothing is drawn in the frame"
@@ -136,12 +136,12 @@ def test_link_to_a_row_unfolds_its_table(opened: browser.Page) -> None:
 
 
 def room_drawn(picture: np.ndarray) -> bool:
-    """Whether the room covers a fifth of the picture: its pixels have neither the page's nor the background's grey."""
+    """Return whether the room covers at least a fifth of the picture, where pixels have neither the page's nor the background's grey."""
     return float((np.ptp(picture[:600, 400:900], axis=2) > 12).mean()) > 0.2
 
 
 def star_drawn(picture: np.ndarray) -> bool:
-    """Whether the picture has the colour of the star, which marks the default."""
+    """Return whether the picture contains the colour of the star that marks the default simulator."""
     return bool((np.abs(picture - (0, 114, 178)).max(axis=2) < 8).any())
 
 
@@ -168,7 +168,7 @@ def test_gallery_frame_has_the_height_of_its_page(opened: browser.Page) -> None:
 
 
 def rows_of_echo(page: browser.Page) -> list[float]:
-    """Ranges at which the map shows the echo's colour, left and right of its middle."""
+    """Return the ranges at which the map shows the echo's colour, for the left and the right half of the map."""
     found = page.run(
         """(() => { const c = map.getContext("2d"), fine = map.width / map.clientWidth, out = [];
         for (const share of [0.25, 0.75]) {
@@ -237,7 +237,7 @@ def test_text_has_readable_contrast(opened: browser.Page, scheme: str) -> None:
 
 
 def contrast(first: str, second: str) -> float:
-    """Return the contrast ratio by WCAG 2.2 of two colours written as #rgb or #rrggbb."""
+    """Return the WCAG 2.2 contrast ratio of two colours that are written as #rgb or #rrggbb."""
 
     def luminance(colour: str) -> float:
         digits = colour.removeprefix("#")

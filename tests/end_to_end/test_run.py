@@ -1,4 +1,4 @@
-"""`radartwin run` computes a user's own experiment once, tracks it once, resumes sweeps and stores no secret."""
+"""`radartwin run` computes a user's own experiment once and tracks it once, resumes interrupted sweeps, and stores no secret."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ SECRET = "s3cr3t-w0rd-of-the-test"
 
 @pytest.fixture
 def own(here: Path) -> list[str]:
-    """Arguments that run a user's experiment. The names of its folders contain characters with a meaning in overrides."""
+    """Return arguments that run a user's experiment. The names of its folders contain characters that have a meaning in Hydra overrides."""
     folder = here / "my [conf],x=1"
     (folder / "experiment").mkdir(parents=True)
     (folder / "experiment" / "mine.yaml").write_text(own_experiment.YAML)

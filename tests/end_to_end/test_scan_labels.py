@@ -1,4 +1,6 @@
-"""The labels in a scene folder decide the simulation, on the command line as in Python, unless another source is given."""
+"""The simulation uses the material labels in a scene folder, on the command line as in Python, unless the user selects another material
+source.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ POSE[:3, 3] = 1.0, 1.2, 1.0
 
 @pytest.fixture
 def scan(tmp_path: Path) -> Path:
-    """An empty room of 4 x 3 x 2.5 m as a mesh with inward normals."""
+    """Return the mesh of an empty room of 4 x 3 x 2.5 m whose normals point into the room."""
     room = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]]).subdivide().subdivide()
     room.invert()
     path = tmp_path / "room.glb"

@@ -1,4 +1,6 @@
-"""`radartwin run --search` finds the best setting of a known function, resumes, and names an unknown metric."""
+"""`radartwin run --search` finds the setting with the highest value of a known function, resumes after an interruption, and names an
+unknown metric in its error.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracking in a real SQLite store is complete after a run, survives concurrent processes and prints nothing."""
+"""MLflow tracking in a real SQLite store is complete after a run, works with concurrent processes and prints nothing."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
 
 def query(output: Path, statement: str) -> list[tuple]:
-    """Rows of the database, read without mlflow."""
+    """Return the rows that an SQL statement selects from the tracking database, read without mlflow."""
     with closing(sqlite3.connect(output / DATABASE)) as connection:
         return connection.execute(statement).fetchall()
 
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store with a finished run, a failed run and a sweep of one job."""
+    """Return an output folder that tracks a finished run, a failed run and a sweep with one job."""
     folder = tmp_path_factory.mktemp("tracked")
     tracker = Tracker(TrackingConfig(), folder)
     artifact = folder / "result.json"

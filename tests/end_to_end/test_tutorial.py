@@ -1,4 +1,4 @@
-"""The tutorial notebook runs from top to bottom in a separate kernel, and its results agree with its text."""
+"""The tutorial notebook runs from its first to its last cell in a separate kernel, and its results agree with its text."""
 
 from __future__ import annotations
 

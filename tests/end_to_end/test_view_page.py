@@ -1,4 +1,4 @@
-"""The page of a scene in a browser: drawing, colourings, hiding, picking, and a silent console."""
+"""Tests of the 3-D page of a scene in a browser: drawing, colour modes, hiding and picking of surfaces, and a console without errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def lab():
 
 @pytest.fixture(scope="module")
 def opened(chromium, lab, tmp_path_factory):
-    """The page of the lab, opened and drawn."""
+    """Return the browser tab in which the page of the laboratory scene is open and drawn."""
     path = tmp_path_factory.mktemp("page") / "lab.html"
     page = chromium()
     page.open(view(lab, path, poses=trajectory.depth_sweep(rooms.lab_bench(0.4).sensor_pose)), WIDTH, HEIGHT)
@@ -35,12 +35,12 @@ def opened(chromium, lab, tmp_path_factory):
 
 
 def picture(page):
-    """The pixels left of the panel."""
+    """Return the pixels of the page to the left of the control panel."""
     return page.screenshot()[:, : WIDTH - PANEL].astype(int)
 
 
 def changed(before, after):
-    """Share of pixels that differ."""
+    """Return the fraction of pixels that differ between two pictures."""
     return float((np.abs(before - after).max(axis=2) > 12).mean())
 
 

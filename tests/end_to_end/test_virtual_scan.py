@@ -1,7 +1,8 @@
-"""Fused virtual scans of the three rooms against the rooms, with half, stated and double sensor errors: every metric of the scan table.
+"""Reconstruct virtual scans of the three rooms, with half, the stated and double sensor errors, and compare each reconstruction with its
+room in every metric of the scan table.
 
-In the table, the segmentation recall of the atrium fails its limit because small objects are lost. Here it must not fall below its
-recorded value.
+In the scan table, the segmentation recall of the room "atrium" misses its limit, because the segmentation loses small objects. In this
+test, the recall of the atrium must not fall below its recorded value.
 """
 
 import resource
@@ -64,7 +65,7 @@ def test_half_a_million_triangles_need_less_than_four_gigabytes():
 
 
 def test_drift_correction_halves_the_error():
-    """The same scan fused with and without drift correction."""
+    """The same virtual scan is reconstructed with and without drift correction; the correction must halve the geometric error."""
     scene = rooms.lab()
     frames, truth = scan(scene, seed=1, colour_every=0)
     refined, rough = (accuracy(fuse(frames, refine=refine)[0], scene, truth, frames) for refine in (True, False))

@@ -1,4 +1,5 @@
-"""The wheel alone, in an environment without the checkout, simulates and processes; the source archive installs on every Python.
+"""The wheel simulates and processes in an environment without the checkout, and the source archive installs with every supported Python
+version.
 
 The slow test installs the source archive into an empty environment of each installed Python version: pip builds the wheel from the
 archive with the versions of constraints.txt. Each Python version takes a few gigabytes and minutes.
@@ -39,7 +40,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Create a virtual environment with the wheel. It uses the dependencies of this environment, but not the checkout."""
+    """Create a virtual environment with the wheel. It uses the installed dependencies of this environment, but not the checkout."""
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=False, symlinks=True)
     packages = next(folder.glob("lib/python*/site-packages"))
@@ -74,7 +75,9 @@ def test_the_installed_wheel_runs_without_the_checkout(environment: Path, tmp_pa
 
 
 def interpreter(version: str) -> Path | None:
-    """Find an interpreter of this version on the PATH or in pyenv. A name on the PATH may be a shim without an interpreter."""
+    """Find an interpreter of this Python version on the PATH or in pyenv. A file on the PATH may be a pyenv shim without an interpreter
+    behind it.
+    """
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for found in (shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python{version}"))):
         if found and subprocess.run([found, "-c", ""], capture_output=True, check=False).returncode == 0:
