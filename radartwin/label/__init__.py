@@ -1,1 +1,3 @@
-"""Material labels of surfaces: sources of labels, questions to vision-language models, answers and their scores."""
+"""Assign materials to the surfaces of a scene: sources of material labels, questions to vision-language models, and scores of the
+labels.
+"""

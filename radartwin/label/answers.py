@@ -1,9 +1,9 @@
-"""Parse and check an answer about one surface, and derive the surface's material from the answer.
+"""Parse and check a model's answer to a material question about one surface, and derive the surface's material from the answer.
 
-An answer has one of the 23 MINC categories, a confidence, a reason and an optional name. The name states a material that the category does
-not determine, such as the material under paint, or a material in "other". For objects, the answer also has the wall thickness and the
-contents, from which a layered shell is built. If an answer violates the schema, the model receives the schema's error message and is asked
-again.
+Each answer of the model has one of the 23 MINC material categories, a confidence, a reason and an optional material name. The material name
+states a material that the MINC category does not determine, such as the material under paint, or a material in the category "other". If the
+question is about an object, the model's answer also has the object's wall thickness and contents, from which a layered shell is built. If a
+model's answer violates the JSON schema, the model receives the schema's error message and must answer the question again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from radartwin.materials.roughness import CLASSES
 
 Kind = Literal["surface", "object"]
 
-# The material for each kind of contents; None for a solid object or unknown contents.
+# This table gives the material that fills an object, for each kind of contents; None stands for a solid object or unknown contents.
 CONTENTS: dict[str, str | None] = {
     "empty": "air",
     "water-like liquid": "water",
@@ -37,14 +37,15 @@ REASON_CHARACTERS, NAME_CHARACTERS = 400, 80
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer of a model or a person about a surface.
+    """The answer of a model or a person to the question which material a surface has.
 
     Attributes:
-        material: MINC category.
-        confidence: 0 to 1, or None if the answer has none.
-        wall_thickness_mm, contents: for objects; None if unknown.
-        named: name of the material, if it is more exact than the category.
-        invalid: whether all attempts were invalid, so that `material` is "other".
+        material: MINC category of the surface's material.
+        confidence: confidence of the model or person in the answer, from 0 to 1; None if the answer states no confidence.
+        wall_thickness_mm: thickness of an object's wall in millimetres; None if unknown or if the surface is no object.
+        contents: what fills an object, as one of the words in CONTENTS; None if unknown or if the surface is no object.
+        named: name of a material, if this name is more exact than the MINC category; None otherwise.
+        invalid: True if the model gave no valid answer in any attempt; `material` is then "other".
     """
 
     material: str
@@ -57,13 +58,13 @@ class Answer:
     attempts: int = 1
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields that differ from their defaults, as plain values."""
+        """Return, as JSON-compatible values, the fields of this answer that differ from their defaults."""
         default = asdict(Answer(""))
         return {key: value for key, value in asdict(self).items() if key == "material" or value != default[key]}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Answer:
-        """Make an answer from plain values; the inverse of `to_dict`."""
+        """Make an answer from the JSON-compatible values that `to_dict` returned."""
         try:
             answer = cls(**values)
         except TypeError as error:
@@ -74,7 +75,7 @@ class Answer:
 
     @classmethod
     def none(cls, why: str, attempts: int) -> Answer:
-        """Return the answer "other" for a surface that got no valid answer."""
+        """Return an answer with the category "other", for a surface about which the model gave no valid answer."""
         return cls("other", 0.0, f"no valid answer in {attempts} attempts: {why}"[:REASON_CHARACTERS], invalid=True, attempts=attempts)
 
 
@@ -94,17 +95,18 @@ def _schema(kind: Kind) -> str:
 
 
 def schema(kind: Kind) -> dict[str, Any]:
-    """Return the JSON schema of an answer about a "surface" or an "object"."""
+    """Return the JSON schema of the answer to a material question; the question is about a "surface" of the room or an "object"."""
     return json.loads(_schema(kind))
 
 
 def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) -> Answer:
-    """Parse an answer from the text of a model or from a JSON object, and check it against the schema.
+    """Parse a model's answer to a material question from text or from a JSON object, and check the answer against the JSON schema.
 
     Args:
-        names: whether to replace a material outside MINC by its closest category, if `radartwin.materials.names` knows the material.
+        names: True to replace a material outside the MINC categories by its closest MINC category, if `radartwin.materials.names` knows
+            the material.
     Raises:
-        LabelError: the answer is invalid; the message can be sent to the model.
+        LabelError: the answer violates the schema; the error message can be sent to the model so that it answers again.
 
     >>> read_answer('Sure: {"material": "wood", "confidence": 0.9, "reason": "grain"}', "surface").material
     'wood'
@@ -123,7 +125,8 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
 
 
 def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
-    """Derive the material of an answer, its roughness in metres, and whether it is a substitute material or has uncertain layers.
+    """Return (material, roughness in metres, stand_in) for a model's answer; stand_in is True for a substitute material or uncertain
+    layers.
 
     >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
     ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
@@ -136,18 +139,18 @@ def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
         texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
         rough = roughness_m(texture) if texture and answer.material not in COVERED else rough
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
-    # If the name confirms the layers of the category, they are exact.
+    # If the material name in the answer agrees with the MINC category, the layers of that category are exact.
     confirms = found is None or found.category in (answer.material, *COVERED)
     stand_in = entry.stand_in(exact=found is not None or shell != base) if confirms or found is None else found.stand_in
     return shell, rough, stand_in or (shell != base and answer.contents not in ("empty", "solid", "unknown"))
 
 
 def specified(answer: Answer) -> Resolved | None:
-    """Return the material that the answer's name specifies; None if the name is unknown, or names a material of another category.
+    """Return the material that the name in a model's answer specifies.
 
-    Paint and wallpaper may cover any material. For all other categories, a name of another category contradicts the answer, and the
-    category is used. In a name such as "tile on concrete", the lower material is used if the category is a cover such as paint, otherwise
-    the upper material.
+    The result is None if the name is unknown, or if the named material belongs to another MINC category than the answer states. The MINC
+    categories for paint and wallpaper are exceptions, because paint may cover a material of any category. A name such as "tile on concrete"
+    contains two materials: the lower material is used if the answer's MINC category is a cover such as paint, otherwise the upper material.
     """
     parts = re.split(r"\b(?:on|onto|over)\b", answer.named or "")
     found = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
@@ -158,7 +161,9 @@ def specified(answer: Answer) -> Resolved | None:
 
 
 def _build_up(found: Resolved, entry: Row) -> str | Layered:
-    """Return the usual layers of a named material: those of its table row, or its common sheet, or a sheet as thick as the category's."""
+    """Return the usual layers of a named material: those in its table row, its common sheet, or a sheet as thick as the category's
+    sheet.
+    """
     if isinstance(found.material, Layered):
         return found.material
     if found.material in BUILD_UPS and found.name not in PERMITTIVITY and found.category is None:
@@ -171,7 +176,9 @@ def _build_up(found: Resolved, entry: Row) -> str | Layered:
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:
-    """Return a shell of the material's outermost layer, backed by the contents; the material itself if the wall or contents are unknown.
+    """Return the wall of a hollow object as one layer of the material's outermost layer, backed by the material of the object's contents.
+
+    `material` is returned unchanged if the wall thickness or the contents are unknown.
 
     >>> interior("hdpe", 1.0, "water-like liquid")
     Layered(layers=(('hdpe', 0.001),), backing='water')
@@ -184,7 +191,7 @@ def interior(material: str | Layered, wall_thickness_mm: float | None, contents:
 
 
 def _first_object(text: str) -> dict[str, Any]:
-    """Return the first JSON object in a text. Models often write words and code fences around it."""
+    """Return the first JSON object in the text of a model. Language models often write words and code fences around the JSON object."""
     start = text.find("{")
     if start < 0:
         raise LabelError(f"no JSON object in {text.strip()[:80]!r}")
@@ -196,11 +203,11 @@ def _first_object(text: str) -> dict[str, Any]:
 
 
 def _closest_category(name: str) -> str:
-    """Return the closest MINC category of a known name outside MINC: its own, or that of the same material, or `other`."""
+    """Return the closest MINC category of a material name outside MINC: its listed category, that of the same material, or `other`."""
     try:
         found = resolve(name)
     except MaterialError:
-        return name  # an unknown name violates the schema
+        return name  # an unknown material name stays in the answer, so that the answer violates the schema
     if found.category is not None:
         return found.category
     return next((category for category in CATEGORIES if row(category).material == found.material), "other")

@@ -1,8 +1,10 @@
-"""Answer questions with InternVL on this machine through transformers. The weights come from a folder or from a transformers model name.
+"""Answer material questions with the vision-language model InternVL on this machine, through the Python package transformers.
 
-transformers chooses the model class through AutoModelForImageTextToText. This module prepares each picture as one tile: it resizes the
-picture to the square input of the model, and normalises it with ImageNet mean and deviation. The model's own processor does the same, but
-needs torchvision, which has no build for the installed torch. Decoding is greedy, so the same weights give the same answer.
+The weights of InternVL come from a local folder or from a transformers model name. The package transformers chooses the model class through
+AutoModelForImageTextToText. This module prepares each picture as one tile: it resizes the picture to the square input of the model, and
+normalises the picture with the mean and standard deviation of ImageNet. InternVL's own image processor prepares pictures in the same way,
+but the processor needs torchvision, which has no build for the installed torch. The text decoding is greedy, so the same weights give the
+same text.
 """
 
 from __future__ import annotations
@@ -20,19 +22,20 @@ from radartwin.label.questions import Message, Question, ask
 if TYPE_CHECKING:
     import torch
 
-MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])  # ImageNet
+MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])  # of red, green and blue in ImageNet
 BEGIN, TOKEN, END = "<img>", "<IMG_CONTEXT>", "</img>"
 MAX_NEW_TOKENS = 256
 
 
 class InternVL:
-    """A provider that answers questions with InternVL on this machine.
+    """A provider that answers material questions with InternVL on this machine.
 
     Args:
-        model: folder or name of InternVL weights in the transformers format (names of published weights end in -hf).
-        max_new_tokens: largest length of an answer.
+        model: folder or name of InternVL weights in the transformers format; names of weights published in this format end in -hf.
+        max_new_tokens: largest length of a generated answer, in tokens.
     Raises:
-        MissingError, ConfigError: transformers is not installed, or the model does not exist or is not InternVL.
+        MissingError: transformers is not installed, or the model does not exist.
+        ConfigError: the model is not InternVL.
     """
 
     name = "local"
@@ -67,7 +70,7 @@ class InternVL:
         self._tokens_per_picture = round(patches * config.downsample_ratio**2)
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Yield each question with its record."""
+        """Yield each material question together with the record of the model's answer."""
         import torch
 
         for question in questions:
@@ -79,7 +82,7 @@ class InternVL:
             yield question, Record.of(question, answer, self.model, self.name)
 
     def _complete(self, pictures: torch.Tensor, messages: Sequence[Message]) -> str:
-        """Return the next message of the model."""
+        """Return the next message that the model generates in a conversation."""
         import torch
 
         blocks = "".join(f"{BEGIN}{TOKEN * self._tokens_per_picture}{END}\n" for _ in range(len(pictures)))
@@ -99,7 +102,7 @@ class InternVL:
 
 
 def _prepared(jpeg: bytes, size: tuple[int, ...]) -> np.ndarray:
-    """Convert a JPEG picture to network input, (3, height, width) float32."""
+    """Convert a JPEG picture to the network's input array, (3, height, width) float32."""
     from PIL import Image
 
     with Image.open(io.BytesIO(jpeg)) as picture:

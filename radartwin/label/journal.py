@@ -1,6 +1,7 @@
-"""Store each answer as one JSON line as soon as it arrives, so that the run after an interruption asks no question twice.
+"""Store each answer to a material question as one JSON line as soon as the answer arrives.
 
-A killed process leaves at most one incomplete line, which the next process removes.
+If `radartwin label` is interrupted, its next run therefore asks no question twice. A killed process leaves at most one incomplete line in
+the file of answers, and the next process removes this line.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """An answer with its model and provider, the digests of its prompt and pictures, and the place of its surface."""
+    """The stored answer to a question about a surface, with model, provider, digests of prompt and pictures, and the surface's position."""
 
     key: str
     model: str
@@ -47,7 +48,7 @@ class Record:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Record:
-        """Make a record from plain values; the inverse of `to_dict`."""
+        """Make a record from the JSON-compatible values that `to_dict` returned."""
         try:
             if values["format"] != FORMAT:
                 raise KeyError("format")
@@ -59,18 +60,18 @@ class Record:
 
 
 class Journal:
-    """The stored answers of one scene. New answers are appended to a file.
+    """The file with the stored answers about the surfaces of one scene. Each new answer is appended to this file.
 
     Raises:
-        LabelError: a line other than an incomplete last line is invalid, or the path is a link.
-        OutputError: the file cannot be read or written.
+        LabelError: a line other than an incomplete last line is invalid, or the path of the file is a symbolic link.
+        OutputError: the file of answers cannot be read or written.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._records: dict[tuple[str, str], Record] = {}
         complete = 0
-        if path.is_symlink():  # a link could lead to a file outside the folder, which would then be changed
+        if path.is_symlink():  # writing through a symbolic link could change a file outside the scene folder
             raise LabelError(f"{path} is a link; replace it by the file itself")
         if path.exists():
             content = path.read_bytes()
@@ -86,14 +87,14 @@ class Journal:
 
     @property
     def records(self) -> list[Record]:
-        """The records in order of arrival; of several records with the same model and key, the last one."""
+        """The stored answers in order of arrival; if several have the same model and question key, only the last of them is included."""
         return list(self._records.values())
 
     def get(self, model: str, key: str) -> Record | None:
         return self._records.get((model, key))
 
     def append(self, record: Record) -> None:
-        """Append a record to the file. When this method returns, the record is on the disk."""
+        """Append the record of one answer to the file of answers. When this method returns, the record is on the disk."""
         make_folder(self.path.parent)
         try:
             with self.path.open("ab") as stream:

@@ -1,4 +1,6 @@
-"""Implement `radartwin label`: ask about the surfaces of a scene folder, store the answers, and write the materials into its manifest."""
+"""Implement `radartwin label`: ask for the materials of the surfaces of a scene, store the answers, and write the materials to the
+manifest.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,10 @@ from radartwin.scene.storage import MANIFEST
 
 
 class Provider(Protocol):
-    """A source of answers, such as a server. `model` is None if the answers may come from any model.
+    """A source of answers to material questions, such as a server with a vision-language model.
 
-    `answers` yields the answered questions with their records, in any order, and leaves out questions without an answer.
+    The attribute `model` is None if the answers may come from any model. The method `answers` yields each answered question with the record
+    of its answer, in any order. Questions without an answer are left out.
     """
 
     @property
@@ -39,7 +42,10 @@ class Provider(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class LabelTask:
-    """The questions about a scene folder. `surfaces` are the indices of the surfaces to label; some may be visible in no picture."""
+    """The material questions about a scene folder.
+
+    `surfaces` holds the indices of the surfaces to label; some may be visible in no picture.
+    """
 
     folder: Path
     scene: Scene
@@ -49,16 +55,19 @@ class LabelTask:
 
 @dataclass(frozen=True)
 class LabelOptions:
-    """The options of `radartwin label`.
+    """The options of the command `radartwin label`.
 
     Attributes:
-        provider: "recorded", "server" or "local".
-        model: model that answers; None takes the provider's default, or the recorded answers of any model. `answers` needs a model.
-        url, timeout_s, concurrency: address of the server, time limit of one request, and number of parallel requests.
-        export: folder for the questions; they are written there, and nothing is labelled.
-        answers: file with answers, which replaces the provider.
-        missing: "uniform:MATERIAL" gives this material to surfaces without an answer; None makes such a surface an error.
-        views: largest number of pictures per surface.
+        provider: "recorded" uses stored answers, "server" a model on a server, "local" the model InternVL on this machine.
+        model: name of the vision-language model that answers; None takes the provider's default model, or stored answers of any model. The
+            option `answers` needs a model name.
+        url: address of the server of the vision-language model.
+        timeout_s: time limit of one request to the server, in seconds.
+        concurrency: number of requests that are sent to the server in parallel.
+        export: folder to which the questions are written; no surface is then labelled. None labels the surfaces.
+        answers: file with answers to the questions, used instead of the provider; None uses the provider.
+        missing: "uniform:MATERIAL" gives this material to surfaces without an answer; None makes a surface without an answer an error.
+        views: largest number of pictures of each surface in its question.
     """
 
     provider: str = "recorded"
@@ -73,7 +82,7 @@ class LabelOptions:
 
 
 def label_folder(folder: Path, options: LabelOptions, progress: Progress | None = None) -> list[str]:
-    """Label the surfaces of a scene folder, or export the questions about them. Return text lines for the user."""
+    """Label the surfaces of a scene folder with materials, or export the questions about them; return the text lines to print."""
     missing = _missing_label(options.missing)
     if options.answers is not None and not options.model:
         raise ConfigError("--import needs --model NAME, the model or person that answered")
@@ -116,7 +125,7 @@ def _missing_label(text: str | None) -> Label | None:
 
 
 def load(folder: Path) -> Scene:
-    """Load the scene of a scene folder, which must have surfaces of a room."""
+    """Load the scene of a scene folder. The scene must have surfaces of a room."""
     if not (folder / MANIFEST).is_file():
         raise MissingError(f"{folder} is not a scene folder (it has no {MANIFEST}); make one with radartwin reconstruct SCAN --out FOLDER")
     scene = Scene.load(folder)
@@ -126,7 +135,7 @@ def load(folder: Path) -> Scene:
 
 
 def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | None = None) -> LabelTask:
-    """Prepare the questions about all surfaces to label."""
+    """Prepare the material questions about all surfaces of a scene that need a material label."""
     photos = load_photos(folder)
     surfaces = tuple(index for index, surface in enumerate(scene) if belongs_to_room(surface))
     with (progress or Progress(quiet=True)).task(f"views of {len(surfaces)} surfaces", len(surfaces)) as advance:
@@ -134,9 +143,9 @@ def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | 
 
 
 def answer(task: LabelTask, provider: Provider, progress: Progress | None = None) -> dict[int, Record]:
-    """Return the answers by surface index. Stored answers are reused; the provider answers the other questions.
+    """Return the record of each surface's answer by surface index. Stored answers are reused, and the provider answers all other questions.
 
-    Each answer of the provider is stored as soon as it arrives, also if a later question raises an error.
+    Each answer of the provider is stored as soon as it arrives, so it is kept even if a later question raises an error.
     """
     progress = progress or Progress(quiet=True)
     path = task.folder / JOURNAL
@@ -161,7 +170,10 @@ def answer(task: LabelTask, provider: Provider, progress: Progress | None = None
 
 
 def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]:
-    """Read the answers in a file. Return them by surface index, and store them if the whole file is valid."""
+    """Read the answers to the material questions from a file, and return their records by surface index.
+
+    The answers are stored in the scene folder only if every line of the file is valid.
+    """
     records = {record.key: record for record in read_answers(path, task.questions, model)}
     journal_path = task.folder / JOURNAL
     with lock(journal_path.with_suffix(".lock")):
@@ -172,7 +184,10 @@ def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]
 
 
 def apply(task: LabelTask, records: dict[int, Record], missing: Label | None = None) -> Scene:
-    """Apply the answers to the scene, and write them into its manifest. For the errors see `labelled`."""
+    """Set the surface materials of a scene from the answers, and write the materials to the scene's manifest.
+
+    The function `labelled` lists the errors that this function raises.
+    """
     keys = {question.surface: question.key for question in task.questions}
     scene = labelled(task.scene, records, task.surfaces, missing, transferred=lambda index: records[index].key != keys.get(index))
     write_labels(task.folder, scene)
@@ -180,7 +195,7 @@ def apply(task: LabelTask, records: dict[int, Record], missing: Label | None = N
 
 
 def summary(scene: Scene) -> list[str]:
-    """Return the text lines of a table of all surfaces. The last line holds the totals."""
+    """Return a text table with one line for each labelled surface and a last line with the totals."""
     from radartwin.scene.viewer.page import material_label
 
     rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "stand-in", "from")]

@@ -1,8 +1,8 @@
-"""Define labels (the material of a surface with its source), apply labels to a scene, and save them.
+"""Define material labels of surfaces, apply the labels to a scene, and save them in the scene's manifest.
 
-The provenance of a labelled surface holds the source, the confidence (None if not given), stand_in (whether a P.2040 row is used as
-substitute for the actual material) and minc (the MINC category, or None). The provenance of the geometry stays unchanged beside these
-values.
+A material label is the material of a surface together with its provenance. The provenance of a material label has four keys that every
+source of labels sets: source, confidence (None if not given), stand_in (whether a material of ITU-R P.2040 substitutes the actual material)
+and minc (the MINC category, or None). The provenance of the surface's geometry stays unchanged beside the provenance of its label.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.storage import MANIFEST, material_to_json
 
 VLM = "vlm"
-SCANNED = {"segment", "planar"}  # provenance keys that only the surfaces of a scan have
-# Provenance keys that belong to the label. All other keys belong to the geometry, and stay when the label changes.
+SCANNED = {"segment", "planar"}  # provenance keys that only surfaces from a scan have
+# These provenance keys belong to a surface's material label. All other keys belong to the geometry, and stay when the label changes.
 LABEL_KEYS = (
     "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "covered", "key", "named", "invalid",
     "missing", "wall_thickness_mm", "contents", "wrong",
@@ -34,13 +34,13 @@ LABEL_KEYS = (
 
 
 def belongs_to_room(surface: Surface) -> bool:
-    """Return whether a material source labels the surface: true for surfaces of the room, and for all surfaces of a scan."""
+    """Return whether material sources label the surface: True for surfaces of the room, and for all surfaces of a scan."""
     return surface.kind == "room" or not SCANNED.isdisjoint(surface.provenance)
 
 
 @dataclass(frozen=True)
 class Label:
-    """The new material of a surface, and the provenance of this label."""
+    """The new material and roughness of a surface, with the provenance of this material."""
 
     material: str | Layered
     roughness_m: float
@@ -54,12 +54,13 @@ def labelled(
     missing: Label | None,
     transferred: Callable[[int], bool],
 ) -> Scene:
-    """Apply answers to the surfaces with the given indices. All other surfaces stay unchanged.
+    """Give the surfaces with the given indices the materials of their answers. All other surfaces stay unchanged.
 
     Args:
-        answers: answers by surface index.
-        missing: label of surfaces without an answer; None raises a LabelError that names these surfaces.
-        transferred: function that returns whether the answer for a surface index was given for another scan.
+        answers: record of the model's answer about a surface, by surface index.
+        indices: indices of the surfaces that get a new material.
+        missing: material label of surfaces without an answer; None raises a LabelError that names these surfaces.
+        transferred: function of a surface index that returns True if the answer was given about another scan of the room.
     """
     unanswered = [scene.surfaces[i].name or str(i) for i in indices if i not in answers]
     if unanswered and missing is None:
@@ -81,9 +82,10 @@ def labelled(
 
 
 def answer_label(given: Record, surface: Surface, transferred: bool = False) -> Label:
-    """Make the label of a surface from an answer.
+    """Make the material label of a surface from a model's answer.
 
-    The confidence of an answer from another scan (`transferred`) is multiplied by the share of the surface that the answer covers.
+    If the answer was given about another scan (`transferred`), the label's confidence is the answer's confidence times the share of the
+    surface that overlaps the surface of the other scan.
     """
     answer = given.answer
     material, roughness, stand_in = material_of(answer)
@@ -101,7 +103,10 @@ def answer_label(given: Record, surface: Surface, transferred: bool = False) -> 
 
 
 def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], source: str) -> Scene:
-    """Label the surfaces of the room by a rule. A surface for which the rule returns None stays unchanged."""
+    """Replace the materials of the room's surfaces by those that `rule` returns.
+
+    A surface for which `rule` returns None stays unchanged.
+    """
     surfaces = []
     for index, surface in enumerate(scene):
         label = rule(index, surface) if belongs_to_room(surface) else None
@@ -113,7 +118,7 @@ def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], sourc
 
 
 def write_labels(folder: Path, scene: Scene) -> Path:
-    """Write the labels of a scene into the manifest of its folder, which holds the same scene with other labels."""
+    """Write the materials of a scene's surfaces to the manifest in `folder`, which must list the same surfaces."""
     path = folder / MANIFEST
     manifest = untrusted_json.read(path)
     entries = manifest["surfaces"]

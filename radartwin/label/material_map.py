@@ -1,6 +1,6 @@
-"""Draw a scan beside its material map: the same view in the colours of the scan, and in colours that stand for the MINC categories.
+"""Draw a scanned room beside its material map, which shows the same view in colours that stand for the MINC material categories.
 
-The legend names the simulated material of each visible category, in MINC's order.
+The legend of the material map names the simulated material of each visible category, in the order of the MINC categories.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from radartwin.scene.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# The colours resemble the materials. Categories that often touch in a room differ in lightness.
+# Each colour resembles the material of its MINC category. The colours of categories that often touch in a room differ in lightness.
 COLOURS = {
     "brick": "#b5533c", "carpet": "#6a3d9a", "ceramic": "#c7e9f1", "fabric": "#cc79a7", "foliage": "#3a9d3a", "food": "#e6ab02",
     "glass": "#56b4e9", "hair": "#4d2f12", "leather": "#7b3f00", "metal": "#3f4a54", "mirror": "#a6cee3", "other": "#ff00ff",
@@ -30,7 +30,7 @@ PIXELS = 700
 
 
 def material_map(scene: Scene) -> Figure:
-    """Draw two panels: the labelled scene as scanned, and coloured by MINC category, with a legend of visible categories and materials."""
+    """Draw two panels: the scanned scene in its own colours, and coloured by MINC category with a legend of the visible categories."""
     import matplotlib.colors
     from matplotlib.patches import Patch
 
@@ -40,7 +40,7 @@ def material_map(scene: Scene) -> Figure:
     shown = drawing.surfaces(seen)
     minc = [str(surface.provenance.get("minc") or "none") for surface in scene]
     palette = np.array([matplotlib.colors.to_rgb(COLOURS.get(name, NO_CATEGORY)) for name in minc] + [(1.0, 1.0, 1.0)])
-    # Shading by the cosine of incidence makes edges between faces of the same material visible.
+    # Shading by the cosine of the incidence angle makes edges between faces of the same material visible.
     shade = np.ones(seen.face.shape)
     shade[seen.face >= 0] = 0.7 + 0.3 * np.abs(drawing.facing(camera, seen, seen.face >= 0))
     flat = palette[shown] * shade[..., None]
@@ -61,7 +61,7 @@ def material_map(scene: Scene) -> Figure:
 
 
 def _materials(scene: Scene, minc: list[str], category: str) -> str:
-    """Return the material with the largest area in a category, and the number of the category's other materials, as text."""
+    """Return text that names a MINC category's material with the largest area and counts the category's other materials."""
     from radartwin.scene.viewer.page import material_label
 
     areas: dict[str, float] = {}
@@ -74,7 +74,7 @@ def _materials(scene: Scene, minc: list[str], category: str) -> str:
 
 
 def corner_camera(scene: Scene, drawing: Drawing, pixels: int) -> Camera:
-    """Return a camera in the room corner with the best view of many surfaces, at two thirds of the height, looking slightly downwards."""
+    """Return a camera at two thirds of the room height in the corner that shows most surfaces, looking slightly downwards."""
     low, high = scene.bounds
     best, best_score = None, -1.0
     for x in (0.12, 0.88):

@@ -1,7 +1,7 @@
 """Read and write photographs of a scene with their camera poses: `photos/*.jpg` and `photos.json` in the scene folder.
 
-Cameras follow OpenCV: the pose is 4x4 camera-to-world with x right, y down, z forward. The intrinsics are 3x3 in pixels of the stored
-picture, with the centre of the first pixel at (0, 0). Stored pictures are free of lens distortion.
+The cameras follow the OpenCV convention: the pose is a 4x4 camera-to-world matrix with x right, y down, z forward. The camera intrinsics
+are a 3x3 matrix in pixels of the stored picture, with the centre of the first pixel at (0, 0). Stored photographs have no lens distortion.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ QUALITY = 92
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """One photograph: its JPEG file, its pose (4, 4) camera-to-world, and its intrinsics (3, 3) in pixels."""
+    """One photograph: its JPEG file, its camera-to-world pose (4, 4), and its camera intrinsics (3, 3) in pixels."""
 
     path: Path
     pose: np.ndarray
     intrinsics: np.ndarray
 
     def pixels(self) -> np.ndarray:
-        """Read the picture, (H, W, 3) uint8."""
+        """Read the photograph's pixels, (H, W, 3) uint8."""
         try:
             with open_picture(self.path) as picture:
                 return np.asarray(picture.convert("RGB"))
@@ -44,9 +44,9 @@ class Photo:
 
 
 def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
-    """Write photographs into a scene folder: triples of pixels (H, W, 3) uint8, pose (4, 4) and intrinsics (3, 3).
+    """Write photographs to a scene folder: `pictures` yields triples of pixels (H, W, 3) uint8, pose (4, 4) and intrinsics (3, 3).
 
-    The index photos.json is written last.
+    The index file photos.json is written last, so that an interrupted write leaves no index of missing photographs.
     """
     entries = []
     for number, (pixels, pose, intrinsics) in enumerate(pictures):
@@ -58,7 +58,7 @@ def save_photos(folder: Path, pictures: Iterable[tuple[np.ndarray, np.ndarray, n
 
 
 def jpeg(pixels: np.ndarray, quality: int) -> bytes:
-    """Encode a picture (H, W, 3) uint8 as JPEG, with colours at the full resolution."""
+    """Encode a picture (H, W, 3) uint8 as JPEG, without reducing the resolution of the colours."""
     from PIL import Image
 
     stream = io.BytesIO()
@@ -67,7 +67,7 @@ def jpeg(pixels: np.ndarray, quality: int) -> bytes:
 
 
 def load_photos(folder: Path) -> Sequence[Photo]:
-    """Load the photographs of a scene folder. A folder without photos.json has no photographs."""
+    """Load the photographs of a scene folder. If the folder has no photos.json, the result is empty."""
     path = folder / INDEX
     if not path.is_file():
         return []

@@ -1,8 +1,9 @@
-"""Describe the place of a surface by points spread evenly over its area, and find the surface again in another scan of the same room.
+"""Describe a surface by points spread evenly over its area, and find the same surface again in another scan of the same room.
 
-Surfaces are matched by votes: each point of a surface votes for the nearest surface of the other scene. If both surfaces are flat, the
-angle between them counts as additional distance. The match tolerates the differences of a rescan (a few centimetres, a surface in two parts
-or with another outline) and does not use names. Both scenes must have the same coordinate frame.
+Surfaces of two scans are matched by votes: each point of a surface in the first scan votes for the nearest surface of the second scan. If
+both surfaces are flat, the angle between their normals counts as additional distance. The match tolerates the differences of a second scan,
+such as offsets of a few centimetres, a surface split into two parts, or another outline. The match does not use surface names. Both scans
+must have the same coordinate frame.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ import trimesh
 
 from radartwin.errors import LabelError
 
-SPACING_M, MIN_POINTS, MAX_POINTS = 0.25, 12, 400  # spacing and number of the stored points; a floor of 25 m2 has 400 points
-REACH_M = 0.3  # largest distance of a matching surface: slightly above the spacing, because scans have errors of centimetres
-RIGHT_ANGLE_M = 0.4  # distance that counts as much as a right angle between two planes
-MIN_SHARE = 0.3  # smallest share of the points of a surface that lie on the matching surface
+SPACING_M, MIN_POINTS, MAX_POINTS = 0.25, 12, 400  # spacing and number of the stored points of a surface; 25 m2 of floor have 400 points
+REACH_M = 0.3  # largest distance from a point to the surface it votes for; above SPACING_M, because scans have errors of centimetres
+RIGHT_ANGLE_M = 0.4  # additional distance that a right angle between two flat surfaces counts as
+MIN_SHARE = 0.3  # smallest share of a surface's points that must vote for a surface of the other scan to match it
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Place of a surface, in metres: centroid (3,), normal (3,) or None if it is not flat, area, bounds (2, 3) and points (N, 3)."""
+    """Position of a surface, in metres: centroid (3,), normal (3,) (None if not flat), area, bounds (2, 3) and points on it (N, 3)."""
 
     centroid: np.ndarray
     normal: np.ndarray | None
@@ -34,7 +35,7 @@ class Place:
     points: np.ndarray
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the place as plain values, with lengths rounded to centimetres."""
+        """Return the surface position as JSON-compatible values, with lengths rounded to centimetres."""
         return {
             "centroid_m": _rounded(self.centroid, 2),
             "normal": None if self.normal is None else _rounded(self.normal, 3),
@@ -45,7 +46,7 @@ class Place:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Place:
-        """Make a place from plain values; the inverse of `to_dict`."""
+        """Make a surface position from the JSON-compatible values that `to_dict` returned."""
         try:
             normal = None if values["normal"] is None else np.array(values["normal"], float).reshape(3)
             points = np.array(values["points_cm"], float).reshape(-1, 3) / 100
@@ -56,7 +57,7 @@ class Place:
 
 
 def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
-    """Compute the place of a mesh, with one point per area spacing_m^2, but at least MIN_POINTS and at most MAX_POINTS points."""
+    """Compute the position of a mesh, with one point per spacing_m^2 of area, but at least MIN_POINTS and at most MAX_POINTS points."""
     corners = np.asarray(mesh.triangles, float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(cross, axis=1)
@@ -70,9 +71,11 @@ def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
 
 
 def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, float] | None]:
-    """Match each place with the place in `among` that holds most of its points.
+    """Match each surface in `places` with the surface in `among` that most of its points vote for (each point votes for the nearest
+    surface).
 
-    Returns: for each place, the index in `among` and the share of the points; None if the share is below MIN_SHARE.
+    Returns: one entry per surface in `places`. The entry is the index of the matched surface in `among` and the share of the points that
+    voted for it. The entry is None if this share is below MIN_SHARE.
     """
     out: list[tuple[int, float] | None] = []
     for shares in _votes(places, among):
@@ -82,12 +85,12 @@ def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, 
 
 
 def overlap(place: Place, other: Place) -> float:
-    """Return the share of the points of a place that lie on another place, 0 to 1."""
+    """Return the share (0 to 1) of the points on the surface `place` that lie on the surface `other`."""
     return float(_votes([place], [other])[0][0])
 
 
 def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
-    """Return, for each place, the share of its points that vote for each place in `among`, (len(among),)."""
+    """Return one array (len(among),) per surface in `places`: the shares of its points that vote for each surface in `among`."""
     from scipy.spatial import KDTree
 
     if not among:
@@ -113,9 +116,10 @@ def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
 
 
 def _spread_points(corners: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
-    """Place `count` points (count, 3) on triangles (F, 3, 3), spread evenly in proportion to `weight` (F,), without random numbers.
+    """Return `count` points (count, 3) on triangles (F, 3, 3), spread evenly in proportion to the triangles' `weight` (F,).
 
-    Inside a triangle they follow the R2 sequence (M. Roberts 2018, a Kronecker sequence of the plastic number).
+    The function uses no random numbers: within a triangle the points follow the R2 sequence (M. Roberts 2018, a Kronecker sequence of the
+    plastic number).
     """
     cumulative = np.cumsum(weight)
     index = np.arange(count)

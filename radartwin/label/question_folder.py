@@ -1,7 +1,8 @@
-"""Write questions to a folder and read answers from a file, so that a cluster, a person or another tool can answer the questions.
+"""Write the material questions to a folder and read answers from a file, so that a cluster, a person or another tool can answer them.
 
-The folder is self-contained: instructions (README.txt, prompt.txt), the questions (questions.jsonl), their pictures and the schema of an
-answer (schema_*.json). File names are digests of the questions, so that they do not reveal the surface.
+The question folder is self-contained: it holds instructions (README.txt, prompt.txt), the questions (questions.jsonl), their pictures and
+the JSON schema of an answer (schema_*.json). File names in the question folder are digests of the questions, so that the file names do not
+reveal the names of the surfaces.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ NAME is the model or person that answered. If one line is invalid, no answer is 
 
 
 def export(questions: Sequence[Question], folder: Path) -> Path:
-    """Write the questions and their pictures to a folder. questions.jsonl is written last."""
+    """Write the material questions and their pictures to a folder. The file questions.jsonl is written last."""
     ordered = sorted(questions, key=lambda question: question.id)
     lines = []
     for question in ordered:
@@ -59,9 +60,9 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
 
 
 def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[Record]:
-    """Read the answers to these questions from a JSONL file. Raises a LabelError that names all invalid lines.
+    """Read the answers to `questions` from a JSONL file. If the file has invalid lines, raise a LabelError that names all of them.
 
-    A known material outside MINC is replaced by its closest category, because the question cannot be asked again here.
+    A known material outside the MINC categories is replaced by its closest MINC category, because the question cannot be asked again.
     """
     by_id = {question.id: question for question in questions}
     records: dict[str, tuple[int, Record]] = {}

@@ -1,7 +1,7 @@
-"""Ask a vision-language model about the material of a surface, and repeat the question until the answer is valid.
+"""Ask a vision-language model about the material of a surface, and repeat the question until the model's answer is valid.
 
-A question consists of a prompt and pictures. The prompt states the size and orientation of the surface in the scan. The model gets no other
-information about the scene. Recorded answers store the version and the digest of the prompt.
+A material question consists of a prompt and pictures of the surface. The prompt states the size and orientation of the surface in the scan.
+The model gets no other information about the scene. Each recorded answer stores the version and the digest of the prompt.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from radartwin.materials.names import PERMITTIVITY
 from radartwin.scene.scene import Scene, Surface
 
 VERSION = 2
-ATTEMPTS = 3  # largest number of answers per question; if all are invalid, the category is `other`
-Message = dict[str, str]  # role ("user" or "assistant") and content of one message of a conversation
+ATTEMPTS = 3  # largest number of times that a question is asked; if all answers are invalid, the material category is `other`
+Message = dict[str, str]  # role ("user" or "assistant") and text of one message of a conversation with a model
 
-# Meanings of the categories. They name no objects as examples, because an example from the scanned room would reveal the answer.
+# This table explains the MINC categories to the model. It names no objects, because an object of the scanned room would reveal the answer.
 MEANINGS = {
     "brick": "bare brickwork",
     "carpet": "carpet",
@@ -54,7 +54,7 @@ MEANINGS = {
     "wood": "wood and boards made of wood, also varnished or laminated",
 }
 
-# Material names offered to the model: all building solids in the tables of ITU-R P.2040 and of permittivities.
+# The prompt offers these material names to the model: all building solids in the tables of ITU-R P.2040 and of measured permittivities.
 NAMES = tuple(sorted({*P2040, *PERMITTIVITY} - {"vacuum", "air", "ice", "wax", *(n for n in P2040 if "ground" in n)}))
 
 _TASK = """You see {pictures} of one place in a scanned room. In each picture the same {what} is outlined in magenta, with its surroundings.
@@ -82,13 +82,13 @@ the category says all. These names are known, use one where it fits: {names}.
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """The question about one surface.
+    """The question which material one surface of the scene has.
 
     Attributes:
         surface: index of the surface in the scene.
         kind: "surface" for a surface of the room, or "object" for an object, which may have contents.
-        text: the complete prompt.
-        crops: pictures of the surface; the last picture also shows its surroundings.
+        text: the complete prompt that the model receives.
+        crops: pictures of the surface; the last picture also shows the surroundings of the surface.
     """
 
     surface: int
@@ -99,7 +99,7 @@ class Question:
 
     @cached_property
     def key(self) -> str:
-        """Digest of prompt and pictures. It does not reveal the name or index of the surface."""
+        """Digest of the question's prompt and pictures. It does not reveal the name or index of the surface."""
         return hashlib.sha256("\n".join([self.text, *self.images]).encode()).hexdigest()
 
     @property
@@ -108,12 +108,12 @@ class Question:
 
     @property
     def images(self) -> tuple[str, ...]:
-        """SHA-256 digest of each picture."""
+        """SHA-256 digest of each picture in the question."""
         return tuple(crop.digest for crop in self.crops)
 
 
 def prompt_digest() -> str:
-    """Return the SHA-256 digest of the schemas and of the prompt without the facts of a surface."""
+    """Return the SHA-256 digest of the answer schemas and of the prompt without the size and orientation of a surface."""
     parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, NAMES, CONTENTS, schema("surface"), schema("object")]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -126,12 +126,13 @@ def questions(
     only: Sequence[int] | None = None,
     step: Callable[[], None] = lambda: None,
 ) -> list[Question]:
-    """Prepare a question for every surface that at least one view shows.
+    """Prepare a material question for every surface of the scene that at least one picture shows.
 
     Args:
-        photos: photographs of the scene; the mesh is rendered for surfaces that no photograph shows.
+        photos: photographs of the scene; a surface that no photograph shows is rendered from the mesh instead.
         views: largest number of pictures per surface.
-        only: indices of the surfaces; None takes all surfaces.
+        only: indices of the surfaces to ask about; None means all surfaces.
+        step: function that is called after each surface, to report progress.
     """
     indices = list(range(len(scene))) if only is None else list(only)
     floor = float(scene.bounds[0, 2])
@@ -146,7 +147,10 @@ def _question(index: int, surface: Surface, crops: tuple[Crop, ...], floor_m: fl
 
 
 def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
-    """Return the prompt about a surface, with the facts `measured` and one picture per element of `origins` ("photo" or "mesh")."""
+    """Return the prompt for one surface.
+
+    `measured` describes the surface's size; `origins` names each picture's origin, "photo" or "mesh".
+    """
     count = len(origins)
     what_kind = "photograph" if "photo" in origins else "rendered picture"
     pictures = f"a {what_kind}" if count == 1 else f"{count} {what_kind}s"
@@ -161,7 +165,7 @@ def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
 
 
 def facts(surface: Surface, floor_m: float) -> str:
-    """Describe size, orientation and height of a surface in words.
+    """Describe size, orientation and height of a surface in words, for the prompt of a material question.
 
     Example: "2.4 m x 0.9 m, flat, upright, its middle 1.0 m above the lowest point of the scan".
     """
@@ -189,10 +193,11 @@ def _length(metres: float) -> str:
 
 
 def ask(question: Question, complete: Callable[[list[Message]], str]) -> Answer:
-    """Ask a question until the answer fits the schema. After an invalid answer, the model receives the schema's error message.
+    """Ask a material question until the model's answer fits the JSON schema, at most ATTEMPTS times.
 
-    `complete` takes the conversation so far and returns the next message of the model. In the last attempt, a known material outside MINC
-    is replaced by its closest category. Any other invalid answer becomes `other`.
+    After an invalid answer, the model receives the schema's error message. `complete` is a function that takes the conversation so far and
+    returns the model's next message. In the last attempt, a known material outside the MINC categories is replaced by its closest MINC
+    category. Any other invalid answer in the last attempt becomes the category `other`.
     """
     messages = [{"role": "user", "content": question.text}]
     problem = ""

@@ -1,9 +1,9 @@
 """Render the triangles, depths and colours that a camera sees in a scene, with a deterministic z-buffer on the CPU.
 
-Homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997): the ray d = (x, y, 1) of a pixel hits the triangle a, b, c if
-d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth is a.(b x c) divided by the sum of these three products. Therefore no
-triangle must be clipped, and no vertex is divided by its own depth. Both sides of a triangle are visible, because a scan does not show
-which side is the outer side.
+The method is homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997). The ray d = (x, y, 1) of a pixel hits the triangle
+with corners a, b, c if d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth of the hit is a.(b x c) divided by the sum of these
+three products. Therefore the rasteriser never clips a triangle, and never divides a vertex by its depth. Both sides of a triangle are
+drawn, because a scan does not tell which side of a surface is the outer side.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from radartwin.compiled import compiled
 from radartwin.scene.scene import Scene
 
 NEAR_M = 0.05
-UNCOLOURED = 200.0  # grey level of a mesh without colours
+UNCOLOURED = 200.0  # grey level (0 to 255) of a mesh without colours
 BACKGROUND = 255.0
-COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35  # factor of the colour at grazing incidence; the colours of a scan already contain shading
+COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35  # brightness at grazing incidence, 1 at normal incidence; scan colours already have shading
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera: pose (4, 4) camera-to-world (x right, y down, z forward), intrinsics (3, 3), width and height in pixels."""
+    """A pinhole camera: camera-to-world pose (4, 4) (x right, y down, z forward), intrinsics (3, 3), width and height in pixels."""
 
     pose: np.ndarray
     intrinsics: np.ndarray
@@ -32,9 +32,9 @@ class Camera:
     height: int
 
     def part(self, left: float, top: float, right: float, bottom: float, width: int, height: int) -> Camera:
-        """Return the camera that shows a rectangle of this picture, at another picture size.
+        """Return the camera that shows a rectangle of this camera's picture, with a picture size of `width` x `height` pixels.
 
-        The edges of the rectangle are in pixels; the first pixel starts at -0.5.
+        The rectangle's edges are in pixels of this camera's picture, whose first pixel starts at -0.5.
         """
         scale = np.diag([width / (right - left), height / (bottom - top), 1.0])
         shift = np.array([[1, 0, -left], [0, 1, -top], [0, 0, 1.0]])
@@ -42,14 +42,16 @@ class Camera:
         return Camera(self.pose, centre @ scale @ shift @ self.intrinsics, width, height)
 
     def widened(self, field_deg: float) -> Camera:
-        """Return the camera with another field of view and a square picture."""
+        """Return the same camera with a field of view of `field_deg` degrees and a square picture."""
         intrinsics = self.intrinsics.copy()
         intrinsics[0, 0] = intrinsics[1, 1] = self.width / (2 * np.tan(np.radians(field_deg) / 2))
         return Camera(self.pose, intrinsics, self.width, self.height)
 
     @classmethod
     def looking(cls, eye: np.ndarray, target: np.ndarray, field_deg: float, size: int) -> Camera:
-        """Return an upright camera at `eye` (3,) that looks to `target` (3,), with a square picture of `size` x `size` pixels."""
+        """Return an upright camera at the point `eye` (3,) that looks at the point `target` (3,), with a picture of `size` x `size`
+        pixels.
+        """
         forward = (target - eye) / np.linalg.norm(target - eye)
         up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
         right = np.cross(forward, up)
@@ -63,14 +65,16 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The visible triangle of each pixel: its index `face` (h, w), or -1, and its `depth` (h, w) along the camera axis, or inf."""
+    """The visible triangle of each pixel: its index `face` (h, w), -1 if none, and its `depth` (h, w) along the camera axis, inf if
+    none.
+    """
 
     face: np.ndarray
     depth: np.ndarray
 
 
 class Triangles:
-    """The triangles of several surfaces: vertices (V, 3), faces (F, 3) sorted by surface, and the surface of each face (F,)."""
+    """The triangles of several surfaces: vertices (V, 3), faces (F, 3) sorted by surface, and the surface index of each face (F,)."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray, surfaces: int) -> None:
         self.vertices, self.faces, self.surface = vertices, faces, surface
@@ -81,11 +85,11 @@ class Triangles:
         self.normal = cross / np.maximum(2 * self.area, 1e-300)[:, None]
 
     def of(self, index: int) -> slice:
-        """Return the slice of the faces of a surface."""
+        """Return the slice of the face array that holds the faces of the surface with this index."""
         return slice(self.first_face[index], self.first_face[index + 1])
 
     def seen(self, camera: Camera) -> Seen:
-        """Find the visible triangle of each pixel of a camera."""
+        """Find the triangle that each pixel of a camera shows."""
         depth = np.full((camera.height, camera.width), np.inf)
         face = np.full((camera.height, camera.width), -1, np.int64)
         rays = np.linalg.inv(camera.intrinsics)
@@ -93,23 +97,25 @@ class Triangles:
         return Seen(face, depth)
 
     def surfaces(self, seen: Seen) -> np.ndarray:
-        """Return the surface index of each pixel, (h, w); -1 where there is no surface."""
+        """Return the index of the surface that each pixel shows, (h, w); -1 for a pixel that shows no surface."""
         return np.where(seen.face >= 0, self.surface[np.maximum(seen.face, 0)], -1)
 
     def facing(self, camera: Camera, seen: Seen, mask: np.ndarray) -> np.ndarray:
-        """Return the cosine (N,) between ray and normal at the N pixels of `mask` (h, w). It is negative if the front side is visible."""
+        """Return the cosine (N,) of the angle between pixel ray and surface normal at the N pixels of `mask` (h, w); negative on front
+        sides.
+        """
         rows, columns = np.nonzero(mask)
         rays = np.column_stack([columns, rows, np.ones(rows.size)]) @ np.linalg.inv(camera.intrinsics).T @ camera.pose[:3, :3].T
         return np.einsum("ij,ij->i", rays, self.normal[seen.face[rows, columns]]) / np.linalg.norm(rays, axis=1)
 
     def coarser(self, cell_m: float) -> Triangles:
-        """Simplify the surfaces: merge the vertices of a surface in each grid cell, and remove collapsed triangles.
+        """Simplify each surface: merge its vertices within each cubic grid cell of edge `cell_m`, and remove collapsed triangles.
 
-        Every surface keeps at least one triangle.
+        Every simplified surface keeps at least one triangle.
         """
         vertex_surface = np.zeros(len(self.vertices), np.int64)
         vertex_surface[self.faces] = self.surface[:, None]
-        # Walls are often at round coordinates. An irrational offset keeps a noisy wall within one layer of cells.
+        # Walls often lie at round coordinates. An irrational grid offset keeps a noisy wall within one layer of grid cells.
         key = np.column_stack([vertex_surface, np.floor(self.vertices / cell_m + np.sqrt(0.2)).astype(np.int64)])
         _, first, cell = np.unique(key, axis=0, return_index=True, return_inverse=True)
         faces = cell.reshape(-1)[self.faces]
@@ -147,7 +153,7 @@ class Drawing(Triangles):
         self._min_shade = np.repeat(np.array([shade for _, _, shade in appearances]), np.diff(self.first_face))
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
-        """Render a picture (h, w, 3) uint8 in the colours of the surfaces, with a lamp at the camera and a white background."""
+        """Render a picture (h, w, 3) uint8 in the colours of the surfaces, lit by a lamp at the camera, on a white background."""
         weights = np.zeros((*seen.face.shape, 3), np.float32)
         out = np.full((*seen.face.shape, 3), BACKGROUND, np.float32)
         rays = np.linalg.inv(camera.intrinsics)
@@ -157,18 +163,18 @@ class Drawing(Triangles):
             texture = self._textures.get(int(index))
             if texture is not None:
                 own = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
-                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # painted white before
+                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # `out` is white at textured surfaces
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 
 class _Texture:
-    """A texture of a mesh: image (h, w, 3) in 0 to 1, and texture coordinates of every corner (F, 3, 2)."""
+    """A texture of a mesh: image (h, w, 3) with values from 0 to 1, and texture coordinates (F, 3, 2) of the corners of every face."""
 
     def __init__(self, image: np.ndarray, uv: np.ndarray) -> None:
         self._image, self._uv = image, uv
 
     def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the colour (N, 3) of the nearest texel at barycentric `weights` (N, 3) of the faces `face` (N,)."""
+        """Return the texel colour (N, 3) nearest to the points with barycentric coordinates `weights` (N, 3) on the faces `face` (N,)."""
         height, width = self._image.shape[:2]
         u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
         column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
@@ -177,7 +183,9 @@ class _Texture:
 
 
 def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
-    """Return the corner colours (F, 3, 3) of a mesh (white beside a texture), its texture or None, and the shade at grazing incidence."""
+    """Return (corner colours (F, 3, 3) of a mesh, its texture or None, brightness at grazing incidence); with a texture, colours are
+    white.
+    """
     visual, faces = mesh.visual, np.asarray(mesh.faces)
     kind = getattr(visual, "kind", None)
     flat = np.ones((len(faces), 3, 3), np.float32)
@@ -203,7 +211,7 @@ def _image(visual) -> np.ndarray | None:
 
 @compiled
 def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
-    """Write barycentric weights (h, w, 3) and shaded colours (h, w, 3) of the pixels whose face (h, w) is not -1."""
+    """Write the barycentric coordinates (h, w, 3) and shaded colours (h, w, 3) of the pixels that show a face (index `face` >= 0)."""
     height, width = face.shape
     for v in range(height):
         for u in range(width):
@@ -232,7 +240,9 @@ def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
 
 @compiled
 def _rasterise(points, faces, intrinsics, rays, depth, face):
-    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera coordinates and faces (F, 3). The first face wins ties."""
+    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera axes and faces (F, 3); at equal depth the lower face index
+    wins.
+    """
     height, width = depth.shape
     fx, fy, cx, cy, skew = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2], intrinsics[0, 1]
     for f in range(len(faces)):
@@ -241,7 +251,7 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
         gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
         if max(az, bz, gz) <= NEAR_M:
             continue
-        # Bounds of the part in front of the camera: its corners, and the points where its edges cross the near plane.
+        # Compute the pixel bounds of a triangle's part in front of the camera, from its corners and its edges' near-plane crossings.
         low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
         for edge in range(3):
             p, q = points[faces[f, edge]], points[faces[f, (edge + 1) % 3]]
@@ -257,7 +267,7 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
             continue
         left, right = int(np.ceil(max(low_u, 0.0))), int(np.floor(min(high_u, width - 1.0)))
         top, bottom = int(np.ceil(max(low_v, 0.0))), int(np.floor(min(high_v, height - 1.0)))
-        # Cross products b x c, c x a, a x b: the sign of the dot product with a ray is the side of the edge.
+        # The sign of the dot product of a ray with b x c, c x a or a x b tells on which side of that triangle edge the ray passes.
         e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
         e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
         e2x, e2y, e2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -1,8 +1,8 @@
-"""Compare labels with the true materials: compute the accuracy of the categories, and the error of the reflection in decibels.
+"""Compare the material labels of surfaces with the true materials: accuracy of the MINC categories, and reflection error in decibels.
 
-The error of a label is the electromagnetic distance (`radartwin.materials.distance`) between its material and the true material. The area
-of a surface is its weight. The confidence intervals are Wilson's (E. Wilson, JASA 22 (1927) 209), with (sum of areas)^2 / sum of areas^2 as
-the effective number of surfaces, because one wall of 15 m2 is one decision and not fifteen.
+The error of a material label is the electromagnetic distance in dB (`radartwin.materials.distance`) between the labelled and the true
+material. Each surface is weighted by its area. The confidence intervals are Wilson's intervals (E. Wilson, JASA 22 (1927) 209). Their
+effective number of surfaces is (sum of areas)^2 / sum of areas^2, because the label of a 15 m2 wall is one decision and not fifteen.
 """
 
 from __future__ import annotations
@@ -24,18 +24,20 @@ from radartwin.scene.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-CLOSE_DB = 1.0  # the radar cannot observe a smaller error, because the speckle of a rough wall is 0.6 to 1.1 dB
+CLOSE_DB = 1.0  # the radar cannot observe a smaller reflection error, because the speckle of a rough wall is 0.6 to 1.1 dB
 Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A labelled surface with its true category.
+    """A surface with a material label and its true MINC category.
 
     Attributes:
-        label: MINC category of the label; None if the material has no category.
-        distance_db: electromagnetic distance between the label's material and the true material.
-        stand_in: whether the material of the label is a substitute material, or its layers are uncertain.
+        area_m2: area of the surface.
+        label: MINC category of the surface's material label; None if the labelled material has no category.
+        truth: true MINC category of the surface.
+        distance_db: electromagnetic distance in dB between the labelled material and the true material.
+        stand_in: True if the labelled material is a substitute material, or if its layers are uncertain.
     """
 
     area_m2: float
@@ -46,12 +48,14 @@ class Judged:
 
     @property
     def right(self) -> bool:
-        """Whether the category is the true category and, for `other`, whether the material also agrees."""
+        """Whether the labelled category equals the true category and, for the category `other`, the distance is at most CLOSE_DB."""
         return self.label == self.truth and (self.truth != "other" or self.distance_db <= CLOSE_DB)
 
 
 def judge(labelled: Scene, truth: Scene) -> list[Judged]:
-    """Compare each surface of a labelled scene with the true surface that it lies on, if any, in the same coordinate frame.
+    """Compare each surface of a labelled scene with the surface of the true scene that most of its area lies on.
+
+    Both scenes must have the same coordinate frame. Surfaces that lie on no true surface are left out.
 
     Raises:
         SceneError: a true surface has no MINC category.
@@ -72,14 +76,14 @@ def judge(labelled: Scene, truth: Scene) -> list[Judged]:
 
 
 def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """Make a table of the label accuracy: one row per true category in MINC's order, and a last row "all".
+    """Make a table of the label accuracy: one row per true MINC category in MINC's order, and a last row "all".
 
-    Shares and means are weighted by area. Columns:
-    - minc: the category; n: number of surfaces; area_m2: their area.
-    - accuracy: share of right labels, with the 95 % interval low to high.
-    - close: share of labels with a distance of at most CLOSE_DB, with the 95 % interval close_low to close_high.
-    - mean_db, worst_db: mean and largest electromagnetic distance.
-    - guessed: share of labels with a substitute material or uncertain layers.
+    Every share and mean in the table is weighted by surface area. The columns are:
+    - minc: the true MINC category; n: number of surfaces; area_m2: total area of these surfaces.
+    - accuracy: share of surfaces with the right category; low and high: ends of the share's 95 % interval.
+    - close: share of surfaces with a distance of at most CLOSE_DB; close_low and close_high: ends of the share's 95 % interval.
+    - mean_db, worst_db: mean and largest electromagnetic distance between labelled and true material.
+    - guessed: share of surfaces whose label is a substitute material or has uncertain layers.
     """
     import pandas as pd
 
@@ -89,7 +93,8 @@ def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
 
 def wilson(weights: np.ndarray, hits: np.ndarray) -> tuple[float, float, float]:
-    """Return the weighted share of hits, and the ends of Wilson's 95 % interval with the effective number of draws.
+    """Return (share, low, high): the weighted share of hits and the ends of its Wilson 95 % interval, with the effective number of
+    surfaces.
 
     >>> [round(value, 3) for value in wilson(np.ones(10), np.arange(10) < 8)]
     [0.8, 0.49, 0.943]

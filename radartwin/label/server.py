@@ -1,8 +1,8 @@
-"""Answer questions with a vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
+"""Answer material questions with a vision-language model behind an OpenAI-compatible endpoint: vLLM, Ollama, LM Studio, or a service.
 
-Several questions are asked in parallel through `radartwin.io.chat`, with their pictures as data URIs. If a request fails, the answers
-to other questions are still returned. After a timeout, only that question has no answer. If the server refuses a request or is unreachable,
-no further requests are sent.
+Several questions are sent in parallel through `radartwin.io.chat`, with their pictures as data URIs. If the request of one question fails,
+the answers to all other questions are still returned. After a timeout of one request, only its question has no answer. If the server
+refuses a request or is unreachable, no further requests are sent.
 """
 
 from __future__ import annotations
@@ -23,18 +23,19 @@ if TYPE_CHECKING:
     import httpx
 
 DEFAULT_MODEL = "OpenGVLab/InternVL2_5-8B"
-DEFAULT_URL = "http://127.0.0.1:8000/v1"  # the address of `vllm serve`
+DEFAULT_URL = "http://127.0.0.1:8000/v1"  # the default address of the command `vllm serve`
 KEY_VARIABLE = "RADARTWIN_VLM_KEY"
 MAX_TOKENS = 400
 
 
 @dataclass
 class Server:
-    """A provider that answers questions with the model of a server.
+    """A provider that answers material questions with the model of a server.
 
     Args:
-        concurrency: number of parallel requests.
-        url, timeout_s, requests, pause_s, key: see `radartwin.io.chat.Endpoint`; without a key, RADARTWIN_VLM_KEY is read.
+        concurrency: number of requests that are sent in parallel.
+        url, timeout_s, requests, pause_s: see `radartwin.io.chat.Endpoint`.
+        key: access token sent to the server; None takes the value of the environment variable RADARTWIN_VLM_KEY.
     """
 
     model: str = DEFAULT_MODEL
@@ -53,11 +54,11 @@ class Server:
         return f"Server(model={self.model!r}, url={self._endpoint.shown!r})"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Yield each question with its record as it arrives, in any order.
+        """Yield each material question with the record of its answer as soon as the answer arrives, in any order.
 
         Raises:
-            BackendError: some questions have no answer. The error is raised after all other answers, or at once if the server refuses a
-                request or is unreachable.
+            BackendError: some questions have no answer. The error is raised after all arrived answers are yielded. If the server refuses a
+                request or is unreachable, the error is raised at once.
         """
         down = self._endpoint.down
         down.clear()
@@ -80,7 +81,7 @@ class Server:
                             failed.append(error)
                         else:
                             yield question, record
-            finally:  # also if the caller stops the iteration
+            finally:  # this block also runs if the caller stops the iteration
                 down.set()
         if failed:
             unanswered = len(failed) + len(waiting)
@@ -95,7 +96,7 @@ class Server:
             messages = [{"role": first["role"], "content": [*shown, {"type": "text", "text": first["content"]}]}, *others]
             try:
                 return self._endpoint.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
-            except NoAnswerInTime:  # the other questions go on
+            except NoAnswerInTime:  # the requests of the other questions continue
                 raise
             except BackendError:
                 self._endpoint.down.set()

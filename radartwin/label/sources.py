@@ -1,7 +1,7 @@
-"""Define the sources of material labels. A source is a callable that takes a scene and returns the labelled scene.
+"""Define the sources of material labels. A material source is a callable that takes a scene and returns it with labelled surfaces.
 
-A source labels the surfaces of kind "room" and all surfaces of a scan. The target keeps its material, because every experiment knows the
-target's material and measures the effect of the room.
+A material source labels the surfaces of kind "room" and all surfaces of a scan. The radar target keeps its material, because every
+experiment knows the target's material and measures only the effect of the room.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRUTH_SPACING_M = 0.1
 
 
 class MaterialSource(Protocol):
-    """A callable that returns the scene with a label on every surface of the room. The returned scene shares the input's mesh objects."""
+    """A callable that returns the scene with a material label on every surface of the room. It shares the meshes of the input scene."""
 
     name: ClassVar[str]
 
@@ -35,7 +35,7 @@ class MaterialSource(Protocol):
 
 @dataclass(frozen=True)
 class SceneLabels:
-    """A source that leaves the labels of the scene's manifest unchanged."""
+    """A material source that keeps the labels that the scene's manifest already holds."""
 
     name: ClassVar[str] = "scene"
 
@@ -45,7 +45,7 @@ class SceneLabels:
 
 @dataclass(frozen=True)
 class Uniform:
-    """A source that gives one smooth material to every room surface. The paper's ablation uses plasterboard."""
+    """A material source that gives the same smooth material to every room surface. The paper's ablation uses plasterboard."""
 
     name: ClassVar[str] = "uniform"
     material: str | Layered = "plasterboard"
@@ -64,7 +64,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Void:
-    """A source that removes the room, so that only the target and its stand remain."""
+    """A material source that removes the room, so that only the target and its stand remain in the scene."""
 
     name: ClassVar[str] = "void"
 
@@ -75,11 +75,11 @@ class Void:
 
 @dataclass(frozen=True)
 class Truth:
-    """A source that gives the true materials: those of a procedural room, or those of the true scene.
+    """A material source that gives the true materials, known for a procedural room or from a true scene.
 
     Args:
-        scene: true scene in the same coordinate frame, to evaluate a scan. Each surface takes the material of the true surface that most of
-            its area lies on.
+        scene: true scene in the same coordinate frame, to evaluate a scan. Each scanned surface takes the material of the true surface that
+            most of its area lies on. None takes the materials that the procedural room was built with.
     Raises:
         SceneError: the true material of a room surface is unknown.
     """
@@ -107,18 +107,19 @@ class Truth:
 
 @dataclass(frozen=True)
 class Random:
-    """A source that gives the true labels, with a known probability of random errors.
+    """A material source that replaces each true material label by a wrong label with probability p.
 
-    A wrong label is drawn uniformly from the other categories, and has the material of the drawn category. A right label keeps the true
-    material. The random numbers do not depend on p, so a surface that is wrong at one p is wrong at every larger p.
+    A wrong label is drawn uniformly from the MINC categories that differ from the true category, and has the material of the drawn
+    category. A right label keeps the true material. The random numbers do not depend on p, so a surface that is wrong at a probability p is
+    also wrong at every larger p.
 
     Args:
-        p: probability that a label is wrong.
-        seed: seed of the random numbers, together with name and index of the surface.
-        among: "room" draws from the categories of the room, "all" from all MINC categories except `other`.
+        p: probability that the material label of a surface is wrong.
+        seed: seed of the random numbers, used together with name and index of the surface.
+        among: "room" draws wrong labels from the categories of the room, "all" from all MINC categories except `other`.
     Raises:
         ConfigError: p is outside 0 to 1.
-        SceneError: a surface has no true MINC category, or there is only one category.
+        SceneError: a surface has no true MINC category, or the room has only one category to draw from.
     """
 
     name: ClassVar[str] = "random"
@@ -160,15 +161,16 @@ class Random:
 
 @dataclass(frozen=True)
 class Vlm:
-    """A source that gives the recorded answers of a vision-language model, matched by place.
+    """A material source that gives the recorded answers of a vision-language model, matched to surfaces by overlap.
 
-    A surface keeps such a label if the scene's manifest already holds it.
+    If the scene's manifest already holds such a label for a surface, the surface keeps this label.
 
     Args:
-        missing: uniform material of surfaces without an answer; None makes such a surface an error.
-        model: model whose answers are used; None accepts every model.
+        missing: material of surfaces without a recorded answer; None makes a surface without an answer an error.
+        model: name of the vision-language model whose answers are used; None accepts the answers of every model.
     Raises:
-        MissingError, LabelError: the scene or some of its surfaces have no recorded answers.
+        MissingError: the scene has no recorded answers.
+        LabelError: some surfaces of the scene have no recorded answer.
     """
 
     name: ClassVar[str] = VLM
@@ -189,14 +191,14 @@ class Vlm:
 
 
 def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
-    """Return, for each surface, the true surface that most of its area lies on, or None."""
+    """Return for each surface of `scene` the surface of `truth` that most of its area lies on; None for a surface without such a match."""
     places = [place_of(surface.mesh, TRUTH_SPACING_M) for surface in truth]
     found = matches([place_of(surface.mesh) for surface in scene], places)
     return [None if match is None else truth.surfaces[match[0]] for match in found]
 
 
 def without_fragments(scene: Scene, truth: Scene) -> Scene:
-    """Remove the fragments of a scan that lie on no true surface and therefore have no true material."""
+    """Remove the scanned room surfaces that lie on no surface of `truth` and therefore have no true material."""
     pairs = zip(scene, true_surfaces(scene, truth), strict=True)
     return Scene([surface for surface, match in pairs if match is not None or not belongs_to_room(surface)], scene.provenance)
 
@@ -205,7 +207,7 @@ SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (U
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
-    """Make a source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`."""
+    """Make a material source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`."""
     if name not in SOURCES:
         raise ConfigError(f"materials={name} is not a material source; choose {', '.join(SOURCES)}")
     try:

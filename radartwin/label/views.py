@@ -1,9 +1,9 @@
-"""Make pictures of a surface for a question: a few crops in which the surface is outlined and its surroundings are visible.
+"""Make pictures of a surface for a material question: a few crops in which the surface is outlined and its surroundings are visible.
 
-The crops come from photographs that show the surface. If there are none, the mesh is rendered from viewpoints around the surface. In both
-cases the geometry of the scene decides which parts of the surface are hidden. Views are ranked by the size of the surface in the picture,
-the viewing angle and the sharpness. Each further view must have another direction, and the last view has a wide margin. The same scene
-gives the same bytes.
+The crops come from photographs that show the surface. If no photograph shows the surface, the mesh is rendered from viewpoints around it.
+In both cases the geometry of the scene decides which parts of the surface are hidden. Views of a surface are ranked by the size of the
+surface in the picture, the viewing angle and the sharpness. Two views of a surface must differ in direction, and the last view has a wide
+margin. The same scene gives the same picture bytes.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from radartwin.label.photos import Photo, jpeg
 from radartwin.label.raster import Camera, Drawing, Triangles
 from radartwin.scene.scene import Scene
 
-SIZE = 512  # pixels of the longer side of a crop
-QUALITY = 88  # of the JPEG
+SIZE = 512  # number of pixels along the longer side of a crop
+QUALITY = 88  # JPEG quality of a crop
 OUTLINE, HALO = (255, 0, 255), (0, 0, 0)
-RANKING_PIXELS = 64  # size of the rendered pictures that rank the viewpoints
+RANKING_PIXELS = 64  # width and height in pixels of the small rendered pictures that rank the viewpoints
 FIELD_DEG, WIDE_FIELD_DEG = 60.0, 90.0
-MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of the surface, relative to its size; the last view has the wide margin
-MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph scaled to a width of 256 pixels
-MIN_SHARE = 0.01  # smallest share of the surface in a rendered picture, unless no viewpoint shows more
+MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of the surface in a crop, relative to its size; the last crop has the wide margin
+MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph that is scaled to a width of 256 pixels
+MIN_SHARE = 0.01  # smallest share of a rendered picture that the surface must fill, unless no viewpoint shows more of it
 LARGE_M = 2.5
-MANY_FACES, CELL_M = 50_000, 0.08  # for ranking, a mesh with more faces is simplified to cells of this size, the resolution of 64 pixels
-MIN_ANGLE_DEG = 20.0  # smallest angle between the directions of two views of one surface
+MANY_FACES, CELL_M = 50_000, 0.08  # to rank viewpoints, meshes with more faces are simplified to cells of CELL_M, enough for 64 pixels
+MIN_ANGLE_DEG = 20.0  # smallest angle between the directions from which two crops show the same surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +49,20 @@ class Crop:
 class _View:
     camera: Camera
     score: float
-    direction: np.ndarray  # from the surface to the camera
+    direction: np.ndarray  # unit vector (3,) from the surface to the camera
     share: float
     photo: Photo | None = None
 
 
 @dataclass(eq=False)
 class Views:
-    """Chooses views of the surfaces of a scene, and makes pictures of them, at most `count` per surface."""
+    """Chooses viewpoints for the surfaces of a scene, and makes at most `count` pictures per surface from them."""
 
     scene: Scene
     photos: Sequence[Photo] = ()
     count: int = 3
     _drawing: Drawing = field(init=False, repr=False)
-    _coarse: Triangles = field(init=False, repr=False)  # for the ranking of viewpoints
+    _coarse: Triangles = field(init=False, repr=False)  # simplified triangles that are rendered to rank the viewpoints
 
     def __post_init__(self) -> None:
         self._drawing = Drawing(self.scene)
@@ -72,7 +72,7 @@ class Views:
         """Make the crops of the surfaces with these indices, and call `step` after each surface. Hidden surfaces have no crops."""
         indices = list(indices)
         in_photos = self._in_photos(indices)
-        read = functools.lru_cache(maxsize=16)(Photo.pixels)  # about 8 MB each
+        read = functools.lru_cache(maxsize=16)(Photo.pixels)  # the pixels of one photograph occupy about 8 MB
         out = {}
         for index in indices:
             crops = (self._crop(index, view, read, wide) for view, wide in self._chosen(in_photos[index] or self._around(index)))
@@ -81,9 +81,9 @@ class Views:
         return out
 
     def _chosen(self, views: list[_View]) -> list[tuple[_View, bool]]:
-        """Select views, each with a flag for the wide margin. The last view has the wide margin.
+        """Select the views of one surface that become crops, each with a flag that is True for the crop with the wide margin.
 
-        If there are too few views, the best view is repeated as the last view.
+        The last selected view has the wide margin. If too few views are available, the best view is used a second time, as the last view.
         """
         chosen = _spread(views, self.count)
         if self.count == 1 or not chosen:
@@ -93,7 +93,7 @@ class Views:
         return [(view, k == len(chosen) - 1) for k, view in enumerate(chosen)]
 
     def _in_photos(self, indices: Sequence[int]) -> dict[int, list[_View]]:
-        """Return the views of each surface in the photographs, with a score computed at a picture width of 256 pixels."""
+        """Return for each surface the photographs that show it, with a score computed at a picture width of 256 pixels."""
         views: dict[int, list[_View]] = {index: [] for index in indices}
         for photo in self.photos:
             pixels = photo.pixels()
@@ -115,7 +115,7 @@ class Views:
         return views
 
     def _centre(self, index: int) -> np.ndarray:
-        """Return the point for a camera to look at: the middle of the surface, or the nearest triangle if the middle is empty."""
+        """Return the point that a camera looks at: the middle of the surface, or its nearest triangle if no triangle is near the middle."""
         part = self._drawing.of(index)
         centres = self._drawing.vertices[self._drawing.faces[part]].mean(axis=1)
         middle = np.average(centres, axis=0, weights=np.maximum(self._drawing.area[part], 1e-12))
@@ -146,7 +146,7 @@ class Views:
                 share = float(mask.mean())
                 if share == 0:
                     continue
-                # If triangles are visible from behind, the camera is outside the room or inside an object.
+                # If the camera sees triangles from behind, it is outside the room or inside an object.
                 backs = float((self._coarse.facing(camera, seen, seen.face >= 0) > 0).mean())
                 squareness = float(np.abs(self._coarse.facing(camera, seen, mask)).mean())
                 surroundings = float((seen.face >= 0).mean())
@@ -157,13 +157,15 @@ class Views:
         return clear or views
 
     def _free(self, index: int, centre: np.ndarray, direction: np.ndarray) -> float:
-        """Return the distance in metres from the surface beyond which another surface hides it."""
+        """Return how far (in metres) a camera may move from the surface along `direction` before another surface hides it; inf if
+        unlimited.
+        """
         camera = Camera.looking(centre, centre + direction, 2.0, 1)
         seen = self._coarse.seen(camera)
         return 0.9 * float(seen.depth[0, 0]) if self._coarse.surfaces(seen)[0, 0] != index else np.inf
 
     def _crop(self, index: int, view: _View, read: Callable[[Photo], np.ndarray], wide: bool) -> Crop | None:
-        """Crop the rectangle around the surface, with the surface's outline, as JPEG. Return None if the view does not show the surface."""
+        """Crop the rectangle around the surface as JPEG, with the surface's outline. Return None if the view does not show the surface."""
         whole = view.camera.widened(WIDE_FIELD_DEG) if wide and view.photo is None else view.camera
         small = _scaled(whole, 256)
         mask = self._drawing.surfaces(self._drawing.seen(small)) == index
@@ -182,10 +184,10 @@ class Views:
 
 
 def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
-    """Return unit vectors (N, 3) towards the camera: at 15, 40 and 60 degrees from the normal, or all around a surface that is not flat.
+    """Return unit vectors (N, 3) from a surface towards the camera: at 15, 40 and 60 degrees from the normal of a flat surface.
 
-    A perpendicular view would not show the surroundings of a surface. `steep` adds 75 degrees, for a large surface that fills every
-    picture.
+    A surface that is not flat (`normal` is None) gets directions all around it. A camera on the normal would not show the surroundings of
+    the surface. `steep` adds directions at 75 degrees, for a large surface that fills every picture.
     """
     if normal is None:
         tilt, count = np.radians([60.0, 80.0]), 8
@@ -202,7 +204,7 @@ def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
 
 
 def _spread(views: list[_View], count: int) -> list[_View]:
-    """Return the `count` best views that differ in direction."""
+    """Return the `count` views with the best scores whose directions differ from each other by at least MIN_ANGLE_DEG."""
     chosen: list[_View] = []
     for view in sorted(views, key=lambda v: -v.score):
         if len(chosen) == count:
@@ -218,7 +220,7 @@ def _scaled(camera: Camera, width: int) -> Camera:
 
 
 def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Return the local sharpness (height, width), 0 to 1: the difference between the photograph and its blurred copy."""
+    """Return the local sharpness of a photograph, (height, width), 0 to 1: its mean absolute difference from a blurred copy of it."""
     from scipy.ndimage import uniform_filter
 
     grey = pixels.astype(np.float32).mean(axis=2)
@@ -229,12 +231,12 @@ def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Draw the edge of the mask (h, w) over the picture (h, w, 3), also along the border of the picture."""
+    """Draw the edge of the region `mask` (h, w) on the picture (h, w, 3), also where the region touches the border of the picture."""
     from scipy.ndimage import binary_dilation, binary_erosion, binary_opening
 
     cleaned = binary_opening(mask, iterations=1)
     if np.count_nonzero(cleaned) > 0.7 * np.count_nonzero(mask):
-        mask = np.asarray(cleaned)  # removes the specks of a ragged mesh, unless most of the mask consists of specks
+        mask = np.asarray(cleaned)  # without the isolated specks of a ragged mesh; skipped if most of the mask consists of such specks
     edge = mask & np.logical_not(binary_erosion(mask, iterations=2))
     halo = np.logical_and(binary_dilation(edge, iterations=1), np.logical_not(edge))
     out = pixels.copy()
@@ -244,7 +246,7 @@ def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _rectangle(mask: np.ndarray, small: Camera, camera: Camera, margin_of_size: float) -> tuple[float, float, float, float]:
-    """Return a rectangle (left, top, right, bottom) around the surface in pixels of `camera`, at most twice as long as wide."""
+    """Return a rectangle (left, top, right, bottom) around the surface, in pixels of `camera`, at most twice as long as wide."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     per_pixel = camera.width / small.width
     low = np.array([columns[0], rows[0]]) * per_pixel - 0.5
@@ -259,7 +261,7 @@ def _rectangle(mask: np.ndarray, small: Camera, camera: Camera, margin_of_size: 
 
 
 def _cut(pixels: np.ndarray, rectangle: tuple[float, float, float, float], camera: Camera) -> np.ndarray:
-    """Cut a rectangle from a photograph and scale it to the picture size of `camera`."""
+    """Cut a rectangle (left, top, right, bottom) from a photograph and scale it to the picture size of `camera`."""
     from PIL import Image
 
     left, top, right, bottom = (edge + 0.5 for edge in rectangle)

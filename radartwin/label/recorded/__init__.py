@@ -1,8 +1,8 @@
-"""Answer questions with recorded answers, which are stored in the scene folder or ship with the package for the scene's room.
+"""Answer material questions with recorded answers of a model, which are stored in the scene folder or ship with the package.
 
-The digest of a question (prompt and pictures) identifies its recorded answer. A new scan of the same room has other pictures and therefore
-other digests. A surface of such a scan takes the answer of the recorded surface that it overlaps most. `ROOM/answers.json` beside this file
-holds the shipped answers of a room.
+The digest of a material question (prompt and pictures) identifies its recorded answer. A new scan of the same room has other pictures and
+therefore other question digests. A surface of the new scan takes the answer about the recorded surface that it overlaps most. The shipped
+answers of a room are in `ROOM/answers.json` beside this file.
 """
 
 from __future__ import annotations
@@ -24,24 +24,27 @@ from radartwin.scene.scene import Scene
 
 SHIPPED = Path(__file__).resolve().parent
 FORMAT, VERSION = "radartwin-answers", 1
-ANSWERS = "answers.json"  # name of the file with the answers of one room
+ANSWERS = "answers.json"  # name of the file with the recorded answers about one room
 CHAIR = "arkit_lidar_chair_scan"
-SCANS = {"sha256:aa3721d1a49ccb05": CHAIR, "sha256:fd3b6640d1bcd7d2": CHAIR}  # `scan_of` of the real scan: its frames, its exported mesh
-JOURNAL = Path("labels") / "answers.jsonl"  # in a scene folder
+SCANS = {"sha256:aa3721d1a49ccb05": CHAIR, "sha256:fd3b6640d1bcd7d2": CHAIR}  # digests (`scan_of`) of the real scan's frames and mesh
+JOURNAL = Path("labels") / "answers.jsonl"  # path of the stored answers within a scene folder
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A provider that answers questions with recorded answers, those of `model` or of every model."""
+    """A provider that answers material questions with recorded answers: those of the model `model`, or those of all models if it is
+    None.
+    """
 
     records: Sequence[Record]
     model: str | None = None
     name: str = "recorded"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Yield questions with their records: the record of the same question, else the record of the surface at the same place.
+        """Yield each answered question with a record: the record of the same question, else that of the most overlapping surface.
 
-        The record of another question at the same place has another key than the question."""
+        A record of an overlapping surface has another key than the question, because its answer belongs to another question.
+        """
         by_key = {record.key: record for record in self._usable()}
         unmatched = []
         for question in questions:
@@ -54,7 +57,7 @@ class Recorded:
                 yield question, record
 
     def by_place(self, places: Sequence[Place]) -> list[Record | None]:
-        """Return, for each place, the record of the surface that it overlaps most; None if no overlap is sufficient."""
+        """Return for each surface position the record of the surface that it overlaps most; None if the overlap is below MIN_SHARE."""
         usable = self._usable()
         found = matches(places, [record.place for record in usable])
         return [None if match is None else usable[match[0]] for match in found]
@@ -64,20 +67,20 @@ class Recorded:
 
 
 def room_of(scene: Scene) -> str | None:
-    """Return the room whose shipped answers apply to a scene, or None. The scene's provenance decides it, not file names."""
+    """Return the name of the room whose shipped answers apply to the scene, from the scene's provenance; None if there is no such room."""
     name = str(scene.provenance.get("room") or scene.provenance.get("scan_of"))
     room = SCANS.get(name, name)
     return room if room in DIGESTS else None
 
 
 def shipped_rooms() -> list[str]:
-    """Return the names of the rooms whose answers ship with the package."""
+    """Return the names of the rooms whose recorded answers ship with the package."""
     return sorted(DIGESTS)
 
 
 @functools.cache
 def shipped(room: str) -> tuple[Record, ...]:
-    """Return the shipped records of a room."""
+    """Return the recorded answers about a room that ship with the package."""
     if room not in DIGESTS:
         rooms = ", ".join(shipped_rooms()) or "no room"
         raise MissingError(f"there are no recorded answers for {room}; they ship for {rooms}")
@@ -88,13 +91,14 @@ def shipped(room: str) -> tuple[Record, ...]:
 
 
 def ship(folders: Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
-    """Write the answers of a room, and their digest, to the files that ship with the package. Return the path of the answers.json.
+    """Write the recorded answers about a room, and their digest, to the package. Return the path of the written answers.json.
 
     Args:
-        folders: scene folders of one room, from one or several scans, labelled by `radartwin label`. The answers that their manifests name
-            are written.
+        folders: scene folders of one room, from one or several scans, labelled by `radartwin label`. Only answers that the manifests of
+            these folders name are written.
+        room: name of the room.
         to: folder that holds digests.py and one folder per room.
-        about: model, date and method of the answers, as text.
+        about: text that states model, date and method of the answers.
     """
     records = {}
     for folder in folders:
@@ -112,7 +116,7 @@ def ship(folders: Sequence[Path], room: str, to: Path = SHIPPED, about: str = ""
 
 
 def load_records(path: Path) -> list[Record]:
-    """Read the records of an answers.json."""
+    """Read the recorded answers in an answers.json."""
     try:
         content = json.loads(path.read_text())
         if content["format"] != FORMAT or content["version"] != VERSION:
@@ -123,14 +127,14 @@ def load_records(path: Path) -> list[Record]:
 
 
 def save_records(path: Path, room: str, records: Sequence[Record], about: str = "") -> Path:
-    """Write an answers.json, sorted by key, so that the same answers give the same bytes."""
+    """Write recorded answers to an answers.json, sorted by question key, so that the same answers give the same bytes."""
     lines = [json.dumps(record.to_dict(), separators=(",", ":")) for record in sorted(records, key=lambda r: (r.key, r.model))]
     head = f'{{"format": "{FORMAT}", "version": {VERSION}, "room": {json.dumps(room)}, "about": {json.dumps(about)}, "answers": [\n'
     return write_atomically(path, head + ",\n".join(lines) + "\n]}\n")
 
 
 def records_for(scene: Scene, folder: Path | None) -> list[Record]:
-    """Return all records that apply to a scene: first those in its folder, then those that ship for its room."""
+    """Return all recorded answers that apply to a scene: first those in its folder, then those that ship for its room."""
     records = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)
     if room is not None:

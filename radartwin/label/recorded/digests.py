@@ -1,4 +1,4 @@
-"""SHA-256 of the answers.json of each room, written by `radartwin.label.recorded.ship`, so that product keys depend on the answers."""
+"""SHA-256 of each room's answers.json, so that keys of stored results depend on the answers. `radartwin.label.recorded.ship` writes it."""
 
 DIGESTS: dict[str, str] = {
     "arkit_lidar_chair_scan": "0077eb4166d80563475131359ffcb8bf5532950730e5cb8a1a8eaa7c71abedd2",
