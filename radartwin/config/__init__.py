@@ -1,1 +1,1 @@
-"""Typed configuration: one dataclass for each kind of option, composed by Hydra from conf/."""
+"""Typed configuration of a run: one dataclass for each kind of option. Hydra composes the configuration from the files in conf/."""

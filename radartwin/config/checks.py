@@ -1,8 +1,9 @@
-"""Define fields of the configuration dataclasses together with the check of their value.
+"""Define fields of the configuration dataclasses together with the check of each field's value.
 
-`positive(4)` is a dataclass field with the default 4. `check_fields`, called by __post_init__, raises ConfigError for a value that is not
-above zero. Null passes every check. radartwin/store/digest.py treats two kinds of fields specially: of a `path_name` field the content of
-the file enters the run key; an `unkeyed` field does not enter the key, because it influences where or how a run computes, not its result.
+`positive(4)` is a dataclass field with the default 4. When `__post_init__` calls `check_fields`, a value that is not above zero raises
+ConfigError. The value null passes every check. radartwin/store/digest.py treats two kinds of fields specially when it computes the run key,
+the digest that identifies a run's result. For a `path_name` field, the content of the named file enters the run key. An `unkeyed` field
+does not enter the run key, because it only influences where or how a run computes, and not the run's result.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from typing import Any
 
 from radartwin.errors import ConfigError
 
-MISSING: Any = "???"  # omegaconf.MISSING, without the import: Hydra fills the field from the option's file
+MISSING: Any = "???"  # the value of omegaconf.MISSING, without importing OmegaConf: Hydra replaces it with the value in the option's file
 
 
 def choice(default: str | None, *others: str) -> Any:
-    """A field whose value is one of the given words. A default of None also allows null."""
+    """Define a field whose value must be one of the given words. A default of None means that the field may also be null."""
     options = others if default is None else (default, *others)
 
     def check(key: str, value: str) -> None:
@@ -30,7 +31,10 @@ def choice(default: str | None, *others: str) -> Any:
 
 
 def number(default: Any, fits: Callable[[float], bool], words: str) -> Any:
-    """A field for a number, or a list of numbers, for which `fits` is true. `words` completes "must be" in the error message."""
+    """Define a field for one number or a list of numbers, each of which must satisfy `fits`.
+
+    `words` follows "must be" in the error message.
+    """
 
     def check(key: str, value: Any) -> None:
         for entry in value if isinstance(value, list) else [value]:
@@ -57,7 +61,7 @@ def share(default: float) -> Any:
 
 
 def triple(content: str) -> Any:
-    """A field for three finite numbers, null by default. `content` describes the numbers in the error message."""
+    """Define a field for three finite numbers, null by default. The error message uses `content` to describe the three numbers."""
 
     def check(key: str, value: list[float]) -> None:
         for entry in value:
@@ -70,7 +74,10 @@ def triple(content: str) -> Any:
 
 
 def url(remedy: str, default: str | None = None) -> Any:
-    """A field for an address without a password, because the configuration is stored with the results."""
+    """Define a field for a URL.
+
+    A URL with a password raises an error that states `remedy`, because the configuration is stored with results.
+    """
 
     def check(key: str, value: str) -> None:
         if re.match(r"[\w+.-]+://[^/?#]*@", value):
@@ -84,21 +91,21 @@ def path_name(default: str | None = None) -> Any:
 
 
 def unkeyed(default: Any) -> Any:
-    """Mark a field, or create a field with this default, that does not enter run keys."""
+    """Mark a dataclass field as not part of run keys, or create such a field with the given default value."""
     if isinstance(default, Field):
         return field(default=default.default, metadata={**default.metadata, "unkeyed": True})
     return field(default=default, metadata={"unkeyed": True})
 
 
 def check_fields(config: Any, prefix: str) -> None:
-    """Check every field of a dataclass. `prefix` is the place of the dataclass in the configuration, such as "supervision.encoder"."""
+    """Check every field of a dataclass. `prefix` is the dataclass's key in the configuration, such as "supervision.encoder"."""
     for entry in fields(config):
         if (check := entry.metadata.get("check")) and (value := getattr(config, entry.name)) is not None:
             check(f"{prefix}.{entry.name}", value)
 
 
 def check_selector(key: str, value: str, *names: str) -> None:
-    """Check that the field that names the option, such as simulator.backend, has one of the names that its dataclass is for."""
+    """Check that a field that selects an option, such as simulator.backend, has one of the names that its dataclass is made for."""
     group = key.partition(".")[0]
     if not names[0]:
         raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")

@@ -1,7 +1,7 @@
-"""Compose a typed `Config` from command-line overrides. Every mistake raises a ConfigError of one line.
+"""Compose a typed `Config` from command-line overrides. Every mistake in the overrides raises a ConfigError with a message of one line.
 
-Only this module calls functions of Hydra that are not part of its public interface (Hydra 1.3). Functions
-import Hydra themselves because the import takes 0.1 s, and `radartwin --help` must be fast.
+This is the only module that calls functions outside Hydra's public interface (Hydra 1.3). Each function imports Hydra itself, because this
+import takes 0.1 s and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
 CONFIG_NAME = "config"
-_VALUE = re.compile(r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)=")  # overrides that set a value, not an option, without + or ~
+_VALUE = re.compile(r"(?!hydra\.)(?:[A-Za-z_]\w*\.[\w.\[\]]+|seed|output)=")  # matches KEY=VALUE; not GROUP=OPTION, +KEY or ~KEY
 
 
 def conf_dir() -> Path:
-    """Return the folder conf/ of the installed wheel or of the checkout."""
+    """Return the folder conf/ of the installed Python wheel or of the repository checkout."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "conf", package.parent / "conf"):
         if (folder / f"{CONFIG_NAME}.yaml").is_file():
@@ -37,18 +37,19 @@ def conf_dir() -> Path:
 
 
 def groups() -> dict[str, list[str]]:
-    """Return the shipped options of each configuration group: {"scene": ["empty", "lab", ...], ...}."""
+    """Return the option names of each configuration group that the package contains: {"scene": ["empty", "lab", ...], ...}."""
     folders = sorted(d for d in conf_dir().iterdir() if d.is_dir() and d.name != "hydra")
     return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in folders}
 
 
 def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> Config:
-    """Compose the configuration for overrides such as ["experiment=environment", "seed=1"].
+    """Compose the configuration of a run from overrides such as ["experiment=environment", "seed=1"].
 
     Args:
-        config_dirs: folders with more options (`--config-dir`).
+        overrides: command-line overrides KEY=VALUE or GROUP=OPTION.
+        config_dirs: further folders with option files (`--config-dir`).
     Raises:
-        ConfigError: a wrong key, option, type or combination.
+        ConfigError: an override has a wrong key, option, type or combination.
     """
     return Composer(config_dirs).compose(overrides)
 
@@ -56,7 +57,8 @@ def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> 
 class Composer:
     """Composes many configurations from the same configuration folders.
 
-    Reading the files for one combination of options takes Hydra 0.1 s, so it is done once. Values are then set without reading files again.
+    Hydra needs 0.1 s to read the option files for one combination of options, so the files are read once per combination. Values such as
+    `seed=1` are then set without reading the files again.
     """
 
     def __init__(self, config_dirs: Sequence[Path] = ()) -> None:
@@ -64,7 +66,7 @@ class Composer:
         self._cache: dict[tuple[str, ...], DictConfig] = {}
 
     def compose(self, overrides: Sequence[str]) -> Config:
-        """Compose one configuration; see the function `compose`."""
+        """Compose one configuration from overrides, as the function `compose` of this module does."""
         from hydra._internal.config_loader_impl import ConfigLoaderImpl
 
         overrides = quoted(overrides)
@@ -97,13 +99,13 @@ class Composer:
 
 
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
-    """Parse overrides with Hydra's grammar. Raises ConfigError for an override that cannot be parsed."""
+    """Parse command-line overrides with Hydra's grammar. Raises ConfigError for an override that cannot be parsed."""
     with _one_line_errors(overrides):
         return _parse(quoted(overrides))
 
 
 def combinations(overrides: Sequence[str]) -> list[list[str]]:
-    """Return the overrides of each job of a sweep: seed=0,1 and materials=vlm,void make four jobs.
+    """Return the overrides of each job of a sweep; for example, seed=0,1 and materials=vlm,void give four jobs.
 
     Raises:
         ConfigError: an override cannot be parsed.
@@ -116,10 +118,11 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
 
 
 def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callable[[DictConfig], None]) -> Any:
-    """Return the Hydra launcher that the overrides of Hydra's own settings select. It calls `job` once for each job.
+    """Return the Hydra launcher that overrides of Hydra's settings select. The launcher calls the function `job` once for each job of a
+    sweep.
 
     Raises:
-        ConfigError: the launcher or a setting is unknown, or would call code outside radartwin and Hydra's launchers.
+        ConfigError: the launcher or one of its settings is unknown, or would call code outside radartwin and Hydra's launchers.
     """
     from hydra._internal.callbacks import Callbacks
     from hydra._internal.hydra import Hydra
@@ -139,13 +142,13 @@ def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callabl
         context = HydraContext(config_loader=main.config_loader, callbacks=Callbacks())
         if not str(config.hydra.launcher._target_).startswith("radartwin."):
             return Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)
-        plugin = instantiate(config.hydra.launcher, _recursive_=False)  # Hydra registers only plugins of the package hydra_plugins
+        plugin = instantiate(config.hydra.launcher, _recursive_=False)  # Hydra itself only accepts launchers of the package hydra_plugins
         plugin.setup(hydra_context=context, task_function=job, config=config)
         return plugin
 
 
 def typed(composed: DictConfig) -> Config:
-    """Convert a composed configuration to dataclasses and check it. Raises ConfigError."""
+    """Convert a composed configuration to dataclasses and check its values. Raises ConfigError for a wrong value."""
     from omegaconf import OmegaConf
 
     _refuse_added_keys(composed)
@@ -158,7 +161,7 @@ def typed(composed: DictConfig) -> Config:
 
 
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """Quote option names that Hydra would otherwise read as a boolean, such as `true` in materials=true."""
+    """Add quotes to option names that Hydra would otherwise read as a boolean, such as `true` in materials=true."""
     literals = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
     out = list(overrides)
     for group, option in literals:
@@ -169,19 +172,22 @@ def quoted(overrides: Sequence[str]) -> list[str]:
 
 
 def path_override(key: str, path: str | Path) -> str:
-    """Return the override key=path, quoted so that Hydra and OmegaConf keep every character of the path."""
+    """Return the override key=path with the path quoted, so that Hydra and OmegaConf keep every character of the path."""
     return f"{key}={_quoted_path(path)}"
 
 
 def _quoted_path(path: str | Path) -> str:
-    """Quote a path. OmegaConf halves backslashes before ${, and Hydra halves backslashes before a quote and at the end."""
+    """Quote a path for Hydra.
+
+    OmegaConf halves the number of backslashes before ${. Hydra halves the number of backslashes before a quote and at the end of the path.
+    """
     text = re.sub(r"(\\*)\$\{", lambda match: match.group(1) * 2 + "\\${", str(path))
     text = re.sub(r"(\\+)(?='|$)", lambda match: match.group(1) * 2, text).replace("'", "\\'")
     return f"'{text}'"
 
 
 def _search_path(config_dirs: Sequence[Path]) -> list[str]:
-    """Return the override that adds folders to Hydra's search path; an empty list without folders."""
+    """Return a list with the override that adds folders to Hydra's search path; the list is empty if there are no folders."""
     for folder in config_dirs:
         if not folder.is_dir():
             raise MissingError(f"{folder}: no such folder of configuration files; --config-dir names an existing one")
@@ -207,7 +213,7 @@ def _parse(overrides: Sequence[str]) -> list[Override]:
 
 @contextlib.contextmanager
 def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
-    """Within the `with`, turn exceptions of Hydra and OmegaConf into a ConfigError of one line."""
+    """Within the `with` block, convert exceptions of Hydra and OmegaConf to a ConfigError with a message of one line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -217,7 +223,7 @@ def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
         raise ConfigError(messages.explain(error)) from error
     except ConfigError:
         raise
-    except ValueError as error:  # Hydra raises it where a group gets a number, a boolean or null
+    except ValueError as error:  # Hydra raises ValueError if an override gives a group a number, a boolean or null
         for override in overrides:
             group, _, option = override.partition("=")
             if option not in (options := groups().get(group, [])):
@@ -226,7 +232,7 @@ def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
 
 
 def _refuse_added_keys(node: DictConfig, path: str = "") -> None:
-    """Raise ConfigError for keys that no dataclass has. Hydra lets `+key=value` add such keys, but no code reads them."""
+    """Raise ConfigError for keys that no dataclass has. Hydra lets the override `+key=value` add such keys, but no code reads them."""
     from omegaconf import DictConfig, OmegaConf
 
     owner = OmegaConf.get_type(node)

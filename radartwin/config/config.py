@@ -1,7 +1,7 @@
-"""Define the composed configuration of a run: one typed field for each Hydra group.
+"""Define the composed configuration of a run: one typed field for each Hydra configuration group.
 
-Types and defaults are in the dataclasses. The files under conf/ name the options: the file of an option lists its dataclass in its
-defaults (`schema_NAME`) and contains only what differs from the dataclass.
+The dataclasses define the types and default values. The files under conf/ define the named options of each group. Each option file lists
+its dataclass in its defaults (`schema_NAME`) and contains only the values that differ from the dataclass.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from radartwin.config.trajectory import (
 )
 from radartwin.errors import ConfigError
 
-# The dataclass of each option, for groups whose options have different keys. Hydra's ConfigStore holds it as schema_OPTION.
+# This table lists the dataclass of each option, for groups whose options have different keys. Hydra's ConfigStore names it schema_OPTION.
 SCHEMAS: dict[str, dict[str, type]] = {
     "scene": {
         "empty": SceneConfig, "void": SceneConfig, "plate": SceneConfig, "lab": RoomScene, "atrium": RoomScene,
@@ -72,7 +72,7 @@ SCHEMAS: dict[str, dict[str, type]] = {
 
 @dataclass
 class Config:
-    """The configuration of a run: what influences its result, and where and how it computes (`tracking`, `output`, `jobs`)."""
+    """The configuration of a run: settings that influence its result, and where and how the run computes (`tracking`, `output`, `jobs`)."""
 
     scene: SceneConfig = MISSING
     materials: MaterialsConfig = MISSING
@@ -86,8 +86,8 @@ class Config:
     tracking: TrackingConfig = field(default_factory=TrackingConfig, metadata={"unkeyed": True})
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
     seed: int = 0
-    output: str = unkeyed("outputs")  # root folder of all output
-    jobs: int = unkeyed(0)  # worker processes; 0: as many as cores and memory allow
+    output: str = unkeyed("outputs")  # root folder of all files that runs write
+    jobs: int = unkeyed(0)  # number of worker processes; 0 starts as many as processor cores and memory allow
 
     def __post_init__(self) -> None:
         if self.jobs < 0:

@@ -1,4 +1,4 @@
-"""Configuration of the room's materials: one dataclass for each material source. A source names the material of every surface."""
+"""Configuration of the room's materials: one dataclass for each material source. A source gives every surface its material."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from radartwin.config.checks import check_fields, check_selector, choice, positi
 
 @dataclass
 class MaterialsConfig:
-    """Settings that every material source reads."""
+    """Settings that every source of surface materials reads."""
 
     source: str = ""
 
@@ -19,13 +19,13 @@ class MaterialsConfig:
         check_fields(self, "materials")
 
     def arguments(self, seed: int) -> dict[str, Any]:
-        """Return the arguments of `radartwin.label.sources.material_source` besides the source's name."""
+        """Return the arguments with which `radartwin.label.sources.material_source` makes this source, except the source's name."""
         return {}
 
 
 @dataclass
 class UniformMaterials(MaterialsConfig):
-    """One material for every surface of the room."""
+    """The source that gives one material to every surface of the room."""
 
     source: str = "uniform"
     material: str = "plasterboard"
@@ -36,16 +36,19 @@ class UniformMaterials(MaterialsConfig):
 
 @dataclass
 class VlmMaterials(MaterialsConfig):
-    """Recorded answers of a vision-language model. The unkeyed fields are defaults of `radartwin label`, which requests new answers."""
+    """The source that uses recorded answers of a vision-language model to the question which material a surface has.
+
+    The unkeyed fields are defaults of the command `radartwin label`, which asks a model for new answers.
+    """
 
     source: str = "vlm"
-    missing: str | None = None  # material of surfaces without an answer; null: such surfaces are an error
-    model: str | None = None  # use only this model's answers; null: any recorded answer, and the server's default model
+    missing: str | None = None  # material of surfaces without a recorded answer; null makes a surface without an answer an error
+    model: str | None = None  # model whose recorded answers are used; null accepts all models, and asks the server's default model
     provider: str = unkeyed(choice("recorded", "server", "local"))
     url: str = unkeyed(url("set RADARTWIN_VLM_KEY instead", "http://127.0.0.1:8000/v1"))  # address of an OpenAI-compatible server
-    timeout_s: float = unkeyed(positive(120.0))  # time limit of one request to the server
-    concurrency: int = unkeyed(positive(4))  # simultaneous requests to the server
-    views: int = unkeyed(positive(3))  # number of pictures of each surface
+    timeout_s: float = unkeyed(positive(120.0))  # time limit of one request to the vision-language model, in seconds
+    concurrency: int = unkeyed(positive(4))  # number of requests sent to the vision-language model at the same time
+    views: int = unkeyed(positive(3))  # number of pictures of each surface in a question to the vision-language model
 
     def arguments(self, seed: int) -> dict[str, Any]:
         return {"missing": self.missing, "model": self.model}
@@ -53,11 +56,11 @@ class VlmMaterials(MaterialsConfig):
 
 @dataclass
 class RandomMaterials(MaterialsConfig):
-    """The true materials, with a share of the labels replaced by wrong labels."""
+    """The source that gives the true materials, but replaces a share of the material labels by wrong labels."""
 
     source: str = "random"
-    p: float = share(0.5)  # share of wrong labels
-    among: str = choice("room", "all")  # wrong labels are drawn from: categories of the room | all categories
+    p: float = share(0.5)  # share of surfaces with a wrong material label, 0 to 1
+    among: str = choice("room", "all")  # wrong labels come from the material categories of the room | from all MINC categories
 
     def arguments(self, seed: int) -> dict[str, Any]:
         return {"p": self.p, "among": self.among, "seed": seed}
@@ -65,25 +68,25 @@ class RandomMaterials(MaterialsConfig):
 
 @dataclass
 class TrueMaterials(MaterialsConfig):
-    """The materials that a procedural room is built of."""
+    """The source that gives each surface the material that the procedural room was built with."""
 
     source: str = "true"
 
 
 @dataclass
 class VoidMaterials(MaterialsConfig):
-    """No room: only the target and its stand."""
+    """The source that removes the room, so that only the target and its stand remain."""
 
     source: str = "void"
 
 
 @dataclass
 class SceneMaterials(MaterialsConfig):
-    """The labels in the manifest of a scanned scene."""
+    """The source that uses the materials in the manifest of a scanned scene."""
 
     source: str = "scene"
 
 
 def default_materials(source: str) -> MaterialsConfig:
-    """Return a source's dataclass with its default values, e.g. default_materials("uniform").material == "plasterboard"."""
+    """Return a material source's dataclass with its default values, e.g. default_materials("uniform").material == "plasterboard"."""
     return next(schema for schema in MaterialsConfig.__subclasses__() if schema.source == source)()

@@ -1,6 +1,6 @@
-"""One-line messages for configuration mistakes: what is wrong, where, and what to do.
+"""Make one-line messages for configuration mistakes: what is wrong, where, and what to do.
 
-Hydra and OmegaConf report the same mistake by several exceptions of many lines; `explain` reduces them.
+Hydra and OmegaConf report one mistake by several exceptions with many lines of text. The function `explain` reduces them to one line.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from radartwin.config.config import SCHEMAS, Config
 
-LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # launcher: pip extra that installs it
+LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # pip extra that installs each launcher
 
 
 def explain(error: BaseException) -> str:
@@ -44,7 +44,7 @@ def several_values(key: str) -> str:
 
 
 def unknown_option(config_file: str, options: Sequence[str]) -> str:
-    """Return the message for a missing file GROUP/OPTION, with the options that exist."""
+    """Return the error message for a missing option file GROUP/OPTION; the message lists the existing options of the group."""
     options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
     if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
@@ -55,7 +55,7 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
 
 
 def unknown_key(full_key: str, owner: Any) -> str:
-    """Return the message for a key that the dataclass `owner` does not have."""
+    """Return the error message for a configuration key that the dataclass `owner` does not have."""
     parent, _, name = full_key.rpartition(".")
     keys = _keys(owner)
     schemas = SCHEMAS.get(parent, {})

@@ -11,23 +11,24 @@ from radartwin.errors import ConfigError
 
 @dataclass
 class RadarConfig:
-    """Fields of `radartwin.Radar`, or the file with their values. A field that is null has the value of the board or of the file.
+    """Fields of `radartwin.Radar`, or the radar description file with their values. A null field takes its value from the board or the
+    file.
 
-    Positions are in metres, x forward, y left, z up.
+    Antenna positions are in metres, with x forward, y left and z up.
     """
 
     name: str = "iwr1843"
-    file: str | None = path_name()  # mmWave SDK .cfg, mmWave Studio .mmwave.json, .yaml
+    file: str | None = path_name()  # radar description: mmWave SDK .cfg, mmWave Studio .mmwave.json, or .yaml
     start_frequency_hz: float | None = None
     slope_hz_per_s: float | None = None
     sample_rate_hz: float | None = None
     num_samples: int | None = None
-    num_chirps: int | None = None  # chirps per transmitter and frame
+    num_chirps: int | None = None  # number of chirps per transmitter and frame
     tx_positions_m: list[list[float]] | None = None
     rx_positions_m: list[list[float]] | None = None
-    chirp_interval: float | None = None  # seconds between successive chirp starts, transmitters interleaved
+    chirp_interval: float | None = None  # seconds between the starts of successive chirps, counting the chirps of all transmitters
     frame_rate_hz: float | None = None
-    element: str | None = choice(None, "iwr1843", "isotropic")  # antenna element; may be set together with a file
+    element: str | None = choice(None, "iwr1843", "isotropic")  # pattern of the antenna elements; also allowed together with a file
     noise_figure_db: float | None = None
     transmit_power_dbm: float | None = None
     real_sampling: bool | None = None

@@ -1,4 +1,4 @@
-"""Configuration of the scene: what surrounds the radar, and the target in it."""
+"""Configuration of the scene: the room around the radar, and the target in the room."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ SHAPES = ("corner_reflector", "plate", "sphere", "none")
 
 @dataclass
 class SceneConfig:
-    """Settings that every scene reads. A scene without a room has no other settings."""
+    """Settings that every scene reads. A scene without a room has only these settings."""
 
     NAMES: ClassVar[tuple[str, ...]] = ("empty", "void", "plate", *ROOMS)
     name: str = "empty"
-    target: str = "corner_reflector"  # plate | sphere | none | an object of the catalogue, such as mug
-    target_size_m: float = positive(0.1)  # leg of the reflector, edge of the plate, diameter of the sphere
-    target_position_m: list[float] | None = triple("[x,y,z] in metres")  # of its support; null: at trajectory.distance_m on the boresight
-    stand: bool = False  # a turntable disc on a post under the target
-    layout: str | None = path_name()  # YAML file: objects in the room (radartwin/scene/layouts/layout.py)
-    sentence: str | None = None  # the layout in words: "a mug on the table 1.5 m in front of the door"
-    llm_url: str | None = url("set RADARTWIN_VLM_KEY instead")  # OpenAI-compatible server for sentences beyond the built-in grammar
+    target: str = "corner_reflector"  # corner_reflector | plate | sphere | none | a name in the object catalogue, such as mug
+    target_size_m: float = positive(0.1)  # edge at a corner reflector's apex, edge of a plate, or diameter of a sphere, in metres
+    target_position_m: list[float] | None = triple("[x,y,z] in metres")  # target's foot; null: on boresight at trajectory.distance_m
+    stand: bool = False  # whether a turntable disc on a post stands under the target
+    layout: str | None = path_name()  # furniture layout file (YAML): objects placed in the room (radartwin/scene/layouts/layout.py)
+    sentence: str | None = None  # objects in the room in words: "a mug on the table 1.5 m in front of the door"
+    llm_url: str | None = url("set RADARTWIN_VLM_KEY instead")  # language-model server for sentences that the built-in grammar cannot read
     llm_model: str | None = None
 
     def __post_init__(self) -> None:
@@ -49,13 +49,13 @@ class SceneConfig:
             raise ConfigError("scene.target=none leaves nothing to place; choose a scene.target, or leave stand and target_position_m out")
 
     def room_options(self) -> dict[str, Any]:
-        """Return the options of `radartwin.scene.rooms.room` that are set."""
+        """Return those options of `radartwin.scene.rooms.room` that this configuration sets."""
         return {name: value for name in ("size_m", "detail", "back") if (value := getattr(self, name, None)) is not None}
 
 
 @dataclass
 class RoomScene(SceneConfig):
-    """A procedural room. If size_m is null, the room has its default size; if detail is null, the room is furnished."""
+    """A procedural room. If size_m is null, the room has its default size. If detail is null, the room is furnished."""
 
     NAMES: ClassVar[tuple[str, ...]] = ROOMS
     name: str = "lab"
@@ -70,7 +70,7 @@ class RoomScene(SceneConfig):
 
 @dataclass
 class SquashCourtScene(RoomScene):
-    """The squash court. Its back wall may be of glass; null means solid."""
+    """The procedural squash court. Its back wall may be of glass; if `back` is null, the back wall is solid."""
 
     NAMES: ClassVar[tuple[str, ...]] = ("squash_court",)
     name: str = "squash_court"
@@ -79,7 +79,7 @@ class SquashCourtScene(RoomScene):
 
 @dataclass
 class ScanScene(SceneConfig):
-    """A scanned room: a scene folder, or a .glb, .ply or .obj mesh."""
+    """A scanned room, given as a scene folder or as a mesh file (.glb, .ply or .obj)."""
 
     NAMES: ClassVar[tuple[str, ...]] = ("scan",)
     name: str = "scan"

@@ -1,4 +1,4 @@
-"""Configuration of the study: what is measured, which features are read, how a model learns, and how much is computed."""
+"""Configuration of the study: the measured recordings, the signal features, the training of classifiers, and the amount of computation."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from radartwin.features.families import families
 
 @dataclass
 class GapConfig:
-    """Strength of each gap, a deliberate difference between testbed and twin: 1 is the published size, 0 is off, 2 is doubled.
+    """Strength of each known difference between the virtual measurements and their simulation: 0 is off, 1 the published size, 2 doubled.
 
-    The module named in the comment states the size of the difference at strength 1 and the source of this size.
+    For each field, the comment names a module. This module states the size of the difference at strength 1 and the source of this size.
     """
 
-    geometry: float = not_negative(1.0)  # scan errors in the twin's geometry (radartwin/reconstruct/scanner)
-    materials: float = not_negative(1.0)  # thickness and permittivity of layers (radartwin/testbed/variation.py)
-    roughness: float = not_negative(1.0)  # heights of surfaces (radartwin/testbed/variation.py)
-    contents: float = not_negative(1.0)  # liquids and fill levels of vessels (radartwin/testbed/variation.py)
-    clutter: float = not_negative(1.0)  # small objects and fixtures (radartwin/testbed/fixtures.py); fewer below 1
+    geometry: float = not_negative(1.0)  # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)
+    materials: float = not_negative(1.0)  # errors of layer thickness and permittivity (radartwin/testbed/variation.py)
+    roughness: float = not_negative(1.0)  # errors of the height of surface roughness (radartwin/testbed/variation.py)
+    contents: float = not_negative(1.0)  # errors of the liquids and fill levels in vessels (radartwin/testbed/variation.py)
+    clutter: float = not_negative(1.0)  # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
     hardware: float = not_negative(1.0)  # errors of the radar hardware (radartwin/radar/hardware.py)
     trajectory: float = not_negative(1.0)  # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
     placement: float = not_negative(1.0)  # errors of the target's position (radartwin/testbed/motion_errors.py)
-    solver: float = not_negative(1.0)  # above 0: finer rays and one more bounce (radartwin/testbed/testbed.py)
+    solver: float = not_negative(1.0)  # above 0: the testbed traces more rays and one more reflection (radartwin/testbed/testbed.py)
 
     def __post_init__(self) -> None:
         check_fields(self, "measured.gap")
@@ -34,7 +34,10 @@ class GapConfig:
 
 @dataclass
 class MeasuredConfig:
-    """The measured recordings that the twin is compared with. This option takes them from the virtual testbed."""
+    """The measured recordings that simulations are compared with.
+
+    This option takes them from the virtual measurement campaign (testbed).
+    """
 
     provider: str = "testbed"
     gap: GapConfig = field(default_factory=GapConfig)
@@ -45,10 +48,10 @@ class MeasuredConfig:
 
 @dataclass
 class RecordingsConfig(MeasuredConfig):
-    """Real recordings as the measured recordings. Of the fields of GapConfig, only `geometry` then has an effect."""
+    """The option that takes real recordings as the measured recordings. Of the fields of GapConfig, only `geometry` then has an effect."""
 
     provider: str = "recordings"
-    folder: str = path_name("")  # a recording set (docs/recording-sets.md)
+    folder: str = path_name("")  # folder of the recording set (docs/recording-sets.md)
 
     def __post_init__(self) -> None:
         from radartwin.recordings.card import CARD
@@ -64,10 +67,10 @@ class RecordingsConfig(MeasuredConfig):
 
 @dataclass
 class FeaturesConfig:
-    """The features of a recording: a feature set (radartwin/features/families.py), optionally without some of its feature families."""
+    """The signal features that are computed from a recording: a named group of features, optionally without some feature families."""
 
-    name: str = "raw"  # rotation | depth | lateral | raw
-    without: list[str] = field(default_factory=list)  # families to leave out, such as brightness
+    name: str = "raw"  # named group of features (radartwin/features/families.py): rotation | depth | lateral | raw
+    without: list[str] = field(default_factory=list)  # names of feature families to leave out, such as brightness
 
     def __post_init__(self) -> None:
         families(self.name, self.without)
@@ -75,17 +78,17 @@ class FeaturesConfig:
 
 @dataclass
 class EncoderConfig:
-    """The contrastive encoder. radartwin/recognize/encoder.py describes each setting and the source of its default."""
+    """Settings of the contrastive encoder. radartwin/recognize/encoder.py describes each setting and the source of its default value."""
 
     hidden: int = positive(128)
     temperature: float = positive(0.07)
-    epochs: int = positive(100)  # maximum number of epochs
+    epochs: int = positive(100)  # maximum number of training epochs
     patience: int = positive(10)
     batch: int = positive(512)
     learning_rate: float = positive(3e-3)
     weight_decay: float = not_negative(1e-4)
-    symmetric: bool = False  # whether to add the InfoNCE loss from text to radar
-    paired: float = not_negative(0.0)  # few_shot: weight of the loss between simulated and measured rows of the same case
+    symmetric: bool = False  # whether the loss also contains the InfoNCE loss from text to radar
+    paired: float = not_negative(0.0)  # few_shot: loss weight for matching simulated and measured rows of one object and condition
 
     def __post_init__(self) -> None:
         check_fields(self, "supervision.encoder")
@@ -93,13 +96,13 @@ class EncoderConfig:
 
 @dataclass
 class SupervisionConfig:
-    """The measured recordings that training may use, and the training settings."""
+    """The measured recordings that the training of a classifier may use, and the settings of the training."""
 
-    mode: str = choice("label_free", "calibrated", "few_shot")  # none | one unlabelled reflector recording | labelled recordings
-    shots: int = 0  # few_shot: labelled recordings per class
-    seeds: int = positive(5)  # number of trainings whose results are averaged
-    copies: int = positive(30)  # noisy copies of each simulated recording
-    trees: int = positive(100)  # trees of a random forest
+    mode: str = choice("label_free", "calibrated", "few_shot")  # training uses no | one unlabelled reflector | some labelled recordings
+    shots: int = 0  # number of labelled measured recordings per class that training uses in mode few_shot
+    seeds: int = positive(5)  # number of trainings with different random seeds whose results are averaged
+    copies: int = positive(30)  # number of noisy copies of each simulated recording in the training data
+    trees: int = positive(100)  # number of trees in a random forest
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
     def __post_init__(self) -> None:
@@ -117,14 +120,17 @@ class SupervisionConfig:
 
 @dataclass
 class CampaignConfig:
-    """The recordings that the tables share. An empty list of objects means the whole catalogue, or the objects of the rover study."""
+    """The recordings that the result tables share.
+
+    An empty list of objects means the whole catalogue, or all objects of the rover study.
+    """
 
     turntable_objects: list[str] = field(default_factory=list)
     turntable_distances_m: list[float] = positive([1.0])
     reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
     frames_per_turn: int = positive(36)
-    turns: int = positive(2)  # revolutions of a measured recording; the twin simulates one revolution
-    reflector_repeats: int = positive(3)  # measured recordings of the reflector on the turntable, each placed anew
+    turns: int = positive(2)  # number of turntable revolutions in a measured recording; a simulated recording has one revolution
+    reflector_repeats: int = positive(3)  # number of measured recordings of the corner reflector, which is placed anew for each
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = positive(2)
     rover_objects: list[str] = field(
@@ -133,7 +139,7 @@ class CampaignConfig:
     rover_rooms: list[str] = field(default_factory=lambda: ["squash_court"])
     rover_distances_m: list[float] = positive([1.0])
     rover_repeats: int = positive(1)
-    rover_every: int = positive(3)  # every n-th frame of a drive is recorded
+    rover_every: int = positive(3)  # a recording of a rover drive contains every n-th frame
 
     def __post_init__(self) -> None:
         check_fields(self, "profile.campaign")
@@ -144,13 +150,16 @@ class CampaignConfig:
 
 @dataclass
 class ProfileConfig:
-    """The amount of computation. `quick` shows every claim on two cores in minutes; `paper` makes the committed tables in docs/results."""
+    """The amount of computation.
+
+    `quick` computes every table on two cores in minutes; `paper` computes the tables stored in docs/results.
+    """
 
     name: str = "quick"
-    repeats: int = positive(3)  # radar positions in each room for the comparison of simulators
-    resamples: int = positive(1000)  # number of bootstrap samples
-    scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # rooms that the virtual phone scans
-    scan_strengths: list[float] = positive([1.0])  # strengths of the phone's scan errors
+    repeats: int = positive(3)  # number of radar positions in each room at which simulators are compared
+    resamples: int = positive(1000)  # number of bootstrap samples for confidence intervals
+    scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # rooms that the simulated phone scans
+    scan_strengths: list[float] = positive([1.0])  # factors on the errors of the simulated phone scan; 1 is the published size
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:
@@ -159,11 +168,11 @@ class ProfileConfig:
 
 @dataclass
 class TrackingConfig:
-    """Where runs are tracked: on the MLflow server `uri`, or in SQLite in the output folder."""
+    """Where MLflow tracks runs: on the MLflow server `uri`, or in an SQLite database in the output folder."""
 
     backend: str = choice("mlflow", "off")
     uri: str | None = url("set MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead")
-    parent_run_id: str | None = None  # a sweep sets it for its jobs
+    parent_run_id: str | None = None  # MLflow id of the sweep's parent run, which the sweep sets for its jobs
 
     def __post_init__(self) -> None:
         check_fields(self, "tracking")
@@ -173,12 +182,12 @@ class TrackingConfig:
 
 @dataclass
 class ExperimentConfig:
-    """The table to compute."""
+    """The result table to compute, which the runner calls an experiment."""
 
     name: str | None = None
-    module: str | None = None  # module name of an experiment outside the folder experiments/
+    module: str | None = None  # name of the Python module of an experiment outside the folder experiments/
     distances_m: list[float] = positive([])
-    pairs: list[str] = field(default_factory=list)  # recordings that the gallery shows: OBJECT/ROOM/MOTION/DISTANCE_M
+    pairs: list[str] = field(default_factory=list)  # recordings that the gallery page shows: OBJECT/ROOM/MOTION/DISTANCE_M
 
     def __post_init__(self) -> None:
         check_fields(self, "experiment")

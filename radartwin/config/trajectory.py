@@ -10,12 +10,12 @@ from radartwin.errors import ConfigError
 
 @dataclass
 class TrajectoryConfig:
-    """Settings that every trajectory reads."""
+    """Settings that every kind of motion reads."""
 
     kind: str = ""
-    distance_m: float = positive(1.0)  # from the radar to the target's axis at the start
-    height_m: float = positive(1.0)  # radar above the floor; used if neither position_m nor a file gives the height
-    frames: int | None = positive(None)  # number of frames; null: all frames of the motion
+    distance_m: float = positive(1.0)  # distance from the radar to the target's vertical axis at the start, in metres
+    height_m: float = positive(1.0)  # height of the radar above the floor, used if neither position_m nor a pose file gives it
+    frames: int | None = positive(None)  # number of simulated frames; null simulates all frames of the motion
 
     def __post_init__(self) -> None:
         check_selector("trajectory.kind", self.kind, type(self).kind)
@@ -24,15 +24,15 @@ class TrajectoryConfig:
 
 @dataclass
 class StartTrajectory(TrajectoryConfig):
-    """Base class of the motions that begin at a configured pose of the radar."""
+    """Base class of the motions in which the radar starts at a configured pose."""
 
-    position_m: list[float] | None = triple("[x,y,z] in metres")  # null: the room's bench, or inside a scan's low-x end
-    heading_deg: float = finite(0.0)  # direction of the radar's boresight, counted from +x to the left
+    position_m: list[float] | None = triple("[x,y,z] in metres")  # radar position; null: the room's bench, or inside a scan's low-x end
+    heading_deg: float = finite(0.0)  # direction of the radar's boresight, degrees counted from +x to the left
 
 
 @dataclass
 class StaticTrajectory(StartTrajectory):
-    """Radar and target at rest."""
+    """The motion option in which radar and target are at rest."""
 
     kind: str = "static"
     frames: int | None = positive(4)
@@ -40,15 +40,15 @@ class StaticTrajectory(StartTrajectory):
 
 @dataclass
 class TurntableTrajectory(StartTrajectory):
-    """Radar at rest, target turning about its vertical axis."""
+    """The motion option in which the radar is at rest and the target rotates about its vertical axis."""
 
     kind: str = "turntable"
-    period_s: float = positive(25.0)  # duration of one revolution
+    period_s: float = positive(25.0)  # duration of one turntable revolution, in seconds
 
 
 @dataclass
 class LinearTrajectory(StartTrajectory):
-    """Base class of the motions along a straight line."""
+    """Base class of the motions along a straight line, of the radar or of the target."""
 
     length_m: float = positive(1.0)
     speed_mps: float = positive(0.2)
@@ -56,17 +56,17 @@ class LinearTrajectory(StartTrajectory):
 
 @dataclass
 class RailTrajectory(LinearTrajectory):
-    """Radar at rest, target carried along a rail."""
+    """The motion option in which the radar is at rest and a rail carries the target."""
 
     kind: str = "rail"
     length_m: float = positive(0.6)
     speed_mps: float = positive(0.1)
-    angle_deg: float = finite(0.0)  # direction of the motion: 0 away from the radar (radial), 90 to the radar's left
+    angle_deg: float = finite(0.0)  # direction of the target's motion: 0 away from the radar (radial), 90 to the radar's left
 
 
 @dataclass
 class LateralTrajectory(LinearTrajectory):
-    """Radar driving past the target."""
+    """The motion option in which the radar drives past the target, at right angles to the line of sight."""
 
     kind: str = "lateral"
     height_m: float = positive(0.4)
@@ -76,7 +76,7 @@ class LateralTrajectory(LinearTrajectory):
 
 @dataclass
 class DepthTrajectory(LinearTrajectory):
-    """Radar driving towards the target."""
+    """The motion option in which the radar drives towards the target."""
 
     kind: str = "depth"
     distance_m: float = positive(2.0)
@@ -91,16 +91,16 @@ class DepthTrajectory(LinearTrajectory):
 
 @dataclass
 class FileTrajectory(TrajectoryConfig):
-    """Poses of the radar from a file."""
+    """The motion option in which a file gives the poses of the radar."""
 
     kind: str = "file"
-    path: str = path_name("")  # TUM or CSV text, or a ROS bag
-    start_s: float = not_negative(0.0)  # time from the first pose in the file to the first frame
-    axes: str = choice("sensor", "optical")  # axes of the poses: sensor (x forward, z up) | optical (z forward, y down)
-    topic: str | None = None  # topic of a ROS bag with the poses
-    frame: str | None = None  # coordinate frame to follow in the transforms of a ROS bag
-    mount_m: list[float] | None = triple("three numbers")  # position of the radar in the coordinate frame of the poses
-    mount_deg: list[float] | None = triple("three numbers")  # roll, pitch and yaw of the radar in this frame
+    path: str = path_name("")  # file with radar poses: TUM text, CSV text, or a ROS bag
+    start_s: float = not_negative(0.0)  # time from the first pose in the file to the first simulated frame, in seconds
+    axes: str = choice("sensor", "optical")  # axes of the poses in the file: sensor (x forward, z up) | optical (z forward, y down)
+    topic: str | None = None  # ROS topic that contains the poses in a ROS bag
+    frame: str | None = None  # name of the coordinate frame in a ROS bag's transforms whose motion gives the poses
+    mount_m: list[float] | None = triple("three numbers")  # radar position [x,y,z] in the coordinate frame of the file's poses, metres
+    mount_deg: list[float] | None = triple("three numbers")  # roll, pitch and yaw of the radar in the frame of the file's poses
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,7 +1,8 @@
-"""Check a composed configuration from an untrusted source: which code it names, and whether it holds a secret.
+"""Check a composed configuration from an untrusted source: which code it would call, and whether it contains a secret.
 
-Hydra calls the function that a `_target_` names, the logging module calls functions named under "()" and "class", and `env_set` changes the
-environment of started processes. `${oc.env:NAME}` would write a secret key into the logs and results that store the configuration.
+Hydra calls the function that a `_target_` key names, the logging module calls functions named under the keys "()" and "class", and the key
+`env_set` changes the environment of started processes. An entry `${oc.env:NAME}` would copy a secret of the environment into the logs and
+results that store the configuration.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from radartwin.errors import ConfigError
 from radartwin.io import secret
 
 TRUSTED = ("radartwin.", "hydra._internal.core_plugins.", "hydra_plugins.hydra_joblib_launcher.", "hydra_plugins.hydra_submitit_launcher.")
-_CALLED = ("()", "class")  # keys of logging.config.dictConfig whose values are called
+_CALLED = ("()", "class")  # keys in a logging configuration (logging.config.dictConfig) whose values name functions to call
 _LOGGING = re.compile(r"logging\.(handlers\.)?[A-Z]\w+|colorlog\.ColoredFormatter|ext://sys\.std(out|err)")
 
 
@@ -24,9 +25,9 @@ def check_targets(config: Any) -> None:
     """Raise ConfigError for a configuration that would call code outside radartwin and Hydra's launchers.
 
     Args:
-        config: the composed configuration with the node `hydra`.
+        config: the composed configuration, including Hydra's own settings under the key `hydra`.
     Raises:
-        ConfigError: names the key and the code.
+        ConfigError: the message names the configuration key and the code that it would call.
     """
     from omegaconf import OmegaConf
 
@@ -43,7 +44,10 @@ def check_targets(config: Any) -> None:
 
 
 def check_secrets(config: Any) -> None:
-    """Raise ConfigError if a composed configuration holds a secret of the environment. The message names the key, not the secret."""
+    """Raise ConfigError if a composed configuration contains a secret from an environment variable.
+
+    The message does not show the secret.
+    """
     from omegaconf import OmegaConf
 
     for path, value in _leaves(OmegaConf.to_container(config, resolve=True, throw_on_missing=False)):
@@ -52,7 +56,10 @@ def check_secrets(config: Any) -> None:
 
 
 def _is_trusted(target: str) -> bool:
-    """Return whether a trusted module defines the target. Importing it there (radartwin.runs.dashboard.os.system) is not enough."""
+    """Return whether a trusted module itself defines the target.
+
+    A name that a trusted module only imports, such as `radartwin.runs.dashboard.os.system`, is not trusted.
+    """
     module, _, name = target.rpartition(".")
     try:
         if not target.startswith(TRUSTED) or importlib.util.find_spec(module) is None:

@@ -1,1 +1,1 @@
-"""Runs and sweeps: experiments, launchers, workers, tracking, dashboard and doctor."""
+"""Run experiments and sweeps: interface of an experiment, launchers, workers, MLflow tracking, dashboard and doctor command."""

@@ -1,6 +1,6 @@
-"""Log a run's table, models, input data and machine load to MLflow.
+"""Log the result table, models, input data and machine load of a run to MLflow.
 
-Only this module and radartwin/runs/tracking.py, which opens the store, import mlflow.
+Only this module and radartwin/runs/tracking.py import mlflow.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
     from mlflow.entities import DatasetInput, Metric
 
-LOADER = "radartwin.recognize.pyfunc"  # the module that MLflow loads a run's models with
-DIGEST_LENGTH = 32  # characters of a dataset's digest; MLflow takes up to 36
-BATCH = 1000  # metrics that MLflow takes in one call
-SYSTEM = "system/"  # MLflow shows metrics with this prefix on a separate page
+LOADER = "radartwin.recognize.pyfunc"  # Python module with which MLflow loads the trained models of a run
+DIGEST_LENGTH = 32  # number of characters in a dataset's digest; MLflow accepts at most 36
+BATCH = 1000  # number of metrics that MLflow accepts in one call
+SYSTEM = "system/"  # prefix of machine-load metrics, which MLflow shows on a separate page
 SYSTEM_METRICS = "MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING"
 
 
 @dataclass
 class Record:
-    """What the runner logs for a run.
+    """The data of a run that the runner logs to MLflow.
 
     Attributes:
-        rows: the rows of the run's table.
-        inputs: keys of the products that the result was computed from, by kind.
+        rows: rows of the run's result table.
+        inputs: keys of the stored data that the result was computed from, grouped by kind of data.
     """
 
     run_id: str = ""
@@ -57,7 +57,7 @@ def tags(table: str, key: str) -> dict[str, str]:
 
 
 def log_table(client: MlflowClient, run_id: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Log the rows as table.csv, which MLflow shows as a table on the page of the run."""
+    """Log the rows of the result table as table.csv, which MLflow shows on the page of the run."""
     text = io.StringIO()
     writer = csv.DictWriter(text, list(dict.fromkeys(column for row in rows for column in row)), lineterminator="\n")
     writer.writeheader()
@@ -66,12 +66,15 @@ def log_table(client: MlflowClient, run_id: str, rows: Sequence[Mapping[str, Any
 
 
 def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
-    """Log each subfolder NAME as the python_function model models/NAME of the run. The subfolder holds the model's data, without pickle."""
+    """Log each subfolder NAME of `folder` as the MLflow python_function model models/NAME.
+
+    Each subfolder holds a model without pickle files.
+    """
     from mlflow import pyfunc
 
     for model in sorted(folder.iterdir()):
         with tempfile.TemporaryDirectory() as work, warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*Any type hint is inferred")  # about mlflow's own classes, at its first import
+            warnings.filterwarnings("ignore", ".*Any type hint is inferred")  # mlflow raises this warning about its own classes
             made = Path(work) / model.name
             requirements = [f"radartwin=={__version__}"]
             pyfunc.save_model(str(made), loader_module=LOADER, data_path=str(model), pip_requirements=requirements)
@@ -79,7 +82,7 @@ def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:
 
 
 def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
-    """Return one MLflow dataset per kind of product. Its digest is the product's key, or a digest of all keys of several products."""
+    """Return one MLflow dataset per kind of input data. Its digest is the key of the stored data, or a digest of several such keys."""
     from mlflow.entities import Dataset, DatasetInput
 
     found = []
@@ -94,10 +97,11 @@ def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
 
 @contextlib.contextmanager
 def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
-    """Within the `with`, sample processor, memory, disk, network and GPU load, if SYSTEM_METRICS is set. Yields the list of samples.
+    """Within the `with` block, sample the load of processor, memory, disk, network and GPU, if SYSTEM_METRICS is set. Yield the samples'
+    list.
 
-    The caller logs the samples, because MLflow's own thread would write to the SQLite database at any time and two writers at once fail.
-    MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL sets the interval in seconds.
+    The caller logs the samples, because MLflow's own thread would write to the SQLite database at any time, and two simultaneous writers
+    fail. The environment variable MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL sets the sampling interval in seconds.
 
     Raises:
         BackendError: psutil is not installed.
@@ -141,6 +145,6 @@ def log_metrics(client: MlflowClient, run_id: str, metrics: Sequence[Metric]) ->
 
 
 def comparison(experiment_id: str, run_ids: Sequence[str]) -> str:
-    """Return the description of a sweep's parent run in Markdown: a link that compares the sweep's jobs in the dashboard."""
+    """Return the Markdown description of a sweep's parent run, with a link that compares the sweep's jobs in the MLflow dashboard."""
     runs, experiments = (quote(json.dumps(ids, separators=(",", ":"))) for ids in (list(run_ids), [experiment_id]))
     return f"[Compare its {len(run_ids)} latest jobs](#/compare-runs?runs={runs}&experiments={experiments})"

@@ -1,4 +1,4 @@
-"""The checkout of the repository: its commit, and experiments/ and analysis/, which are not in the wheel."""
+"""Find the checkout of the repository, its commit, and its folders experiments/ and analysis/, which the Python wheel does not contain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`radartwin dashboard`: MLflow's server on loopback, over the runs of the output folder."""
+"""Implement `radartwin dashboard`: start MLflow's web server on this machine, to show the runs in the output folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from radartwin.errors import BackendError, ConfigError
 from radartwin.runs.tracking import Tracker
 
 HOST, USUAL_PORT = "127.0.0.1", 5000
-PAGE = "/#/experiments"  # MLflow's page of experiments
+PAGE = "/#/experiments"  # URL path of the page on which MLflow lists the experiments
 STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -29,10 +29,10 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     """Start MLflow's server, wait until Ctrl-C, SIGTERM or SIGHUP, and return the server's exit status.
 
     Args:
-        port: of the server; None means 5000, or another free port if 5000 is taken.
+        port: port of the web server; None means 5000, or another free port if 5000 is taken.
     Raises:
-        ConfigError: tracking is off or goes to another server.
-        BackendError: the chosen port is taken.
+        ConfigError: tracking is switched off, or uses another MLflow server.
+        BackendError: the port given by the user is taken.
     """
     tracker = Tracker(config, output)
     if tracker.off:
@@ -48,7 +48,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use.
     environment = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **os.environ}
     with contextlib.suppress(KeyboardInterrupt), _interrupted_by_signals():
-        # In a session of its own the server does not receive Ctrl-C, so this process ends the server and all that it started.
+        # The server gets a session of its own, so it does not receive Ctrl-C. This process ends the server and the server's children.
         server = subprocess.Popen(command, env=environment, start_new_session=True)
         try:
             threading.Thread(target=_announce, args=(server, port), daemon=True).start()
@@ -62,7 +62,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
 
 @contextlib.contextmanager
 def _interrupted_by_signals() -> Iterator[None]:
-    """Within the `with`, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt."""
+    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt."""
 
     def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
@@ -76,7 +76,7 @@ def _interrupted_by_signals() -> Iterator[None]:
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:
-    """End the server and the processes that it started with SIGTERM, and after some seconds with SIGKILL."""
+    """End the MLflow server and the processes that it started: first with SIGTERM, and after some seconds with SIGKILL."""
     for number in (signal.SIGTERM, signal.SIGKILL):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(server.pid, number)
@@ -85,7 +85,7 @@ def _end(server: subprocess.Popen[bytes]) -> None:
 
 
 def _announce(server: subprocess.Popen[bytes], port: int) -> None:
-    """Print the address of the experiments page once the server answers."""
+    """Print the address of the experiments page as soon as the MLflow server answers."""
     address, end = f"http://{HOST}:{port}", time.monotonic() + STARTS_WITHIN_S
     while server.poll() is None and time.monotonic() < end:
         with contextlib.suppress(OSError), urllib.request.urlopen(f"{address}/health", timeout=5):
@@ -95,7 +95,7 @@ def _announce(server: subprocess.Popen[bytes], port: int) -> None:
 
 
 def _bindable(port: int) -> int:
-    """Return the port if it is free, else 0. For port 0, return a free port that the system chooses."""
+    """Return `port` if it is free, else 0. If `port` is 0, return a free port that the operating system chooses."""
     with socket.socket() as probe, contextlib.suppress(OSError):
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         probe.bind((HOST, port))

@@ -1,4 +1,4 @@
-"""`radartwin doctor`: check this machine, an output folder or a recording set, and say how to correct each problem."""
+"""Implement `radartwin doctor`: check this machine, an output folder or a recording set, and print how to correct each problem."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from radartwin.runs.checkout import commit
 from radartwin.store.clean import CACHE, cache_bytes
 
 LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
-DISK_NEEDED_GB = 5.0  # the quick profile writes less than 1 GB, the paper profile a few
+DISK_NEEDED_GB = 5.0  # free disk space that runs need; the quick profile writes less than 1 GB, the paper profile a few GB
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report. With status `missing` the machine cannot run simulations; with status `note` it can."""
+    """One line of the doctor's report. With status `missing` the machine cannot run simulations; with status `note` it can."""
 
     topic: str
     status: Literal["ok", "note", "missing"]
@@ -33,7 +33,7 @@ class Finding:
 
 
 def doctor(output: Path) -> int:
-    """Print the findings and how to correct them. Returns exit status 0 if simulations can run here, else 2."""
+    """Print what was checked on this machine and how to correct each problem. Return exit status 0 if simulations can run, else 2."""
     findings = list(examine(output))
     for finding in findings:
         print(f"{finding.status:8s}{finding.topic:10s}{finding.text}")
@@ -46,7 +46,7 @@ def doctor(output: Path) -> int:
 
 
 def doctor_data(folder: Path) -> int:
-    """Print the content of a recording set and all its problems. Returns exit status 0 if the set can be used, else 2."""
+    """Print the content of a recording set and all its problems. Return exit status 0 if the recording set can be used, else 2."""
     from radartwin.io.progress import Progress
     from radartwin.recordings.checks import examine as examine_set
 

@@ -1,7 +1,7 @@
-"""The interface between the runner and an experiment. An experiment is a module with `run(config, store, progress) -> Result`.
+"""Define the interface between the runner and an experiment, which is a module with a function `run(config, store, progress) -> Result`.
 
 The runner imports the module that the configuration names (`experiment.module`, or experiments.NAME for `experiment.name`). A finished
-result is a product of the store, so a second run reads it back.
+result is saved in the store on disk, so a second run of the same configuration reads the saved result.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SCORE_COLUMNS = ("metric", "paper", "value", "low", "high", "n", "domain", "verdict")  # the last columns of every table, in this order
 VERDICTS = ("holds", "fails", "untestable")
-MODELS = "models"  # folder of a run's product
+MODELS = "models"  # name of the folder for trained models within a stored result
 
 
 @dataclass
@@ -35,13 +35,14 @@ class Result:
     """The result of one experiment.
 
     Attributes:
-        table: name of the table.
-        rows: of the table, as dictionaries: the columns that name the case, then SCORE_COLUMNS and `run_keys`.
-        figures: functions that draw a figure, by name; for a result read from the store, paths of the figure's files without suffix.
-        metrics: scalars that MLflow shows, by name; about thirty at most, without brackets in their names.
-        keys: keys of the products that the result was computed from.
-        run_key: key of the run's product; the runner sets it.
-        models: trained models by name; for a result read from the store, their folders.
+        table: name of the result table.
+        rows: rows of the result table as dictionaries. The first columns state the conditions; SCORE_COLUMNS and `run_keys` follow.
+        figures: mapping from a figure's name to the function that draws it. In a result that was read from the store, the mapping
+            gives the path of the figure's files without suffix instead.
+        metrics: mapping from name to the numbers that MLflow shows; about thirty at most, without brackets in the names.
+        keys: keys of the stored data that the result was computed from.
+        run_key: key of the stored result; the runner sets it.
+        models: mapping from name to trained model. In a result that was read from the store, the mapping gives the model's folder instead.
     """
 
     table: str
@@ -55,11 +56,11 @@ class Result:
 
 @dataclass(frozen=True)
 class Table:
-    """Describes how the report shows the rows of an experiment. Each experiment module declares its table as `TABLE`.
+    """Describes how the report shows the result table of an experiment. Each experiment module assigns its description to `TABLE`.
 
     Attributes:
-        name: of the experiment (conf/experiment/NAME.yaml) and of the files of the table.
-        chart: function of the rows that returns the HTML page of an interactive chart, shown beside the figures.
+        name: name of the experiment (conf/experiment/NAME.yaml) and of the files with its result table.
+        chart: function of the table rows that returns an HTML page with an interactive chart; the report shows it beside the figures.
     """
 
     name: str
@@ -116,10 +117,10 @@ def declared(experiment: ExperimentConfig) -> Table:
 
 
 def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
-    """Check that every row has the score columns, a known verdict, and a value inside its confidence interval.
+    """Check that every row of a result table has the score columns, a known verdict, and a value inside its confidence interval.
 
     Raises:
-        InputError: a row is wrong; the message names table, row and column.
+        InputError: a row is wrong; the message names the table, the row and the column.
     """
     for number, row in enumerate(rows, 1):
         where = f"table {table}, row {number}"
@@ -138,7 +139,7 @@ def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
 
 
 def save(result: Result, folder: Path) -> None:
-    """Draw the figures and write the result into a product folder under construction."""
+    """Draw the figures of a result and write the result to `folder`, which becomes its folder in the store."""
     check_rows(result.table, result.rows)
     for name in result.metrics:
         if any(bracket in name for bracket in "[](){}"):
@@ -158,10 +159,12 @@ def save(result: Result, folder: Path) -> None:
 
 
 def read(product: Product) -> Result:
-    """Read the result from a product folder. Its figures are paths without suffix; a .png, .pdf and .html file of each exists.
+    """Read a result from its folder in the store.
+
+    Its figures are paths without suffix, to each of which belong a .png, .pdf and .html file.
 
     Raises:
-        InputError: the product is not a result, or names files outside its folder.
+        InputError: the stored data is not a result, or names files outside its folder.
     """
     try:
         content = product.read_json("result")

@@ -1,9 +1,10 @@
-"""Run one job of a sweep for a launcher: run the experiment, write the outcome to a file, and raise no exception.
+"""Run one job of a sweep for a launcher: run the experiment, write how the job ended to a file, and raise no exception.
 
-An exception in a launcher would lose the rest of the sweep. So a job writes files into its folder, and the parent of the sweep reads them:
+An exception in a launcher would lose the remaining jobs of the sweep. Therefore each job writes these files to its own folder, and the
+process that started the sweep reads them:
 
-    started        written first; a folder with this file and no outcome belongs to a job that was killed
-    log.txt        standard error of the job, with the traceback of a defect
+    started        written first; a folder with this file and without outcome.json belongs to a job that was killed
+    log.txt        standard error of the job, with the traceback of a programming error
     outcome.json   how the job ended, written atomically
 """
 
@@ -36,13 +37,15 @@ STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one job ended. The status is done, cached (finished by an earlier run), failed (by a defect or a kill), refused (because of wrong
-    user input) or not run.
+    """How one job of a sweep ended.
+
+    The status is "done", "cached" (an earlier run finished the job), "failed" (by a programming error, or because the job was killed),
+    "refused" (because of wrong user input) or "not run".
 
     Attributes:
-        line: number of products computed and reused, or the reason of a failure.
-        seconds: wall-clock time.
-        log: path of the log; empty if the log is empty.
+        line: text with the number of results computed and reused, or with the reason of a failure.
+        seconds: wall-clock run time of the job.
+        log: path of the job's log file; empty if the job wrote no log text.
     """
 
     job: str
@@ -62,7 +65,7 @@ class Outcome:
 
     @classmethod
     def read(cls, folder: Path) -> Outcome | None:
-        """Read the outcome from a job's folder; None if the job has not ended."""
+        """Read how a job ended from the job's folder; None if the job has not ended."""
         try:
             return cls(**json.loads((folder / OUTCOME).read_text(encoding="utf-8")))
         except FileNotFoundError:
@@ -70,18 +73,18 @@ class Outcome:
 
 
 def job_name(overrides: Sequence[str]) -> str:
-    """Join the overrides that distinguish a job from the other jobs of its sweep, such as materials=void,seed=1."""
+    """Join the overrides that distinguish a job from the other jobs of its sweep into a name, such as materials=void,seed=1."""
     return ",".join(f"{key}={value}" for key, value in naming(overrides).items()) or "defaults"
 
 
 def job(composed: DictConfig) -> None:
-    """Run one job; Hydra's launchers call this task function, in any process or on any machine."""
+    """Run one job of a sweep. Hydra's launchers call this function, in any process or on any machine."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 
     runtime = HydraConfig.get()
     overrides = list(runtime.overrides.task)
-    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # the path may contain ${, which must not be resolved
+    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # a ${ in the path must stay as it is
     folder = Path(cast(dict, unresolved)["output_dir"])
     in_parent = runtime.runtime.choices.get("hydra/launcher") == "basic"
     (folder / STARTED).touch()
@@ -110,7 +113,7 @@ def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
 
 @contextlib.contextmanager
 def _logged(path: Path, echo: bool) -> Iterator[None]:
-    """Within the `with`, write standard error to the file, and with `echo` also to the terminal."""
+    """Within the `with` block, write standard error to the file `path`, and if `echo` is True also to the terminal."""
     with (
         path.open("w", encoding="utf-8", buffering=1) as log,
         contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log),
@@ -119,7 +122,7 @@ def _logged(path: Path, echo: bool) -> Iterator[None]:
 
 
 class _Both(io.TextIOBase):
-    """A stream that writes to two streams. It does not count as a terminal, so progress is printed as lines."""
+    """A text stream that writes to two other streams. It does not count as a terminal, so progress is printed line by line."""
 
     def __init__(self, first: TextIO, second: TextIO) -> None:
         self._streams = (first, second)

@@ -1,8 +1,8 @@
 """Run the jobs of a sweep with one of Hydra's launchers (serial, joblib, SLURM), so that a killed job does not end the sweep.
 
-With Hydra's own multirun the first killed worker loses all jobs. Here each job writes an outcome into a folder (radartwin/runs/job.py).
-If the launcher fails, this module runs the jobs that had started again, one at a time. A job that crashes again when it runs alone has
-failed. The other jobs continue together.
+In Hydra's own multirun command, the first killed worker loses all jobs. In this module, each job writes how it ended to a folder
+(radartwin/runs/job.py). If the launcher fails, this module runs the jobs that had started again, one at a time. A job that crashes again
+when it runs alone has failed. All other jobs continue together.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from radartwin.io import files
 from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
 
 POLL_S = 0.2
-ALONE_TRIES = 2  # tries of a job that runs alone: another program may kill the job once, but hardly twice in a row
+ALONE_TRIES = 2  # number of times that a crashed job is run alone; another program may kill it once, but hardly twice in a row
 
 
 class Launcher:
@@ -38,7 +38,7 @@ class Launcher:
         self._plugin = launcher([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs, job)
 
     def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
-        """Run the jobs (overrides by job number) until each has an outcome. Raises the launcher's error if no job has started."""
+        """Run the jobs (job number -> overrides) until each has ended. If the launcher fails before any job starts, raise its error."""
         waiting = dict(jobs)
         with self._watched(list(jobs), total):
             while waiting:
@@ -57,7 +57,10 @@ class Launcher:
         Outcome(job_name(overrides), FAILED, reason, log=str(log) if log.exists() else "").write(self._place(number))
 
     def _launch(self, jobs: Mapping[int, Sequence[str]]) -> None:
-        """Call the launcher once. An error of the launcher after jobs have started is ignored, because `run` starts them again."""
+        """Call Hydra's launcher once.
+
+        An error of the launcher after jobs have started is ignored, because `run` starts these jobs again.
+        """
         for number in jobs:
             files.make_folder(self._place(number))
             (self._place(number) / STARTED).unlink(missing_ok=True)
@@ -76,7 +79,7 @@ class Launcher:
 
     @contextlib.contextmanager
     def _watched(self, numbers: list[int], total: int) -> Iterator[None]:
-        """Print a line for each outcome as soon as its file appears."""
+        """Within the `with` block, print a line for each job as soon as the file that states how the job ended appears."""
         over, said = threading.Event(), total - len(numbers)
 
         def report() -> None:

@@ -1,7 +1,7 @@
-"""Run one experiment: compose the configuration, compute or read the result, track it in MLflow. For sweeps see radartwin/runs/sweep.py.
+"""Run one experiment: compose the configuration, compute the result or read it from the store, and track the run in MLflow.
 
-The run saves its result in the store first and then tracks it in MLflow. If tracking fails, the run only warns, and the next run of the
-same configuration tracks the result.
+The run first saves its result in the store on disk and then tracks it in MLflow. If tracking fails, the run only prints a warning, and the
+next run of the same configuration tracks the saved result. radartwin/runs/sweep.py runs several experiments in a sweep.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from radartwin.store import products
 from radartwin.store.digest import semantic
 from radartwin.store.products import RUN, Counts, Store
 
-_UNNAMED = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that do not distinguish the runs of one table
+_UNNAMED = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that are left out of the name of a run
 
 
 def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
-    """Compute the result of a composed experiment, or read it from the store if an earlier run finished.
+    """Compute the result of a configured experiment, or read it from the store if an earlier run finished it.
 
-    Returns: the result, and the numbers of products that were computed and that were found in the store.
+    Returns: the result, and how many stored results were computed and how many were reused.
 
     Raises:
         UserError: the configuration cannot be run.
@@ -62,7 +62,7 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
 
         product = store.fetch(RUN, spec, entries, build)
         result = read(product)
-        if product.reused and not tracker.known(name, key):  # computed with tracking=off, or tracked elsewhere
+        if product.reused and not tracker.known(name, key):  # the result was computed with tracking=off, or tracked on another server
             track()
         for record in records:
             record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
@@ -71,7 +71,7 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
 
 
 def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
-    """Group product keys by the kind of their product. A key that the store does not hold belongs to a recording set of the user."""
+    """Group keys of stored data by the kind of data. A key that the store does not hold belongs to a recording set of the user."""
     found: dict[str, list[str]] = {}
     for key in keys:
         place = next(store.root.glob(f"*/{key}"), None)
@@ -84,25 +84,27 @@ def finished(config: Config) -> bool:
 
 
 def run_key(config: Config) -> str:
-    """Return the key of a run of this configuration with the current source code."""
+    """Return the run key: the digest that identifies the result of this configuration with the current source code."""
     return Store(Path(config.output) / "cache").key(RUN, *_identity(config))
 
 
 def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
-    """Return the specification that forms a run's key, and the experiment's module. The specification holds the configuration and the
-    additions of the module, such as the machine of a timing experiment."""
+    """Return the values from which the run key is computed, and the names of the experiment's modules.
+
+    The values are the configuration and additions of the experiment module, such as the machine name in a timing experiment.
+    """
     own = getattr(load(config.experiment), "identity", dict)()
     return {"config": semantic(config), **own}, [module_name(config.experiment)]
 
 
 def naming(overrides: Sequence[str]) -> dict[str, str]:
-    """Return the overrides that distinguish a run from others of its table, by key, such as {"materials": "void"}."""
+    """Return the overrides that distinguish this run from other runs of the same table, as a mapping such as {"materials": "void"}."""
     pairs = (override.lstrip("+~").partition("=") for override in overrides)
     return {key: value for key, _, value in pairs if key.partition(".")[0].partition("/")[0] not in _UNNAMED}
 
 
 def summary(result: Result) -> str:
-    """Format the number of rows by verdict and the metrics as lines for a terminal."""
+    """Format the number of table rows with each verdict, and the metrics, as lines for a terminal."""
     verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in VERDICTS)
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
     return "\n".join([f"{result.table}: {len(result.rows)} rows ({verdicts}); run {result.run_key[:8]}", *numbers])
@@ -113,7 +115,7 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     config = compose(overrides, config_dirs)
     result, counts = run_experiment(config, overrides)
     page = getattr(load(config.experiment), "page", None)
-    if callable(page):  # an experiment may print its rows in its own form
+    if callable(page):  # the experiment module may define a function that prints its rows
         print(page(result.rows))
     print(summary(result))
     print(f"run: {counts}")
@@ -121,7 +123,7 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
 
 
 def extend_path(config_dirs: Sequence[Path]) -> None:
-    """Make the user's experiment modules importable, here and in workers, from each configuration folder and its parent folder."""
+    """Let Python import the user's experiment modules from each configuration folder and its parent folder, also in worker processes."""
     for folder in config_dirs:
         for root in (str(folder.resolve()), str(folder.resolve().parent)):
             if root not in sys.path:

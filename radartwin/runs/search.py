@@ -1,8 +1,8 @@
-"""`radartwin run --search METRIC`: search for settings that maximise or minimise a metric, with Optuna.
+"""Implement `radartwin run --search METRIC`: search for settings that maximise or minimise a metric, with Optuna.
 
-Optuna proposes settings, the launcher of the sweep runs them, and Optuna receives the metric. The study is saved in output/search/NAME.db,
-where NAME follows from the search space, so the same command continues the study. A trial whose run is already finished is read from the
-store.
+Optuna proposes settings, the sweep's launcher runs an experiment with them, and Optuna receives the resulting metric. The search is saved
+in output/search/NAME.db, where NAME follows from the search space, so the same command continues an earlier search. If the run that Optuna
+proposes is already finished, its result is read from the store.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SearchGoal:
-    """The metric to optimise, the number of trials, and how many trials run at once."""
+    """The metric to optimise, the number of trials (runs with proposed settings), and how many trials run at the same time."""
 
     metric: str
     trials: int = 20
-    direction: str = "maximize"  # or "minimize"
+    direction: str = "maximize"  # "maximize" or "minimize" the metric
     at_once: int = 1
 
     def __post_init__(self) -> None:
@@ -44,10 +44,10 @@ class SearchGoal:
 
 
 def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGoal) -> int:
-    """Run trials until the study has the requested number, and print the best trial. Returns the exit status.
+    """Run trials until the search has the requested number of trials, and print the best trial. Return the exit status.
 
     Raises:
-        ConfigError: no override is an interval or a choice, or the experiment has no metric of this name.
+        ConfigError: no override is an interval or a list of values, or the experiment has no metric of this name.
         BackendError: Optuna is not installed, or its database cannot be used.
     """
     extend_path(config_dirs)
@@ -72,9 +72,10 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
 
 
 def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistribution]]:
-    """Split overrides into the fixed overrides and the distribution of each setting to search over.
+    """Split overrides into fixed overrides and the search distribution of each setting.
 
-    interval(a,b) is continuous, tag(log,interval(a,b)) is continuous on a logarithmic scale; range(a,b,step) and a,b,c are choices.
+    interval(a,b) is a continuous range; tag(log,interval(a,b)) is a continuous range on a logarithmic scale; range(a,b,step) and a,b,c are
+    lists of values.
 
     Raises:
         ConfigError: an override cannot be parsed, or an interval is empty.
@@ -98,9 +99,9 @@ def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistributi
 
 
 def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribution], goal: SearchGoal) -> tuple[Study, Path]:
-    """Open or create the Optuna study of this search space. Trials that a killed process left unfinished are queued again.
+    """Open or create Optuna's database for this search space. Trials that a killed process left unfinished are queued again.
 
-    Returns: the study, and the path of its file.
+    Returns: the Optuna study, and the path of its database file.
     """
     optuna = _optuna()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
@@ -114,7 +115,7 @@ def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribu
             study = optuna.create_study(storage=storage, study_name=name, direction=goal.direction, load_if_exists=True)
     except UserError:
         raise
-    except Exception as error:  # SQLAlchemy, alembic and SQLite each raise errors of their own types
+    except Exception as error:  # SQLAlchemy, alembic and SQLite each raise their own exception types
         reason = " ".join(str(error).split())[:200]
         raise BackendError(f"{place}: the study cannot be opened ({reason}); move it away to start anew") from error
     study.sampler = optuna.samplers.TPESampler(seed=first.seed + len(study.trials))
@@ -145,7 +146,7 @@ def _report(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
 
 
 def _finished(study: Study) -> list[Any]:
-    """Return the completed trials and the trials that failed for a stated reason, but not the trials that a kill interrupted."""
+    """Return the completed trials and the trials that failed for a stated reason, but not the trials that were interrupted by a kill."""
     optuna = _optuna()
     complete = study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.FAIL))
     return [trial for trial in complete if trial.state == optuna.trial.TrialState.COMPLETE or "reason" in trial.user_attrs]

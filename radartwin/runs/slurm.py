@@ -1,7 +1,7 @@
-"""Run a sweep on SLURM: hydra-submitit-launcher submits the jobs, and squeue reports which of them still run.
+"""Run a sweep on a SLURM cluster: hydra-submitit-launcher submits the jobs, and the command squeue reports which jobs still run.
 
-hydra-submitit-launcher itself stops waiting at the first killed job, and never stops on a cluster without accounting. In this module a job
-has ended when its outcome is written (radartwin/runs/job.py) or when the queue no longer holds the job.
+hydra-submitit-launcher itself stops waiting at the first killed job, and waits forever on a cluster without SLURM accounting. In this
+module a job has ended when its file outcome.json exists (radartwin/runs/job.py) or when the SLURM queue no longer contains the job.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from radartwin.errors import BackendError
 from radartwin.runs.job import FAILED, LOG, Outcome, job_name
 
 POLL_S = float(os.environ.get("RADARTWIN_SLURM_POLL", "5"))
-GRACE_S = 4 * POLL_S  # wait for the outcome of a job that left the queue: files of a node appear here with a delay
+GRACE_S = 4 * POLL_S  # seconds to wait for outcome.json of a job that left the SLURM queue; files of other nodes appear with a delay
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 
 
 class SlurmSweep(SlurmLauncher):
-    """The launcher of hydra/launcher=slurm, with the settings of submitit_slurm."""
+    """The launcher for hydra/launcher=slurm; its settings are those of the launcher submitit_slurm."""
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[Any]:
-        """Submit the jobs as one array and return when each has an outcome.
+        """Submit the jobs of a sweep as one SLURM job array and return when each job has ended.
 
         Raises:
             BackendError: SLURM is not installed here, or refuses the submission.
@@ -60,7 +60,7 @@ class SlurmSweep(SlurmLauncher):
         return []
 
     def _wait(self, jobs: dict[str, Sequence[str]]) -> None:
-        """Wait until each job has an outcome. A job that left the queue without an outcome has failed."""
+        """Wait until each job of the SLURM array has ended. A job that left the SLURM queue without writing outcome.json has failed."""
         array, gone_since = _array(list(jobs)), dict[str, float]()
         while True:
             jobs = {job: overrides for job, overrides in jobs.items() if Outcome.read(self._place(overrides)) is None}
@@ -85,17 +85,17 @@ class SlurmSweep(SlurmLauncher):
         Outcome(job_name(named), FAILED, reason, log=log).write(place)
 
     def _place(self, overrides: Sequence[str]) -> Path:
-        """Return the folder of a job, which radartwin/runs/launchers.py passes as an override."""
+        """Return the folder of a job, which radartwin/runs/launchers.py passes to the job as an override."""
         assert self.config is not None
         name = next(o.partition("=")[2].strip("'") for o in overrides if o.startswith("hydra.sweep.subdir="))
         return Path(str(self.config.hydra.sweep.dir)) / name
 
 
-UNREACHABLE: dict[str, str] = {}  # returned if the queue does not answer; compared by identity, so an empty queue differs from it
+UNREACHABLE: dict[str, str] = {}  # returned if SLURM does not answer; `is` comparison distinguishes it from an empty queue
 
 
 def queue_states(array: str) -> dict[str, str]:
-    """Return the states of an array's jobs that are still in the queue, by job id, such as {"12_3": "RUNNING"}."""
+    """Return the states of a SLURM array's jobs that are still in the queue, by job id, such as {"12_3": "RUNNING"}."""
     command = ["squeue", "--noheader", "--array", "--states=all", f"--jobs={array}", "--format=%i %T"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode and "Invalid job id" not in done.stderr:

@@ -1,8 +1,8 @@
-"""`radartwin run -m`: run one job per combination of values, and print a table of the jobs at the end.
+"""Implement `radartwin run -m`: run one job per combination of values, and print a table of all jobs at the end.
 
-The configurations of all jobs are composed before the first job starts, so that a wrong key is found early. Jobs that an earlier run
-finished are read from the store; the launcher that hydra/launcher names runs the other jobs. A sweep stores nothing besides its runs, so
-the same command resumes an interrupted sweep.
+The configurations of all jobs are composed before the first job starts, so that a wrong key is found early. Results of jobs that an earlier
+run finished are read from the store. The launcher that hydra/launcher names runs all other jobs. A sweep stores only the results of its
+jobs, so the same command resumes an interrupted sweep.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TABLE = "jobs.csv"
 
 
 def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
-    """Run every combination. Returns 0 if all jobs are done, 1 if a job failed, 2 if a job was refused."""
+    """Run one job per combination of values. Return 0 if all jobs are done, 1 if a job failed, 2 if a job had wrong user input."""
     extend_path(config_dirs)
     ours, hydras = split(overrides)
     jobs = combinations(ours)
@@ -41,12 +41,13 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
 
 
 class Sweep:
-    """A running sweep: its folder, its parent run in MLflow, its launcher, and the outcomes so far.
+    """A running sweep: its folder, its parent run in MLflow, its launcher, and how the finished jobs ended.
 
     Args:
-        first: configuration of one of its jobs; all jobs have the same table and output folder.
-        hydra_overrides: the launcher and its settings.
-        title: name of the parent run: the overrides that distinguish this sweep from other sweeps of the same table.
+        first: configuration of one job; all jobs of a sweep have the same result table and output folder.
+        hydra_overrides: overrides that select the launcher and its settings.
+        config_dirs: further folders with option files.
+        title: name of the parent run in MLflow: the overrides that distinguish this sweep from other sweeps of the same result table.
     """
 
     def __init__(self, first: Config, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], title: str) -> None:
@@ -80,7 +81,7 @@ class Sweep:
             self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
-        """Run the jobs (overrides and configuration by job number). Jobs that are already finished are read from the store."""
+        """Run the jobs (job number -> overrides and configuration). Results of jobs that are already finished are read from the store."""
         total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
         waiting: dict[int, list[str]] = {}
@@ -95,7 +96,7 @@ class Sweep:
         self._collect()
 
     def close(self) -> int:
-        """Print the table of jobs. Returns the exit status."""
+        """Print the table of the sweep's jobs. Return the exit status."""
         print(table_text(self.outcomes.values()))
         print(self._totals())
         statuses = {outcome.status for outcome in self.outcomes.values()}
@@ -134,13 +135,13 @@ def composed(jobs: Sequence[list[str]], composer: Composer) -> list[Config]:
 
 
 def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
-    """Return the outcome of a job whose run is already finished; None if the job has to run."""
+    """Return how a job ended if an earlier run finished it; None if the job has to run."""
     started = time.monotonic()
     try:
         if not finished(config):
             return None
         result, counts = run_experiment(config, overrides, Progress(quiet=True))
-    except UserError:  # the job itself reports the error
+    except UserError:  # the job raises the same error again when it runs, and reports it
         return None
     return Outcome(
         job_name(overrides), CACHED, str(counts), result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics)
@@ -156,7 +157,7 @@ def table_text(outcomes: Iterable[Outcome]) -> str:
 
 
 def table_csv(outcomes: Iterable[Outcome]) -> str:
-    """Format the outcomes as CSV with the columns job, status, run_key, one per metric, line, log and seconds."""
+    """Format the jobs of a sweep as CSV with the columns job, status, run_key, one column per metric, line, log and seconds."""
     rows = list(outcomes)
     metrics = sorted({name for row in rows for name in row.metrics})
     text = io.StringIO()

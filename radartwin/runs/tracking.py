@@ -1,8 +1,8 @@
-"""Track runs in MLflow: in SQLite in the output folder, or on a server.
+"""Track runs in MLflow, either in an SQLite database in the output folder or on an MLflow server.
 
-If several processes open a new SQLite database at once, they destroy it; if two processes write at once, a write fails. So one file lock
-protects every access to the database; artifacts are plain files and need no lock. A run locks the database twice for a short time: first to
-create the run, and then to end it with all metrics, tags and datasets.
+If several processes create the SQLite database at once, they damage it. If two processes write to it at once, one of them fails. Therefore
+one file lock protects every access to the database; the artifacts are plain files and need no lock. A run locks the database twice for a
+short time: once to create the run, and once to end it with all metrics, tags and datasets.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ if TYPE_CHECKING:
     from mlflow.entities import Metric
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
-KIND = {"mlflow.experimentKind": "custom_model_development"}  # then the page of an experiment opens on the table of runs
-PROCESS = "process"  # tag of a run: host name and process id that compute the run
-COMPARED = 100  # number of jobs that the link of a parent run compares
-MAX_METRICS = 40  # of one run; runs have about thirty scalars, and curves and tables are artifacts
+KIND = {"mlflow.experimentKind": "custom_model_development"}  # with this tag, MLflow's experiment page opens on the table of runs
+PROCESS = "process"  # name of the tag that holds the host name and process id of the process that computes the run
+COMPARED = 100  # largest number of jobs in the comparison link of a sweep's parent run
+MAX_METRICS = 40  # largest number of metrics per run; a run has about thirty numbers, and its curves and tables are artifacts
 
 
 class Tracker:
-    """Tracks the runs of one output folder in MLflow. The constructor only checks the database; `prepare` opens it.
+    """Tracks the runs of one output folder in MLflow. The constructor only checks the database; the method `prepare` opens it.
 
     Args:
-        config: with backend "off" every method does nothing.
+        config: tracking settings; if their backend is "off", every method of the tracker does nothing.
         output: root folder of all output.
     Raises:
         BackendError, OutputError: the SQLite database cannot be opened or created.
@@ -61,7 +61,7 @@ class Tracker:
 
     @property
     def artifacts(self) -> str | None:
-        """Return the URI of the artifact folder beside a SQLite database; None for a server."""
+        """Return the URI of the folder for artifacts beside an SQLite database; None if runs are tracked on a server."""
         return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
 
     @property
@@ -70,19 +70,22 @@ class Tracker:
         return self._database.with_name(f".{self._database.name}.lock")
 
     def prepare(self) -> None:
-        """Create or open MLflow's store. The parent of a sweep calls this before its jobs start."""
+        """Create or open MLflow's database. The parent process of a sweep calls this method before the sweep's jobs start."""
         if not self.off:
             with self._visit():
                 pass
 
     @contextlib.contextmanager
     def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
-        """Track the work inside the `with` as one MLflow run. Yields the record of what to log; an error marks the run as failed.
+        """Within the `with` block, track one run in MLflow. Yield the record that the caller fills with the data to log.
+
+        If an error leaves the block, the MLflow run is marked as failed.
 
         Args:
-            table: name of the MLflow experiment.
-            key: run key, stored as a tag. An unfinished run with the same key must have been killed, so it is marked as killed.
-            name: of the run; the first characters of the key are appended.
+            table: name of the MLflow experiment, which is the name of the result table.
+            key: run key, stored as a tag. An unfinished MLflow run with the same key must have been killed, so it is marked as killed.
+            name: beginning of the MLflow run's name; the first characters of the run key are appended.
+            params: configuration values of the run that MLflow shows, by name.
         """
         record = Record()
         if self.off:
@@ -107,14 +110,14 @@ class Tracker:
             status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", hidden(str(raised))[:500]
             raise
         finally:
-            ended = began + int((time.monotonic() - clock) * 1000)  # monotonic, because the wall clock may be set during the run
+            ended = began + int((time.monotonic() - clock) * 1000)  # the monotonic clock is not affected if the system time is changed
             try:
                 self._end(record, params, samples, status, error, ended)
             except (BackendError, OutputError) as lost:
                 warnings.warn(f"run {key[:8]} is not complete in MLflow: {lost}; its result is kept", stacklevel=1)
 
     def sweep(self, table: str, name: str) -> str | None:
-        """Open the parent run of a sweep and return its id; None if tracking is off. A resumed sweep continues its earlier parent run."""
+        """Open the parent run of a sweep in MLflow and return its id; None if tracking is off. A resumed sweep continues its parent run."""
         if self.off:
             return None
         sweep_key = hashlib.sha256(f"{table} {name}".encode()).hexdigest()[:32]
@@ -128,7 +131,10 @@ class Tracker:
             return client.create_run(experiment_id, run_name=name, tags=tags).info.run_id
 
     def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
-        """End the parent run with the table of its jobs and a link that compares them. If this fails, only warn."""
+        """End a sweep's parent run in MLflow with the table of the sweep's jobs and a link that compares them.
+
+        An error only causes a warning.
+        """
         if run_id is None:
             return
         try:
@@ -144,7 +150,7 @@ class Tracker:
             warnings.warn(f"the sweep is not complete in MLflow: {lost}; its runs are kept", stacklevel=1)
 
     def known(self, table: str, key: str) -> bool:
-        """Return whether MLflow holds a finished run with this key, or a living process of this machine computes the run."""
+        """Return whether MLflow holds a finished run with this run key, or a running process on this machine computes this run."""
         if self.off:
             return True
         with self._visit() as client:
@@ -153,7 +159,7 @@ class Tracker:
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
-        """Yield the client of MLflow's store while holding the lock. Errors of the store become BackendError."""
+        """Yield a client of MLflow's database while holding the file lock. Errors of the database are raised as BackendError."""
         with files.lock(self._lock) if self._database else contextlib.nullcontext():
             client = self._connect()
             with _store_errors(self.uri):
@@ -166,7 +172,7 @@ class Tracker:
                 from mlflow import MlflowClient
 
                 client = MlflowClient(tracking_uri=self.uri)
-                client.search_experiments(max_results=1)  # SQLite: creates the tables
+                client.search_experiments(max_results=1)  # the first query creates the tables of an SQLite database
             self._client = client
         return self._client
 
@@ -211,17 +217,17 @@ def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
 
 
 def _quieten() -> None:
-    """Switch off telemetry, the migration log and the warning about a missing git. Call this before the first import of mlflow."""
+    """Switch off mlflow's telemetry, its migration log and its warning about missing git. Call this before the first import of mlflow."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
     logging.getLogger("alembic").setLevel(logging.WARNING)
-    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # the same error is raised and reported by `_unusable`
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # `_unusable` reports the same database error
 
 
 def _check_database(path: Path) -> None:
-    """Raise BackendError for a database that cannot be used, because mlflow would retry for minutes."""
+    """Raise BackendError for an SQLite database that cannot be used, because mlflow would retry for minutes before it fails."""
     if signs := [sign for sign in "?#%" if sign in str(path)]:
         raise _unusable(path, f"mlflow misreads '{signs[0]}' in the path of a database")
     if not path.exists():
@@ -238,7 +244,7 @@ def _check_database(path: Path) -> None:
 
 @contextlib.contextmanager
 def _store_errors(uri: str) -> Iterator[None]:
-    """Within the `with`, turn errors of MLflow's store into a BackendError of one line that names the store."""
+    """Within the `with` block, raise errors of MLflow's database as a BackendError whose one-line message names the database."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -252,7 +258,7 @@ def _store_errors(uri: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _short_timeouts() -> Iterator[None]:
-    """Within the `with`, let mlflow try a server twice for 10 s each instead of for minutes. The user's settings take precedence."""
+    """Within the `with` block, let mlflow try a server twice for 10 s each instead of for minutes. Settings of the user take precedence."""
     ours = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
     added = {name: value for name, value in ours.items() if name not in os.environ}
     os.environ.update(added)
@@ -269,13 +275,13 @@ def _unusable(store: object, reason: str) -> BackendError:
 
 
 def _one_line(error: Exception) -> str:
-    """Return SQLite's own message if the error wraps one; otherwise the first line of the error."""
+    """Return SQLite's own error message if `error` wraps an SQLite error; otherwise return the first line of the error's text."""
     if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
         return found.group(1).strip()
     return hidden((str(error).splitlines() or [type(error).__name__])[0])[:200]
 
 
 def _alive(found: Mapping[str, str]) -> bool:
-    """Return whether the process that the tags of a run name still runs on this machine."""
+    """Return whether the process that the tags of an MLflow run name still runs on this machine."""
     host, _, process = found.get(PROCESS, "").rpartition(":")
     return host == socket.gethostname() and process.isdecimal() and files.alive(int(process))

@@ -1,6 +1,6 @@
 """Distribute function calls over worker processes. A result must not depend on which worker computed it; only the run time may.
 
-Within `reused`, the workers of one task also do the next task, so modules stay imported and kernels stay compiled.
+Within a `reused` block, the same workers do several tasks, so their modules stay imported and their kernels stay compiled.
 """
 
 from __future__ import annotations
@@ -17,19 +17,20 @@ from radartwin.io import memory
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
 from radartwin.store import products
 
-BYTES_PER_WORKER = 8e9  # memory of one worker that simulates the atrium
-IDLE_BYTES = 2e9  # memory that a worker may keep between two tasks
-FEWEST_ITEMS = 4  # below this number, starting a second process takes longer than it saves
+BYTES_PER_WORKER = 8e9  # memory in bytes that one worker needs to simulate the room `atrium`
+IDLE_BYTES = 2e9  # memory in bytes that a worker may keep between two tasks
+FEWEST_ITEMS = 4  # with fewer items, starting a second worker process takes longer than it saves
 
 _pool: ProcessPool | None = None
 _reusing = False
 
 
 def worker_count(jobs: int, items: int) -> int:
-    """Return the number of workers for a number of items; 1 means that this process does the work itself.
+    """Return the number of workers for a number of items; 1 means that the calling process does the work itself.
 
     Args:
-        jobs: configured number of workers; 0 means as many as cores and memory allow. There is at most one worker per two items.
+        jobs: configured number of workers; 0 means as many as processor cores and memory allow.
+        items: number of function calls to distribute. There is at most one worker per two items.
     """
     if items < FEWEST_ITEMS or in_worker():
         return 1
@@ -40,7 +41,7 @@ def worker_count(jobs: int, items: int) -> int:
 
 @contextlib.contextmanager
 def reused() -> Iterator[None]:
-    """Within the `with`, keep the workers alive between tasks."""
+    """Within the `with` block, keep the worker processes alive between tasks."""
     global _reusing
     before, _reusing = _reusing, True
     try:
@@ -52,14 +53,15 @@ def reused() -> Iterator[None]:
 
 
 def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: int, done: Callable[[], None] = lambda: None) -> list[Any]:
-    """Return [function(*item) for item in items], computed by workers if there are enough items.
+    """Return [function(*item) for item in items]. Worker processes compute the calls if there are enough items.
 
     Args:
-        function: a function of a module; its arguments and results can be pickled.
-        jobs: see `worker_count`.
-        done: called after each item.
+        function: a function defined in a module; its arguments and its result can be pickled.
+        items: one tuple of arguments per function call.
+        jobs: configured number of workers, see `worker_count`.
+        done: function that is called after each finished item.
     Raises:
-        UserError, BackendError: as `run`.
+        UserError, BackendError: for the same reasons as in the function `run`.
     """
     count = worker_count(jobs, len(items))
     if count == 1:
@@ -90,15 +92,18 @@ def run(
     count: int,
     fresh: bool = False,
 ) -> None:
-    """Call a function repeatedly in `count` workers until `next_call` gives no more arguments.
+    """Call a function repeatedly in `count` worker processes until `next_call` returns None for every worker.
 
     Args:
-        next_call: gets a worker's number (0 to count - 1) and returns the arguments of its next call, or None at the end.
-        on_result: called with each returned value, in the order of completion.
-        fresh: start new workers. Run-time measurements need this, because earlier work in a worker makes later work faster.
+        function: a function defined in a module; its arguments and its result can be pickled.
+        next_call: function that gets a worker's number (0 to count - 1) and returns the arguments of this worker's next call, or None
+            if the worker has no further calls.
+        on_result: function that is called with each returned value, in the order in which the calls finish.
+        count: number of worker processes.
+        fresh: True starts new workers. Run-time measurements need new workers, because earlier work in a worker makes later work faster.
     Raises:
         UserError: raised by the function.
-        BackendError: a worker died or ran out of memory. Any other error is a defect of the function and carries the worker's traceback.
+        BackendError: a worker died or ran out of memory. Any other error is a programming error and carries the worker's traceback.
     """
     pool = _pool_of(count, fresh)
     running: dict[Future[Any], int] = {}
@@ -135,7 +140,7 @@ def _failed(reason: str) -> BackendError:
 
 
 def _counted(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[Any, products.Counts]:
-    """Return the value of the call, and the numbers of products that the call computed and found in the store."""
+    """Return the value of the function call, and how many stored results the call computed and how many it reused."""
     with products.counting() as counts:
         value = function(*arguments)
     if memory.resident_bytes(os.getpid()) > IDLE_BYTES:
@@ -144,7 +149,7 @@ def _counted(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[
 
 
 def _pool_of(count: int, fresh: bool) -> ProcessPool:
-    """Return the idle pool if it is large enough and none of its workers has died; else a new pool."""
+    """Return the idle worker pool if it is large enough and none of its workers has died; otherwise return a new pool."""
     global _pool
     if _pool is not None and (fresh or _pool.size < count or not _responds(_pool)):
         _end_pool()
