@@ -1,6 +1,6 @@
-"""Estimates with confidence intervals, p values and numbers of items, as the tables print them.
+"""Statistical estimates as the tables print them: value, confidence interval, p value, and number of items.
 
-Every random draw uses the given seed. Intervals are 95 % confidence intervals.
+Every random draw uses the seed that the caller gives. All intervals are 95 % confidence intervals.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ Alternative = Literal["greater", "less", "two-sided"]
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate from n items with its interval, low <= value <= high. p tests against no effect; p is NaN without a test."""
+    """An estimate from n items with its confidence interval, low <= value <= high.
+
+    p is the p value against the hypothesis of no effect, and NaN if no test was made.
+    """
 
     value: float
     low: float
@@ -29,7 +32,7 @@ class Estimate:
 
 
 def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[float, float, float]:
-    """Return (low, mean, high) of a 95 % percentile bootstrap. For a single sample all three are equal.
+    """Return (low, mean, high) of a 95 % percentile bootstrap over the samples. For a single sample all three values are equal.
 
     >>> bootstrap_mean(np.array([2.0]), 100, 0)
     (2.0, 2.0, 2.0)
@@ -47,27 +50,27 @@ def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[floa
 
 
 def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Return the mean of the samples with its bootstrap interval."""
+    """Return the mean of the samples with its confidence interval from a bootstrap over the samples."""
     samples = np.asarray(samples, float)
     low, value, high = bootstrap_mean(samples, resamples, seed)
     return Estimate(value, low, high, len(samples))
 
 
 def exact(value: float, n: int) -> Estimate:
-    """Return an estimate without an interval: both bounds equal the value."""
+    """Return an estimate without an interval: both bounds equal the value `value`."""
     return Estimate(float(value), float(value), float(value), n)
 
 
 def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
-    """Return a value of n items with the percentile interval of its resampled values `drawn`."""
+    """Return an estimate of n items whose interval is the percentile interval of the resampled values `drawn`."""
     return Estimate(value, *_interval(np.asarray(drawn, float), value, 0.025), n)
 
 
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Compute the rank correlation over items, with a bootstrap interval over items and a permutation p value.
+    """Compute Spearman's rank correlation over items, with a bootstrap interval over items and a permutation p value.
 
-    p is exact over all pairings if there are few, else it uses 9,999 random pairings. With alternative=None no p value is computed. Raises
-    InputError for fewer than three items, or constant values.
+    For few items, p is exact over all pairings of the two inputs; for more items, p uses 9,999 random pairings. With alternative=None no p
+    value is computed. Raises InputError for fewer than three items, or if all values of one input are equal.
     """
     from scipy.stats import permutation_test, rankdata
 
@@ -90,16 +93,17 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
-    """Return Pearson's correlation without an interval; 0 if either input is constant."""
+    """Return Pearson's correlation coefficient without an interval; 0 if all values of one input are equal."""
     return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
 
 
 def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:
     """Mantel test: correlation of two (n, n) distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    p is the share of random permutations of the objects whose correlation is at least as high. The identity counts as one permutation, so p
-    is at least 1 / (permutations + 1). The interval is a bootstrap over objects; pairs of an object with itself are left out. Raises
-    InputError if the matrices are not distance matrices of the same three or more objects, or all distances of one matrix are equal.
+    p is the share of random permutations of the objects whose correlation is at least as high as that of the original order. The original
+    order counts as one permutation, so p is at least 1 / (permutations + 1). The interval comes from a bootstrap over objects; pairs of an
+    object with itself are left out. Raises InputError if the inputs are not distance matrices of the same three or more objects, or if all
+    distances of one matrix are equal.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -125,9 +129,9 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
-    """Return the share of successes with its exact binomial interval.
+    """Return the share of successes among the trials with its exact binomial confidence interval.
 
-    p is the probability of as many or more successes at the probability `chance` per trial.
+    p is the probability of at least as many successes if each trial succeeds with the probability `chance`.
 
     >>> round(share(9, 9).p, 6)
     0.001953
@@ -139,7 +143,7 @@ def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Return the sample standard deviation divided by the mean of positive values, with a bootstrap interval."""
+    """Return the sample standard deviation of positive values divided by their mean, with a bootstrap interval."""
     samples = np.asarray(samples, float)
     if len(samples) < 2 or not (samples > 0).all():
         raise InputError("a coefficient of variation needs two or more positive values")
@@ -149,7 +153,7 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
 
 
 def ssim(first: NDArray, second: NDArray) -> float:
-    """Return the structural similarity (SSIM) of two maps with values from 0 to 1; the window is at most seven cells wide."""
+    """Return the structural similarity (SSIM) of two maps with values from 0 to 1. The SSIM window is at most seven cells wide."""
     from skimage.metrics import structural_similarity
 
     size = min(7, *(side - 1 + side % 2 for side in first.shape))
@@ -158,16 +162,17 @@ def ssim(first: NDArray, second: NDArray) -> float:
 
 
 def _r(first: NDArray, second: NDArray) -> NDArray:
-    """Compute Pearson's r along the last axis; NaN for constant values."""
+    """Compute Pearson's correlation coefficient along the last axis; NaN where all values of one input are equal."""
     first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
     norm = np.sqrt(np.sum(first**2, axis=-1) * np.sum(second**2, axis=-1))
     return np.divide(np.sum(first * second, axis=-1), norm, out=np.full(np.shape(norm), np.nan), where=norm > 0)[()]
 
 
 def _interval(drawn: NDArray, value: float, tail: float = (1 - 0.95) / 2) -> tuple[float, float]:
-    """Compute the percentile interval of the finite resampled values, extended to contain the value.
+    """Compute the percentile interval of the finite resampled values `drawn`, extended if necessary so that it contains `value`.
 
-    The default tail differs from 0.025 by rounding; both give the last digits of the committed tables.
+    The default tail probability differs from 0.025 by rounding only. The rounding is kept because it decides the last digits of the
+    committed tables.
     """
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):

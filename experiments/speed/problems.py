@@ -1,14 +1,15 @@
-"""Problems on which methods are compared: a scene, its motion, and an exact or converged reference.
+"""Test problems on which simulation methods are compared. A test problem has a scene, a motion, and an exact or converged reference signal.
 
-canonical    plate, sphere, cylinder and trihedral of metal at 1 m against quadrature and series.
-near         a 15 cm trihedral at 0.5 m, where its echo is 25 dB below the far-field value, against quadrature.
-empty room   a bare concrete office with a moving radar, against all its image sources of four bounces.
-object       a filled bottle on a turntable in the furnished laboratory, against this tracer at finer settings and one more bounce.
-rover        a radar driving towards a can in the furnished squash court, against the same finer settings.
+canonical    a plate, a sphere, a cylinder and a trihedral of metal at 1 m, compared with quadrature and series near         a 15 cm
+trihedral at 0.5 m, where its echo is 25 dB below the far-field value, compared with quadrature empty room   an empty concrete office with
+a moving radar, compared with all image sources of up to four bounces object       a filled bottle on a turntable in the furnished
+laboratory, compared with RadarTwin's tracer at finer settings and with one more
+             bounce
+rover        a radar that drives towards a can in the furnished squash court, compared with RadarTwin's tracer at the same finer settings
 
-Exact references exist for one isotropic element that transmits and receives. Errors are therefore computed with that element, and run times
-are measured with the whole array. A reference from this tracer's finer settings shows how far a run is from convergence. It does not show
-the error from physics that the tracer leaves out.
+The exact references exist for a single isotropic element that transmits and receives. Errors are therefore computed with this element, and
+run times are measured with the whole antenna array. A reference from finer settings of RadarTwin's tracer shows how far a run is from
+convergence. Such a reference does not show the error from physics that the tracer leaves out.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ CONVERGED = TraceSettings(max_bounces=5, rays_per_wavelength2=16.0)
 
 @dataclass(frozen=True)
 class Part:
-    """One recording of a problem."""
+    """One recording of a test problem: its scene, its motion and its reference signal."""
 
     name: str
     scene: Scene  # scene, sensor and motion are arguments of `simulate`, for every frame that may be timed
@@ -53,7 +54,7 @@ class Part:
     reference: Callable[[], np.ndarray]  # samples (scored, chirps, tx, rx, samples) of that radar
 
     def iq(self, frames: int, radar: Radar, simulator: object, elements: str = "exact", aside_m: float = 0.0) -> np.ndarray:
-        """Simulate the first `frames` frames and return their samples. `aside_m` moves the radar so that no cached path is reused."""
+        """Simulate the first `frames` frames and return their samples. `aside_m` shifts the radar in metres to avoid cached paths."""
         sensor = self.sensor[: frames if len(self.sensor) > 1 else 1].copy()
         sensor[:, 1, 3] += aside_m
         motion = {name: poses[:frames] for name, poses in self.motion.items()}
@@ -62,7 +63,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Problem:
-    """Recordings whose errors are averaged."""
+    """One test problem: a group of recordings whose errors are averaged."""
 
     name: str
     title: str
@@ -75,14 +76,17 @@ class Problem:
     cache: dict[str, np.ndarray] = field(default_factory=dict)
 
     def reference(self, part: Part) -> np.ndarray:
-        """Return the reference samples of a recording; they are computed once."""
+        """Return the reference samples of a recording. They are computed at the first call and then kept."""
         if part.name not in self.cache:
             self.cache[part.name] = part.reference()
         return self.cache[part.name]
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """Return samples (1, 1, 1, samples) of an echo, a function of frequencies (F,); its path is about twice `distance_m` long."""
+    """Return samples (1, 1, 1, samples) of an echo.
+
+    `echo` is a function of frequencies (F,). The length of its path is about twice `distance_m`.
+    """
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -95,7 +99,7 @@ def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.nda
 
 
 def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
-    """Return samples of a plate or upright trihedral at a pose (4, 4), seen by an antenna at the origin."""
+    """Return the reference samples of a plate or upright trihedral at a pose (4, 4), seen by an antenna at the origin."""
     here = -pose[:3, :3].T @ pose[:3, 3]
     return swept(
         lambda f: np.array([corner_quadrature(faces, here, SPEED_OF_LIGHT / one) for one in f]), float(np.linalg.norm(pose[:3, 3]))
@@ -103,13 +107,16 @@ def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
 
 
 def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
-    """Return the poses (F, 4, 4) of an object that turns on a turntable at `distance_m` in front of the radar."""
+    """Return the poses (F, 4, 4) of an object on a turntable whose axis is `distance_m` in front of the radar."""
     return trajectory.turntable([distance_m, 0, 0], frames, RADAR.frame_rate_hz, 25.0, np.pi + np.radians(start_deg))
 
 
 @cache
 def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
-    """Return the problem of four metal targets. The plate and the trihedral turn; sphere and cylinder echo the same in every frame."""
+    """Return the test problem of four metal targets.
+
+    The plate and the trihedral turn on a turntable. The echoes of the sphere and the cylinder are the same in every frame.
+    """
     parts = []
     for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
         parts.append(_corner_part(name, mesh, turntable_poses(distance_m, frames, start_deg), scored))
@@ -129,7 +136,7 @@ def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
 
 @cache
 def near(frames: int, scored: int, distance_m: float = 0.5) -> Problem:
-    """Return the problem of a large trihedral in the near field."""
+    """Return the test problem of a large metal trihedral in the near field of the radar."""
     part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), turntable_poses(distance_m, frames, 5.0), scored)
     title = f"15 cm reflector in the near field, {distance_m:g} m"
     return Problem("near", title, "near-field quadrature", [part], TURN, True, False, True)
@@ -150,7 +157,10 @@ def _corner_part(name: str, mesh: object, poses: np.ndarray, scored: int) -> Par
 
 @cache
 def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
-    """Return the problem of a bare room. The radar moves 2 cm per frame and is tilted so that no image lies on its antennas' axis."""
+    """Return the test problem of an empty concrete office.
+
+    The radar moves 2 cm per frame and is tilted, so that no image source lies on the axis of its antennas.
+    """
     poses = np.stack([traced.pose(OFFICE_SENSOR + np.array([0.02 * n, 0, 0]), rooms.rotation()) for n in range(frames)])
     part = Part(
         "office", rooms.room_scene(OFFICE, "concrete"), poses, {}, scored, traced.MONOSTATIC,
@@ -161,7 +171,7 @@ def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
 
 
 def office_images(pose: np.ndarray, bounces: int = 4) -> np.ndarray:
-    """Return samples (1, 1, 1, samples) of the bare office from image sources."""
+    """Return the reference samples (1, 1, 1, samples) of the empty office, as the sum of its image sources."""
     reflection = rooms.wall_reflection("concrete")
     frequencies = traced.frequencies(traced.MONOSTATIC)
     return box.image_sum(np.array(OFFICE), pose[:3, 3], pose[:3, 2], reflection, bounces, frequencies)[None, None, None]
@@ -169,7 +179,7 @@ def office_images(pose: np.ndarray, bounces: int = 4) -> np.ndarray:
 
 @cache
 def object_in_room(frames: int, scored: int) -> Problem:
-    """Return the problem of a bottle on a turntable in the furnished laboratory."""
+    """Return the test problem of a bottle on a turntable in the furnished laboratory."""
     bench = furnished.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), frames, RADAR.frame_rate_hz, 25.0, np.pi)
     entry = objects.catalogue()["mustard"]
@@ -181,7 +191,7 @@ def object_in_room(frames: int, scored: int) -> Problem:
 
 @cache
 def rover(frames: int, scored: int) -> Problem:
-    """Return the problem of a radar that drives towards a can in the furnished squash court."""
+    """Return the test problem of a radar that drives towards a can in the furnished squash court."""
     bench = furnished.bench("squash_court")
     entry = objects.catalogue()["drink_can_355"]
     place = bench.target_position(2.0) - [0, 0, entry.aim_m]
@@ -200,7 +210,7 @@ def _converged(name: str, scene: Scene, sensor: np.ndarray, motion: Mapping[str,
 
 
 def problems(full: bool) -> tuple[Problem, ...]:
-    """Return all problems in the order of the chart. `full` uses more frames for run times and errors."""
+    """Return all test problems in the order of the chart. `full` uses more frames for run times and errors."""
     turning, driven, exact, converged = (30, 25, 11, 3) if full else (16, 6, 4, 2)
     return (
         canonical(turning, exact), near(turning, exact), empty_room(driven, converged), object_in_room(turning, converged),

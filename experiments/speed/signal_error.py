@@ -1,9 +1,10 @@
-"""Errors of a method's samples against a reference: of the signal, of the range profile, and of the profile after one common gain.
+"""Compute the errors of a simulation method's samples against reference samples: of the signal and of the range profile.
 
-Symbols: a -> samples of a method, b -> samples of the reference. A range profile is the power over range with a Hann window; chirps are
-added coherently, and channels are averaged in power. Profiles are compared in decibels over the ranges that the study uses
-(radartwin/features/profile.py), in the bins where the reference is within DYNAMIC_DB of its strongest bin. Lower levels are raised to that
-floor, so a method that returns nothing has an error of DYNAMIC_DB at the peak. The error of the signal covers all samples.
+Symbols: a -> samples of a method, b -> samples of the reference. A range profile is the power over range, computed with a Hann window.
+Chirps are added coherently, and channels are averaged in power. Profiles are compared in decibels over the ranges that the study uses
+(radartwin/features/profile.py), in the bins where the reference is within DYNAMIC_DB of its strongest bin. Levels below this limit are
+raised to the limit, so a method that returns no signal has an error of DYNAMIC_DB at the peak. The signal error |a - b|/|b| covers all
+samples. The profile error is given twice: as it is, and after the gain that minimises it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ GAINS_DB = np.arange(-120.0, 120.5, 0.5)  # search grid of the common gain
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors over all recordings."""
+    """Errors of a method's samples over all recordings of a test problem."""
 
     signal: float  # norm of the difference over norm of the reference, |a - b|/|b|
     profile_db: float  # rms difference of the range profiles
@@ -34,7 +35,7 @@ class Errors:
 
 
 def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:
-    """Return range profiles (F, bins) in power from samples (F, chirps, tx, rx, samples), between NEAR_M and FAR_M."""
+    """Return range profiles (F, bins) in power between NEAR_M and FAR_M, from samples (F, chirps, tx, rx, samples)."""
     spectrum, range_m = range_fft(iq.mean(axis=1), radar)
     return (np.abs(spectrum) ** 2).mean(axis=(1, 2))[:, (range_m >= NEAR_M) & (range_m <= FAR_M)]
 
@@ -42,7 +43,7 @@ def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:
 def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0) -> Errors:
     """Return the errors over pairs (samples of the method, samples of the reference). All pairs have equal weight.
 
-    `gain_db` is first applied to the method's samples.
+    The method's samples are first multiplied by the gain `gain_db`.
 
     >>> one = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
     >>> found = compare([(0.5 * one, one)], Radar.iwr1843())

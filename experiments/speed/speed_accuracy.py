@@ -1,9 +1,9 @@
-"""Speed against accuracy: run time and error of each simulation method, problem by problem.
+"""Speed against accuracy: run time and error of each simulation method on each test problem.
 
-A method is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. The claim
-about the default holds if no other method is both faster and more accurate by more than the factor NEAR. Run times depend on the machine
-and its load, so methods take turns and the table gives ratios within one run. A further problem, the campaign (`campaign_methods`),
-compares run time with feature error and recognition error.
+A method is on the Pareto front of a test problem if no other method is at least as fast and as accurate, and better in one of the two. The
+claim about the default method holds if no other method is both faster and more accurate by more than the factor NEAR. Run times depend on
+the machine and its load, so the timed methods alternate, and the table gives ratios of run times within one run. The last test problem,
+the campaign's turntable recordings (`campaign_methods`), compares run time with feature error and recognition error.
 """
 
 from __future__ import annotations
@@ -55,12 +55,12 @@ QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
 
 
 def identity() -> dict[str, Any]:
-    """Return additional parts of the run key: the machine, because run times depend on it."""
+    """Return additions to the run key: the description of the machine, because run times depend on the machine."""
     return {"machine": machine()}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Measure the problems whose results for this machine are not in the store yet, and mark the methods on the Pareto fronts."""
+    """Measure the test problems whose results for this machine are not stored yet, and mark the methods on the Pareto fronts."""
     full = config.profile.name != "quick"
     measured, keys = [], []
     for problem in progress.over(problems(full), "problems"):
@@ -91,7 +91,7 @@ def _measure(problem: Problem, full: bool, progress: Progress, folder: Path) -> 
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
-    """Return the rows of the table: each method's run time relative to the default on each problem, then the claims."""
+    """Return the rows of the table: each method's run time relative to the default on each test problem, then the claims."""
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(one["problem"] for one in measured):
         mine = [one for one in measured if one["problem"] == name]
@@ -116,7 +116,7 @@ def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) 
 
 
 def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
-    """Return rows with each method's run time relative to the default and its two errors, then the claims about faster methods."""
+    """Return rows for the campaign's recordings: each method's relative run time and two errors, then the claims about faster methods."""
     default = methods[0]
     rows: list[dict[str, Any]] = []
 
@@ -153,13 +153,16 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
 
 
 def _share_error(share: float, answers: int) -> float:
-    """Return the standard error of a share of wrong answers. Laplace's rule of succession keeps it above zero if all or none are wrong."""
+    """Return the standard error of a share of wrong predictions among `answers` predictions.
+
+    Laplace's rule of succession keeps the standard error above zero if all or none of the predictions are wrong.
+    """
     fair = (share * answers + 1) / (answers + 2)
     return float(np.sqrt(fair * (1 - fair) / answers))
 
 
 def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[float, float, float]:
-    """Return the (least, median, greatest) ratio of two methods' seconds in the same round, over the last rounds that both have."""
+    """Return the (smallest, median, largest) ratio of two methods' seconds in the same round, over the last rounds of both methods."""
     n = min(len(seconds), len(default_s))
     ratio = np.array(seconds[-n:]) / np.array(default_s[-n:])
     return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
@@ -173,7 +176,10 @@ def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
 def _claims(
     name: str, mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
 ) -> list[dict[str, Any]]:
-    """Return the rows of two claims: the default is on the front by both errors, and it is faster than RF-Genesis as published."""
+    """Return the rows of two claims about a test problem.
+
+    The claims are that the default method is on the Pareto front by both errors, and that it is faster than RF-Genesis as published.
+    """
     rows = []
 
     def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:

@@ -1,1 +1,1 @@
-"""Sweeps of increasing difficulty that show where each simulation method fails."""
+"""Experiments with scenes or settings of increasing difficulty, which show where each simulation method fails."""

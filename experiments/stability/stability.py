@@ -1,4 +1,4 @@
-"""Where methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py), shown as a map."""
+"""Show where simulation methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ NAMES = {"this tracer": "this tracer", "points": "points, RCS table", "Sionna RT
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Run all sweeps. The quick and the paper profile compute the same sweeps."""
+    """Compute the errors of all methods along all sweeps. The quick and the paper profile compute the same sweeps."""
     rows: list[dict[str, Any]] = []
     parts = [(sweep, method) for sweep in SWEEPS for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
@@ -59,12 +59,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _errors(sweep: Sweep, method: Method) -> list[float]:
-    """Return the errors of a method at all values of one sweep, in dB."""
+    """Return the errors of a simulation method in dB at all values of one sweep."""
     return [error(sweep, method, value) for value in sweep.values]
 
 
 def error(sweep: Sweep, method: Method, value: float) -> float:
-    """Return the error of a method at one value in dB; NaN if the method returns samples that are not finite."""
+    """Return the error of a simulation method in dB at one value of a sweep; NaN if a sample of the method is not finite."""
     try:
         return sweep.error_db(method, value)
     except FloatingPointError:
@@ -72,7 +72,7 @@ def error(sweep: Sweep, method: Method, value: float) -> float:
 
 
 def safe(errors_db: Sequence[float]) -> int:
-    """Return the number of values before the first error above LIMIT_DB.
+    """Return the number of sweep values before the first value whose error is above LIMIT_DB.
 
     >>> safe([0.1, 2.9, 3.1, 0.2])
     2
@@ -81,7 +81,7 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Return the rows of one sweep, one per method. The row of this tracer has the claim that its safe region is the largest."""
+    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer claims that its safe region is the largest."""
     best = max(safe(errors) for _, errors in found)
     rows = []
     for method, errors in found:
@@ -101,7 +101,7 @@ def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) ->
 
 
 def safe_words(sweep: Sweep, count: int) -> str:
-    """Return the safe region, the first `count` values, as text."""
+    """Return as text the safe region of a sweep, which consists of the first `count` values."""
     if not count:
         return "none"
     first, last = sweep.values[0], sweep.values[count - 1]
@@ -109,7 +109,7 @@ def safe_words(sweep: Sweep, count: int) -> str:
 
 
 def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw the error of every method at every value, with the first unsafe value on the right."""
+    """Draw a map with the error of every method at every value of the sweeps. Text on the right gives the first unsafe value."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     rows = [row for row in rows if row["family"]]
@@ -151,7 +151,7 @@ def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: An
 
 
 def verdict(row: Mapping[str, Any]) -> str:
-    """Return where a method fails, as text."""
+    """Return as text the value of the sweep at which a method fails."""
     return "safe throughout" if not row["fails at"] else "never safe" if not row["value"] else f"fails at {row['fails at']}"
 
 

@@ -1,8 +1,8 @@
-"""Sweeps along which methods fail: a scene becomes harder, or a setting coarser, from value to value. Each value has a true answer.
+"""Sweeps that show where simulation methods fail. From value to value, a scene becomes harder or a setting coarser.
 
-For objects, the mean power of a frame's samples is compared with closed forms, series and quadrature. For rooms, range profiles are
-compared (`signal_error`). Errors are cut at DYNAMIC_DB, which is also the error of a method that returns nothing. Methods without an
-absolute level get the gain that makes their level of a metal sphere at 1 m correct.
+Each value of a sweep has a known true signal. For objects, the mean power of a frame's samples is compared with closed forms, series and
+quadrature. For rooms, range profiles are compared (`signal_error`). Errors are limited to DYNAMIC_DB, which is also the error of a method
+that returns no signal. Methods without an absolute level get the gain that makes their level of a metal sphere at 1 m correct.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ METHODS = (
 
 @dataclass(frozen=True)
 class Sweep:
-    """One sweep, which is one block of the map."""
+    """One sweep, from easy to hard values. Each sweep is one block of rows in the figure."""
 
     name: str
     title: str
@@ -70,33 +70,33 @@ def samples(method: Method, scene: Scene, pose: np.ndarray | None = None, motion
 
 
 def level_db(iq: np.ndarray) -> float:
-    """Return the mean power of a frame's samples in dB; for a single echo this is its level."""
+    """Return the mean power of a frame's samples in dB. For a single echo, this power is the level of the echo."""
     return float(10 * np.log10(np.mean(np.abs(iq) ** 2) + 1e-30))
 
 
 @cache
 def gain_db(method: Method) -> float:
-    """Return the gain that makes a method's level of a metal sphere at 1 m correct; 0 for methods with an absolute level."""
+    """Return the gain in dB that makes a method's level of a metal sphere at 1 m correct; 0 for methods with an absolute level."""
     if method.backend != "rfgenesis":
         return 0.0
     return 20 * np.log10(abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])) - level_db(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0)))
 
 
 def off(method: Method, iq: np.ndarray, truth: complex | float) -> float:
-    """Return the absolute error of a frame's level against a true amplitude in dB, at most DYNAMIC_DB."""
+    """Return the absolute level error of a frame in dB, at most DYNAMIC_DB. `truth` is the true amplitude."""
     return float(min(abs(level_db(iq) + gain_db(method) - 20 * np.log10(abs(truth))), DYNAMIC_DB))
 
 
 def alone(
     mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside_m: float = 0.0, material: Any = "metal"
 ) -> tuple[Any, ...]:
-    """Return (scene, sensor poses, motion) of a single object that faces the radar on its axis, turned and moved sideways as asked."""
+    """Return (scene, sensor poses, motion) of a single object. `turn_deg` turns the object from facing the radar, `aside_m` shifts it."""
     pose = trajectory.turntable([distance_m, aside_m, 0], 1, 10.0, 25.0, np.pi + np.radians(turn_deg))
     return Scene([Surface(mesh, material, "target", role="object")]), None, {"target": pose}
 
 
 def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:
-    """Return the true amplitude of a plate or trihedral in the middle of the frequency sweep."""
+    """Return the true echo amplitude of a plate or trihedral at the centre frequency of the frequency sweep."""
     turn = np.radians(turn_deg)
     here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
     return corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
@@ -121,7 +121,7 @@ def _facets(method: Method, value: float) -> float:
 
 
 def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
-    """Return a plate as in a scan: `cells` x `cells` squares of two triangles, without vertex normals."""
+    """Return a plate meshed as in a scan: `cells` x `cells` squares of two triangles each, without vertex normals."""
     across = np.linspace(-side_m / 2, side_m / 2, cells + 1)
     z, y = np.meshgrid(across, across, indexing="ij")
     vertices = np.stack([np.zeros(y.size), y.ravel(), z.ravel()], axis=1)
@@ -131,7 +131,10 @@ def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
 
 
 def _damaged(method: Method, holes: float = 0.0, noise_m: float = 0.0) -> float:
-    """Return the rms level error of a scanned plate over three random draws of missing faces (a share) and height noise."""
+    """Return the rms level error in dB of a scanned plate over three random draws.
+
+    `holes` is the share of missing faces, and `noise_m` is the height noise in metres.
+    """
     errors = []
     for seed in range(3):
         mesh, rng = sheet(0.2, 20), np.random.default_rng(seed)
@@ -152,7 +155,10 @@ def _noise(method: Method, value: float) -> float:
 
 
 def _tilt(method: Method, value: float) -> float:
-    """Return the level error of a tilted plate. Powers are averaged over one degree, so that a single null does not decide the error."""
+    """Return the level error in dB of a tilted plate.
+
+    The power is averaged over tilt angles within one degree, so that a single null of the pattern does not dominate the error.
+    """
     mesh, turns = objects.plate(0.1, 0.1), value + np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
     found = np.mean([10 ** (level_db(samples(method, *alone(mesh, 1.0, turn))) / 10) for turn in turns])
     true = np.mean([abs(facing(mesh, 1.0, turn)) ** 2 for turn in turns])
@@ -189,7 +195,10 @@ def _bounces(method: Method, value: float) -> float:
 
 
 def _missing(method: Method, value: float) -> float:
-    """Return the profile error if the scene lacks `value` room surfaces, removed in this order: x high, ceiling, y low, x low, floor."""
+    """Return the range-profile error in dB if the scene lacks the first `value` surfaces of the room.
+
+    The surfaces are removed in this order: the wall at high x, the ceiling, the wall at low y, the wall at low x, the floor.
+    """
     mesh = rooms.room_scene(OFFICE, "concrete").surfaces[0].mesh
     centre, size = mesh.triangles_center, np.array(OFFICE)
     gone = [
@@ -201,7 +210,7 @@ def _missing(method: Method, value: float) -> float:
 
 
 def _far(method: Method, value: float) -> float:
-    """Return the level error of a ball. Beyond the unambiguous range no range bin holds the ball, so the error is DYNAMIC_DB."""
+    """Return the level error in dB of a metal ball. Beyond the unambiguous range no range bin holds the ball: the error is DYNAMIC_DB."""
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])
@@ -214,7 +223,7 @@ def _speed(method: Method, value: float) -> float:
 
 
 def _thickness(method: Method, value: float) -> float:
-    """Return the level error of a plasterboard wall that is simulated too thick by `value` millimetres."""
+    """Return the level error in dB of a plasterboard wall that is simulated too thick by `value` millimetres."""
     te, _ = stack.stack([("plasterboard", BOARD_M)], "air", 0.0, MIDDLE_HZ)
     wall = objects.plate(6.0, 6.0).apply_translation((1.5, 0, 0))
     scene = Scene([Surface(wall, Layered([("plasterboard", BOARD_M + value / 1e3)]), "wall", role="room")])
@@ -226,7 +235,7 @@ def _thickness(method: Method, value: float) -> float:
 
 
 def _gap(method: Method, value: float) -> float:
-    """Return the level error of a concrete plate with a metal plate hidden `value` millimetres behind it."""
+    """Return the level error in dB of a concrete plate if a metal plate is hidden `value` millimetres behind it."""
     front, behind = objects.plate(0.2, 0.2), objects.plate(0.2, 0.2).apply_translation((-value / 1e3, 0, 0))
     scene = Scene([Surface(front, "concrete", "front", role="object"), Surface(behind, "metal", "behind", role="object")])
     pose = alone(front, 2.0)[2]["target"]
@@ -235,7 +244,10 @@ def _gap(method: Method, value: float) -> float:
 
 
 def _snr(method: Method, value: float) -> float:
-    """Return the error of the mean power in the target's bin. Receiver noise is `value` dB below the true echo and is not subtracted."""
+    """Return the error in dB of the mean power in the target's range bin.
+
+    The receiver noise is `value` dB below the true echo, and the noise power is not subtracted.
+    """
     level = np.abs(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0))).mean() * 10 ** (gain_db(method) / 20)
     truth = abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])
     noise = np.random.default_rng(1).normal(size=(DRAWS, 2)) @ [1, 1j] * truth * 10 ** (-value / 20) / np.sqrt(2)

@@ -1,1 +1,1 @@
-"""Tables of the turntable and the rail."""
+"""Tables about recordings of objects on a turntable and on a linear rail."""

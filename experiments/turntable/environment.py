@@ -1,7 +1,8 @@
-"""Environment ablation: is a simulated range profile closer to the measured one if the simulation includes the room?
+"""Environment ablation: is a simulated range profile closer to the measured range profile if the simulation includes the room?
 
-One simulation contains object and stand alone (void). The other simulation contains object and stand in the twin's room, as scanned, with
-the configured materials. Paper (environment ablation, 2 m): correlation -0.24 in void and +0.42 in the reconstructed scene; about 75 % of
+The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the
+scanned room with the configured materials. Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void
+and +0.42 in the reconstructed scene; about 75 % of the energy arrives from beyond the target.
 the energy arrives from beyond the target.
 """
 
@@ -52,7 +53,7 @@ SCALES = {"amplitude": "amplitude", "db": "decibels"}
 
 @dataclass(frozen=True, eq=False)
 class Profiles:
-    """Range profiles of one recording: the mean (B,), and the power of the first revolution (F, B), over range_m (B,)."""
+    """Range profiles of one recording over range_m (B,): the mean profile (B,), and the power of the first revolution (F, B)."""
 
     key: str
     mean: np.ndarray
@@ -64,13 +65,13 @@ Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # key: side, distan
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign. Raises ConfigError for settings that the table does not use."""
+    """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     check(config)
     return score(config, Campaign(config, store, progress), progress)
 
 
 def check(config: Config) -> None:
-    """Raise ConfigError for settings that the table would ignore, before anything is simulated."""
+    """Raise ConfigError for options that the table would ignore. The check comes before any simulation."""
     for key, value, used in (
         ("scene", config.scene.name, ROOM_NAME),
         ("scene.target", config.scene.target, TARGET),
@@ -81,10 +82,10 @@ def check(config: Config) -> None:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows per distance: correlations on the amplitude and decibel scales, and energy shares.
+    """Build the rows for each distance: correlations on the amplitude scale and on the decibel scale, and energy shares.
 
     Raises:
-        ConfigError: the campaign has no turntable recordings of the reflector at a distance.
+        ConfigError: the campaign has no turntable recordings of the corner reflector at one of the distances.
     """
     recordings = read(config, source, progress)
     distances = sorted({distance for _, distance in recordings})
@@ -115,7 +116,10 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
-    """Read the reflector's recordings of every side at the configured distances (default: all). Every side must have each distance."""
+    """Read the reflector's recordings: measured, simulated with the room, and simulated without the room ("void").
+
+    The distances are the configured distances (default: all). Each of the three kinds of recordings must have each distance.
+    """
     sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
     cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]
     recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
@@ -145,7 +149,10 @@ def _keys(recordings: Recordings, sides: Sequence[str], *distances: float) -> li
 def _add_correlations(
     rows: RowList, recordings: Recordings, distance: float, labels: dict[str, str], gains: dict[tuple[str, float], np.ndarray]
 ) -> None:
-    """Add the correlation of void and room with the measured profiles on each scale, and the gain by the room; fills `gains`."""
+    """Add the correlation of the simulated profiles, without and with the room, with the measured profiles on each scale.
+
+    The function also adds the gain of correlation by the room and writes it into `gains`.
+    """
     for scale in SCALES:
         correlations = {}
         for side, claim in (("void", UNCORRELATED), ("room", ROOM)):
@@ -164,7 +171,7 @@ def _add_correlations(
 
 
 def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
-    """Add the gain by the room at the largest distance minus the gain at the smallest, if there are several distances."""
+    """Add the correlation gain by the room at the largest distance minus the gain at the smallest distance, if there are two or more."""
     distances = [distance for _, distance in gains]
     if not gains or min(distances) == max(distances):
         return
@@ -177,7 +184,7 @@ def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, s
 
 
 def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict[str, str]) -> Figure:
-    """Draw power over turntable angle and range at one distance for each side, on one colour scale; the measured map is first."""
+    """Draw power over turntable angle and range at one distance, as maps with one colour scale. The measured map comes first."""
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
     axis = shown["measured"].range_m
     inside = (axis >= NEAR_M) & (axis <= FAR_M)
@@ -194,7 +201,7 @@ def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict
 
 
 def _correlation_figure(rows: Sequence[dict[str, Any]], distances: list[float], labels: dict[str, str]) -> Figure:
-    """Draw the correlation with the measured profile against distance, one panel per scale."""
+    """Draw the correlation of simulated with measured profiles against distance, with one panel for each scale (amplitude, decibels)."""
     drawing, panels = figure(1, len(SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True)
     styles = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o")}
     found = {(r["case"], r["scale"], r["distance_m"]): r for r in rows if r["metric"] == "profile correlation"}

@@ -1,9 +1,9 @@
-"""Facet ripple: the echo of a can of flat facets varies with as many cycles per revolution as the can has facets; a smooth can has none.
+"""Facet ripple: the echo of a can made of flat facets varies with as many cycles per revolution as the can has facets.
 
-A can of FACETS flat facets is compared with the same mesh whose facets are curved by vertex normals, in the far field and at one metre.
-Both meshes repeat after one facet, so ASPECTS_PER_FACET angles across one facet represent all 2048 angles of a revolution. Ripple is the
-harmonic ratio of the band around FACETS cycles per revolution. Paper, disentangled fidelity, shape: the triangulated mesh ripples at about
-128 cycles per revolution, which smooth objects do not.
+A can of FACETS flat facets is compared with the same mesh whose facets are curved by vertex normals. Both cans are simulated in the far
+field and at one metre. Both meshes repeat after one facet, so ASPECTS_PER_FACET angles across one facet represent all 2048 angles of a
+revolution. Ripple is the harmonic ratio of the band around FACETS cycles per revolution. Paper, disentangled fidelity, shape: the
+triangulated mesh ripples at about 128 cycles per revolution, and smooth objects do not.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 c
 
 
 def can(flat: bool) -> trimesh.Trimesh:
-    """Build the side wall of a can of FACETS facets, with its axis along z. `flat` keeps the facets flat."""
+    """Build the side wall of a can of FACETS facets, with its axis along z. If `flat` is true, the facets are not curved by normals."""
     import trimesh
 
     corner = 2 * np.pi * np.arange(FACETS + 1) / FACETS
@@ -52,7 +52,7 @@ def can(flat: bool) -> trimesh.Trimesh:
 
 
 def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDArray[np.float64]:
-    """Compute the radar cross-section (FACETS * ASPECTS_PER_FACET,) over a revolution in m^2; `distance_m=None` is the far field."""
+    """Compute the radar cross-section in m^2 over a revolution, (FACETS * ASPECTS_PER_FACET,). `distance_m=None` is the far field."""
     from radartwin.simulation.rcs import rcs
 
     angles = 2 * np.pi / FACETS * np.arange(ASPECTS_PER_FACET) / ASPECTS_PER_FACET
@@ -60,7 +60,9 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
 
 
 def ripple_rows(config: Config) -> list[dict[str, Any]]:
-    """Build rows of the ripple of both cans and of their ratio; intervals span the results of all seeds."""
+    """Build rows of the ripple of the flat-faceted and the curved can, and of the ratio of both. Intervals span the results of all
+    seeds.
+    """
     rows = []
     for distance in (NEAR_M, None):
         found = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}

@@ -1,8 +1,9 @@
-"""Translation: does the tracked range of a corner reflector on a rail change by the length of the rail, in both domains?
+"""Linear rail: does the tracked range of a corner reflector change by the length of the rail, in measurement and simulation?
 
-Paper (linear transformations), radial: excursion (total change of the range) 0.50 m measured and 0.51 m simulated, shape correlation
-(correlation of the tracks over frames) 0.78. Paper, diagonal, at 45 degrees to the line of sight: 0.22 m measured, 0.44 m simulated, 0.42 m
-expected; the paper blames ambiguous peaks in clutter. Here the expected diagonal excursion is that of the log, 0.49 m.
+Paper (linear transformations), radial motion: the excursion (total change of the range) is 0.50 m measured and 0.51 m simulated; the shape
+correlation (correlation of the range tracks over frames) is 0.78. Paper, diagonal motion at 45 degrees to the line of sight: the excursion
+is 0.22 m measured, 0.44 m simulated and 0.42 m expected; the paper blames ambiguous peaks in clutter. In this table, the expected diagonal
+excursion is that of the logged motion, 0.49 m.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ SHORT = Claim("the measured diagonal reads shorter than the simulated", "0.22 to
 
 @dataclass(frozen=True, eq=False)
 class RailTrack:
-    """Ranges of one recording over time_s (F,): the logged range (F,) and the range (F,) of each tracker, in metres."""
+    """Ranges in metres of one recording over time_s (F,): the logged range (F,), and the tracked range (F,) of each tracker."""
 
     key: str
     time_s: NDArray
@@ -68,7 +69,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows per object, motion and tracker. Raises ConfigError if a domain has no rail recordings."""
+    """Build the rows for each object, motion and tracker. Raises ConfigError if a domain has no rail recordings."""
     found = read_both(source, RAIL, lambda case: (case.object, RAIL.index(case.motion)), _tracked, progress)
     tracks = {(name, RAIL[k]): {domain: found[domain][name, k] for domain in COMPARED} for name, k in found[TWIN]}
     rows = RowList(config)
@@ -112,7 +113,7 @@ def _add_rows(rows: RowList, case: dict[str, Any], tracks: dict[str, list[RailTr
 
 
 def _figure(tracks: Tracks) -> Figure:
-    """Draw tracked and logged range over time, one panel per motion and tracker."""
+    """Draw tracked and logged range over time, with one panel per motion and tracker."""
     shown = [(key, tracker) for key in tracks for tracker in TRACKERS]
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.5, sharey=True, squeeze=False)
     for panel, (key, tracker) in zip(panels[0], shown, strict=True):

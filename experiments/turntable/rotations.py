@@ -1,4 +1,4 @@
-"""Read turntable recordings for the turntable tables: rotation features, range-Doppler signature, and target visibility."""
+"""Read turntable recordings for the turntable tables: rotation features, range-Doppler signature, and visibility of the target."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Turn:
     """Features of one turntable recording.
 
     Attributes:
-        values: rotation features by name.
-        signature: range-Doppler signature of a revolution, (N, R), see radartwin.features.signature.
-        localised: whether the strongest echo of all ranges lies in the target gate.
+        values: {name: value} of the rotation features.
+        signature: range-Doppler signature (N, R) of a revolution, see radartwin.features.signature.
+        localised: whether the strongest echo over all ranges lies in the target gate.
     """
 
     case: Case
@@ -40,11 +40,11 @@ Turns = dict[tuple[str, float], list[Turn]]  # key: object, distance
 
 
 def read(source: RecordingSource, progress: Progress) -> dict[str, Turns]:
-    """Read both domains at their common objects and distances; sorted as the catalogue.
+    """Read measured and simulated recordings at their common objects and distances, sorted as in the catalogue.
 
     Raises:
-        ConfigError: the domains have no common object and distance.
-        InputError: the recordings have different numbers of frames per revolution.
+        ConfigError: the measured and the simulated recordings have no common object and distance.
+        InputError: the recordings differ in the number of frames per revolution.
     """
     found = read_both(source, ("turntable",), lambda case: (case.object, case.distance_m), _turn, progress)
     frames = sorted({len(turn.signature) for turns in found.values() for some in turns.values() for turn in some})
@@ -66,27 +66,27 @@ def _turn(case: Case, key: str, processed: Processed, log: Log) -> Turn:
 
 
 def objects(turns: Turns) -> list[str]:
-    """Return the names of the objects, sorted as the catalogue."""
+    """Return the names of the recorded objects, sorted as in the catalogue."""
     return list(dict.fromkeys(name for name, _ in turns))
 
 
 def distances_m(turns: Turns) -> list[float]:
-    """Return the recorded distances, ascending."""
+    """Return the recorded distances in metres, smallest first."""
     return sorted({distance for _, distance in turns})
 
 
 def chosen(turns: Turns, names: Sequence[str], distance_m: float | None = None) -> list[Turn]:
-    """Return the recordings of these objects at one distance; `distance_m=None` returns all distances."""
+    """Return the recordings of these objects at one distance in metres. `distance_m=None` returns all distances."""
     return [turn for (name, distance), some in turns.items() if name in names and distance_m in (None, distance) for turn in some]
 
 
 def samples(turns: Turns, feature: str, name: str) -> NDArray[np.float64]:
-    """Return the values of a feature in all recordings of an object."""
+    """Return the values of a feature in all recordings of the object `name`."""
     return np.array([turn.values[feature] for turn in chosen(turns, [name])])
 
 
 def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: float | None = None) -> NDArray[np.float64]:
-    """Average a feature per object: over repetitions, then over distances, so that every distance has equal weight."""
+    """Average a feature for each object, first over repetitions and then over distances, so that every distance has equal weight."""
     found = []
     for name in names:
         cells = [key for key in turns if key[0] == name and distance_m in (None, key[1])]
@@ -95,12 +95,12 @@ def object_means(turns: Turns, feature: str, names: Sequence[str], distance_m: f
 
 
 def keys(turns: Turns, names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
-    """Return the store keys of one domain's recordings; `names=None` means all objects, `distance_m=None` all distances."""
+    """Return the store keys of one domain's recordings. `names=None` stands for all objects, `distance_m=None` for all distances."""
     return [turn.key for turn in chosen(turns, objects(turns) if names is None else names, distance_m)]
 
 
 def keys_of_both(turns: dict[str, Turns], names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
-    """Return the store keys of both domains' recordings; arguments as in `keys`."""
+    """Return the store keys of the measured and the simulated recordings. The arguments are those of `keys`."""
     return [key for domain in COMPARED for key in keys(turns[domain], names, distance_m)]
 
 

@@ -1,9 +1,9 @@
-"""Material: does the echo power of objects of similar size depend on their material class, and by how much in each domain?
+"""Material: does the echo power of objects of similar size depend on their material class, and by how many decibels in each domain?
 
-The classes are cans (metal), bottles (plastic) and the mug (ceramic). The corner reflector is left out because it is a retroreflector and
-not of similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in both domains; the simulation exaggerates the
-contrast and under-predicts the ceramic mug. Under-prediction of the mug is judged relative to the cans, so that a difference in gain
-between the domains cancels.
+The material classes are cans (metal), bottles (plastic) and the mug (ceramic). The corner reflector is left out, because it is a
+retroreflector and not of similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in measurement and
+simulation; the simulation exaggerates this contrast and gives too low a level for the ceramic mug. The level of the mug is judged relative
+to the cans, so that a difference in gain between measurement and simulation cancels.
 """
 
 from __future__ import annotations
@@ -53,10 +53,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows per distance: brightness of each class, contrasts between classes in each domain, and differences of the contrasts.
+    """Build the table rows for each distance.
+
+    The rows hold the brightness of each material class, the contrasts between classes in each domain, and the differences of the contrasts.
 
     Raises:
-        ConfigError: the campaign has no distance with objects of two classes.
+        ConfigError: the campaign has no distance with objects of two material classes.
     """
     turns = rotations.read(source, progress)
     where = compared_distances(turns[MEASURED])
@@ -101,12 +103,12 @@ def _add_rows(rows: RowList, turns: dict[str, Turns], distance: float) -> None:
 
 
 def compared_distances(turns: Turns) -> list[float]:
-    """Return the distances that have objects of two classes or more."""
+    """Return the distances in metres that have objects of two material classes or more."""
     return [distance for distance in rotations.distances_m(turns) if len(by_class(turns, distance)) > 1]
 
 
 def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
-    """Return {material class: objects of similar size} at a distance; classes without objects are left out."""
+    """Return {material class: objects of similar size} at a distance. Classes without objects are left out."""
     known = catalogue()
     here = [name for name, at in turns if at == distance and name != REFLECTOR]
     classes = {kind: [name for name in here if known[name].material_class == kind] for kind in CLASSES}
@@ -114,7 +116,7 @@ def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
 
 
 def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the difference of the means of two groups of objects, with a bootstrap over the objects of both groups.
+    """Estimate the mean of the objects `first` minus the mean of the objects `second`, with a bootstrap over the objects of both groups.
 
     >>> found = difference(np.array([3.0, 5.0]), np.array([1.0]), 100, 0)
     >>> found.value, found.low >= 2, found.high <= 4
@@ -126,7 +128,7 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
 
 
 def _figure(turns: dict[str, Turns]) -> Figure:
-    """Draw the measured and simulated brightness of every object by class, one panel per distance."""
+    """Draw the measured and simulated brightness of every object by material class, with one panel per distance."""
     where = compared_distances(turns[MEASURED])
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.8, sharey=True, squeeze=False)
     for panel, distance in zip(panels[0], where, strict=True):

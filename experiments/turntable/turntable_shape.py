@@ -1,10 +1,12 @@
-"""Shape: do objects differ in the modulation of their echo over a revolution in simulation as they do in measurement?
+"""Shape: do objects differ in the modulation of their echo over a revolution in the same way in simulation and measurement?
 
-The table compares between the domains the harmonic ratio of each object, the ranking of objects by this ratio (Spearman), the distances
-between objects in the space of all rotation features except brightness (Mantel test), the range-Doppler signatures of a revolution (SSIM of
-an object with its own twin and with other objects' twins), and the change of the corner reflector's harmonic ratio with distance. Paper:
-disentangled fidelity, shape, and turntable fidelity. An object counts as cleanly localised if the strongest echo of all ranges lies in the
-target gate in at least half of its measured recordings; the paper gives no criterion.
+The table compares measurement and simulation by the harmonic ratio of each object (power of harmonics 1 to 6 of the echo's modulation over
+a revolution, relative to harmonic 0), and by the ranking of objects by this ratio (Spearman). It also compares the distances between
+objects in the space of all rotation features except brightness (Mantel test), and the range-Doppler signatures of a revolution. The
+signature of a measured object is compared by SSIM with the simulation of the same object and of other objects. Further rows give the
+change of the corner reflector's harmonic ratio with distance. Paper: disentangled fidelity, shape, and turntable fidelity. An object
+counts as cleanly localised if the strongest echo over all ranges lies in the target gate in at least half of its measured recordings; the
+paper gives no criterion.
 """
 
 from __future__ import annotations
@@ -68,7 +70,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress, ripple: bool = True) -> Result:
-    """Build the rows and figures; `ripple` adds the rows of the module facet_ripple."""
+    """Build the table rows and figures. `ripple` adds the rows of the module facet_ripple."""
     turns = rotations.read(source, progress)
     names = rotations.objects(turns[MEASURED])
     similar = similarity(turns, names)
@@ -89,7 +91,7 @@ def score(config: Config, source: RecordingSource, progress: Progress, ripple: b
 
 
 def similarity(turns: dict[str, Turns], names: list[str]) -> Similarity:
-    """Compute for each pair of objects the SSIM of measured signatures of the first and simulated signatures of the second."""
+    """Compute for each pair of objects the SSIM of the measured signatures of the first with the simulated signatures of the second."""
     return {
         (first, second): np.array([
             statistics.ssim(one.signature, other.signature)
@@ -121,7 +123,10 @@ def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> Non
 
 
 def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]) -> Estimate:
-    """Divide the smallest mean harmonic ratio of `peaked` objects by the largest of the cans; bootstrap over recordings of each object."""
+    """Estimate the smallest mean harmonic ratio of the `peaked` objects divided by the largest mean ratio of the cans.
+
+    The confidence interval comes from a bootstrap over the recordings of each object.
+    """
     rng = np.random.default_rng(config.seed)
     values = {name: rotations.samples(turns, RATIO, name) for name in (*cans, *peaked)}
 
@@ -133,7 +138,7 @@ def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]
 
 
 def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add rank correlations of the harmonic ratio over objects (pooled and per distance) and the Mantel test in feature space."""
+    """Add rank correlations of the harmonic ratio over objects (pooled and for each distance), and the Mantel test in feature space."""
     clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
     cases: list[tuple[str, list[str], float | None, Claim]] = [("all objects", names, None, ORDER)]
     cases += [("cleanly localised objects", clean, None, CLEAN)]
@@ -174,7 +179,10 @@ def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], si
 
 
 def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add the variation of the harmonic ratio with distance: for the reflector (claim: less than between objects) and the mean object."""
+    """Add rows on the variation of the harmonic ratio with distance, for the corner reflector and as a mean over objects.
+
+    The claim is that the reflector's ratio varies less with distance than the ratio varies between objects.
+    """
     seeds = rows.config.profile.resamples, rows.config.seed
     metric = "variation over distance"
     for domain in COMPARED:
@@ -193,18 +201,18 @@ def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> 
 
 
 def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = np.inf) -> NDArray[np.float64]:
-    """Return an object's harmonic ratio at each distance, as a mean over repetitions."""
+    """Return the harmonic ratio of one object at each distance, as a mean over repetitions."""
     some = [turn for (known, distance), turn in turns.items() if known == name and low_m <= distance <= high_m]
     return _positive(np.array([np.mean([one.values[RATIO] for one in turn]) for turn in some]))
 
 
 def _positive(values: NDArray) -> NDArray[np.float64]:
-    """Raise values to at least 1e-12, because the harmonic ratio of a round object without noise is exactly zero."""
+    """Raise the values to at least 1e-12, because the harmonic ratio of a round object without noise is exactly zero."""
     return np.maximum(values, 1e-12)
 
 
 def _ssim_figure(names: list[str], similar: Similarity) -> Figure:
-    """Draw the SSIM of each object with its own twin as bars and with the other objects' twins as dots."""
+    """Draw the SSIM of each measured object with its own simulation as bars, and with the simulations of other objects as dots."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.75, height_in=2.8)
     own = np.array([similar[name, name].mean() for name in names])
     place = np.arange(len(names))
@@ -221,7 +229,7 @@ def _ssim_figure(names: list[str], similar: Similarity) -> Figure:
 
 
 def _ranking_figure(turns: dict[str, Turns], names: list[str]) -> Figure:
-    """Draw the harmonic ratio of each object in both domains with its extremes over recordings, sorted by the measured ratio."""
+    """Draw the harmonic ratio of each object, measured and simulated, with its extremes over recordings, sorted by the measured ratio."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.6, height_in=3.0)
     order = [names[i] for i in np.argsort(rotations.object_means(turns[MEASURED], RATIO, names))]
     place = np.arange(len(order))

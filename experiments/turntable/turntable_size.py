@@ -1,9 +1,9 @@
 """Size: does the echo power rise with the height of cans that are otherwise equal?
 
 The six cans have equal diameter and material and heights from 76 to 157 mm. The echo power should rise by 6 dB per doubling of the height,
-because a cylinder's cross-section grows with its height squared as long as the wavefront is flat across the can. Paper, disentangled
-fidelity, size: the measured domain shows no consistent trend because the array has no aperture in elevation; the simulation includes the
-whole mesh and may show a trend.
+because a cylinder's cross-section grows with the square of its height as long as the wavefront is flat across the can. Paper, disentangled
+fidelity, size: the measured echo power shows no consistent trend, because the array has no aperture in elevation; the simulation includes
+the whole mesh and may show a trend.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows per distance and domain. Raises ConfigError if the campaign has fewer than three cans."""
+    """Build the rows for each distance and domain (measured, simulated). Raises ConfigError if the campaign has fewer than three cans."""
     turns = rotations.read(source, progress)
     cans = [name for name in rotations.objects(turns[MEASURED]) if rotations.is_can(name)]
     if len(cans) < 3:
@@ -64,7 +64,9 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the Theil-Sen slope (median over all pairs) in decibels per doubling of the height, with a bootstrap over objects.
+    """Estimate the Theil-Sen slope of brightness in decibels per doubling of the height, with a bootstrap over objects.
+
+    The Theil-Sen slope is the median of the slopes over all pairs of objects.
 
     >>> slope_db(np.array([1.0, 2, 4, 8]), np.array([0.0, 6, 12, 18]), 100, 0).value
     6.0
@@ -97,7 +99,7 @@ def _add_rows(rows: RowList, turns: Turns, domain: str, cans: list[str], distanc
 
 
 def _figure(turns: dict[str, Turns], cans: list[str]) -> Figure:
-    """Draw brightness against height, one panel per distance."""
+    """Draw brightness in decibels against height, with one panel per distance."""
     where = [d for d in rotations.distances_m(turns[MEASURED]) if sum((name, d) in turns[MEASURED] for name in cans) > 2]
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.5, sharey=True, squeeze=False)
     for panel, distance in zip(panels[0], where, strict=True):

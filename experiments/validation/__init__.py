@@ -1,1 +1,1 @@
-"""Comparisons of the tracer with independent reference values (oracles), with Sionna RT and with RF-Genesis."""
+"""Compare RadarTwin's ray tracer with independent reference values (oracles), with Sionna RT and with RF-Genesis."""

@@ -1,14 +1,15 @@
-"""Panel images of this tracer against Sionna RT and against exact image sources, path by path, in the procedural rooms.
+"""Compare the specular panel paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
-Both references treat every wall as an infinite mirror, so levels are judged for paths with a clear first Fresnel zone only. The image
-sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the sequences in which
-a path can hit the walls; paths with equal directions and length are therefore added first. Sionna RT searches paths from a point back to
-itself ("co-located"), where it misses corners, because their mirror points lie on edges. With the receiver moved aside by APART_M ("apart")
-it finds one sequence of walls for each corner. In the co-located case the path lengths are Sionna's own, in single precision. In the apart
-case only the facets of Sionna's paths are used, and each path is computed again for one point.
+Both references treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone. The image
+sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the orders in which a
+path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT searches paths from a
+point back to the same point ("co-located"). In this case Sionna RT misses corners, because the mirror points of a corner lie on edges. If
+the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner. In the co-located case, the compared
+path lengths are those that Sionna returns in single precision. In the apart case, only the facets of Sionna's paths are used, and the
+length of each path is computed again for a single point.
 
-The matching tolerances of `path_match` are wider than the errors of either method and narrower than the differences between paths. Paths
-that reflect at small or curved surfaces are traced by tubes here and are counted separately.
+The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
+RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately.
 """
 
 from __future__ import annotations
@@ -70,7 +71,10 @@ CLAIMS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """Comparison of one reference's paths with ours at one place. Only strong paths, within DYNAMIC_DB of the strongest, are compared."""
+    """Comparison of RadarTwin's paths with the paths of one reference at one position of the radar.
+
+    Only strong paths (within DYNAMIC_DB of the strongest path) are compared.
+    """
 
     matched: np.ndarray  # (N,) whether each path of the reference has a partner among ours
     length_mm: np.ndarray  # (M,) length errors of the matched paths
@@ -81,7 +85,9 @@ class Compared:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compare the paths in all rooms: at one place in each with profile=quick, at `profile.repeats` places with profile=paper."""
+    """Compare the paths in all rooms: at one radar position per room with profile=quick, at `profile.repeats` positions with
+    profile=paper.
+    """
     places = 1 if config.profile.name == "quick" else config.profile.repeats
     compared: dict[tuple[str, str, str], list[Compared]] = {}
     shown: dict[str, dict[str, PathSet]] = {}
@@ -102,14 +108,17 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def _found(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
-    """Return our paths and those of each reference at one place, by name."""
+    """Return {name: paths} of RadarTwin and of each reference at one radar position in a room."""
     scene, pose = rooms.room(room, detail=detail), pose_in(room, place, seed)
     found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in REFERENCES}
     return {name: cleared(one, found["image sources"]) for name, one in found.items()}
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
-    """Return a sensor pose (4, 4) near the rover's start, off all symmetry planes, tilted so that no image lies on the antenna's axis."""
+    """Return a sensor pose (4, 4) near the rover's start.
+
+    The pose is off all symmetry planes of the room, and tilted so that no image source lies on the antenna's axis.
+    """
     pose = rooms.bench(room).sensor_pose.copy()
     draw = np.random.default_rng([seed, place])
     pose[:3, 3] += draw.uniform([0.05, 0.05, 0.02], [0.35, 0.35, 0.6])
@@ -118,13 +127,13 @@ def pose_in(room: str, place: int, seed: int) -> np.ndarray:
 
 
 def ours(scene: Scene, pose: np.ndarray) -> PathSet:
-    """Return the paths of our panel images: the tracer's paths that have mirrors."""
+    """Return the paths of RadarTwin's panel images, that is, the tracer's paths that contain mirror reflections."""
     parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
     return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
 
 
 def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
-    """Return the paths of the reference `name`, one of REFERENCES."""
+    """Return the paths of the reference method `name`, which must be in REFERENCES."""
     if name == "image sources":
         return _images(scene, pose)
     apart = name == "Sionna, apart"
@@ -154,7 +163,7 @@ def _of_paths(paths: Paths, small: np.ndarray | None = None) -> PathSet:
 
 
 def _of_answer(answer: dict[str, np.ndarray], small: np.ndarray, pose: np.ndarray) -> PathSet:
-    """Return the paths with Sionna's own lengths and hit points."""
+    """Return the paths that Sionna found, with the lengths and hit points that Sionna returns."""
     vertex, count = answer["vertex"], (answer["face"] >= 0).sum(axis=1)
     ends = (vertex[:, 0], vertex[np.arange(len(vertex)), count - 1])
     lines = [(end - pose[:3, 3]) @ pose[:3, :3] for end in ends]
@@ -164,7 +173,7 @@ def _of_answer(answer: dict[str, np.ndarray], small: np.ndarray, pose: np.ndarra
 
 
 def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
-    """Return whether (N,) each path reflects at a surface that this tracer traces by tubes."""
+    """Return a mask (N,) of the paths that reflect at a surface for which RadarTwin's tracer uses ray tubes."""
     built = geometry.build([s.mesh for s in scene])
     surfaces = np.unique(built.surface[panel_room.small_faces(scene.surfaces, built)])
     return np.any(np.isin(mesh.surface[face], surfaces) & (face >= 0), axis=1)
@@ -175,20 +184,23 @@ def _middle(amplitude: np.ndarray, frequencies_hz: np.ndarray) -> np.ndarray:
 
 
 def frequency_hz(scene: Scene) -> float:
-    """Return the frequency node nearest to the middle of the sweep, so that interpolation between nodes adds no difference."""
+    """Return the frequency near the middle of the sweep at which the tracer computes amplitudes without interpolation."""
     high = RADAR.start_frequency_hz + RADAR.sampled_bandwidth_hz
     nodes = reflection_table.build([(s.material, s.roughness_m) for s in scene], RADAR.start_frequency_hz, high).frequencies_hz
     return float(_middle(nodes[None], nodes)[0])
 
 
 def cleared(found: PathSet, images: PathSet) -> PathSet:
-    """Return the paths with `clear` taken from the matching image source; a path that reflects at furniture has none and is not clear."""
+    """Return the paths with the attribute `clear` taken from the matching image source.
+
+    A path that reflects at furniture has no matching image source, so its `clear` is false.
+    """
     index = partners(found, images)
     return replace(found, clear=np.where(index >= 0, images.clear[index], False))
 
 
 def compare(theirs: PathSet, mine: PathSet) -> Compared:
-    """Match the strong paths of a reference with all of our paths, and our strong paths with all paths of the reference."""
+    """Match the strong paths of a reference with all paths of RadarTwin, and RadarTwin's strong paths with all paths of the reference."""
     every = theirs.strong(DYNAMIC_DB)
     strong = every.where(~every.small)
     index = partners(strong, mine)
@@ -206,7 +218,7 @@ def compare(theirs: PathSet, mine: PathSet) -> Compared:
 
 
 def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> list[dict[str, Any]]:
-    """Return the rows of one room and reference: shares of matched paths, and mean absolute errors over paths."""
+    """Return the table rows of one room and reference: shares of matched paths, and mean absolute errors over paths."""
     room, detail, name = key
 
     def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
@@ -235,7 +247,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
 
 
 def _figure(shown: dict[str, dict[str, PathSet]]) -> Figure:
-    """Draw the level of each path against half its length, one panel per room."""
+    """Draw the level of each path against half of the path's length, with one panel per room."""
     drawing, panels = figure(len(ROOMS), len(DETAILS), width_in=PAGE_WIDTH_IN, height_in=6.4, sharex=True, sharey=True)
     looks = {
         "ours": ("o", "none", PALETTE[0], 6.0), "image sources": ("+", PALETTE[1], PALETTE[1], 5.0),

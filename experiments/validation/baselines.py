@@ -1,8 +1,9 @@
-"""Errors of RF-Genesis, a naive tracer: levels, range law, convergence and measured target speed of each version of simulator=rfgenesis.
+"""Errors of the simulator RF-Genesis: levels, range law, convergence, and measured target speed of each version of simulator=rfgenesis.
 
-Each row has the expectation from physics, the result of the published program on the same case (column paper; versions `shipped` and
-`columns`), and the result of the re-implementation. A claim holds if the two programs agree within a tolerance. Rows of the `corrected`
-version show what the program returns after its errors are corrected; the published program gives no value for them.
+Each row has the value expected from physics, the result of the published RF-Genesis program for the same scene (column paper; versions
+`shipped` and `columns`), and the result of RadarTwin's re-implementation. A claim holds if the published program and the re-implementation
+agree within a tolerance. Rows of the version `corrected` show what RF-Genesis returns after its errors are corrected; the published
+program has no value for these rows.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 
 def published_radar() -> Radar:
-    """Return the radar of the published program's configuration (TI1843_config.json); its ADC starts 6 us into the chirp."""
+    """Return the radar in the configuration file of the published program (TI1843_config.json). Its ADC starts 6 us into the chirp."""
     half = SPEED_OF_LIGHT / 77e9 / 2
     slope = 60.012e12
     return Radar(
@@ -60,9 +61,9 @@ def published_radar() -> Radar:
 
 
 def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
-    """Return the level of the facing plate by physical optics.
+    """Return the level in dB of a plate that faces the radar, by physical optics.
 
-    It is the far-field value A^2/(4 pi R^2)^2 times the Fresnel integral of the square aperture.
+    The level is the far-field value A^2/(4 pi R^2)^2 times the Fresnel integral over the square aperture.
     """
     wavelength = SPEED_OF_LIGHT / frequency_hz
     edge = SIZE_M * math.sqrt(1 / (wavelength * distance_m))  # k x^2/R = (pi/2) u^2 with u = 2 x/sqrt(lambda R)
@@ -72,7 +73,7 @@ def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
 
 
 def level_db(mesh: trimesh.Trimesh, distance_m: float, simulator: Backend) -> float:
-    """Return the peak of the Hann-windowed range profile of a target on boresight: received over transmitted power in dB."""
+    """Return the peak of the Hann-windowed range profile of a target on boresight, as received over transmitted power in dB."""
     radar = Radar.iwr1843(element="isotropic")
     facing = mesh.copy().apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
     motion = {"target": trajectory.pose([distance_m, 0.0, 0.0])[None]}
@@ -83,13 +84,13 @@ def level_db(mesh: trimesh.Trimesh, distance_m: float, simulator: Backend) -> fl
 
 
 def trihedral_over_sphere_db(simulator: Backend, distances_m: Iterable[float]) -> np.ndarray:
-    """Return the ratio (n,) of the trihedral's level to the sphere's at each distance, in dB."""
+    """Return the ratio (n,) in dB of the trihedral's level to the sphere's level at each distance."""
     meshes = TARGETS["trihedral"](), TARGETS["sphere"]()
     return np.array([level_db(meshes[0], d, simulator) - level_db(meshes[1], d, simulator) for d in distances_m])
 
 
 def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarray) -> dict[str, float]:
-    """Return for each target the exponent n of a power law R^-n, fitted to its levels."""
+    """Return for each target the exponent n of a power law R^-n that is fitted to the levels at the given distances R."""
     decades = 10 * np.log10(distances_m)
     return {
         name: -float(np.polyfit(decades, [level_db(make(), d, simulator) for d in distances_m], 1)[0]) for name, make in TARGETS.items()
@@ -97,12 +98,12 @@ def range_exponents(simulator: Backend, distances_m: Sequence[float] | np.ndarra
 
 
 def plate_levels_db(version: str, grids: Sequence[int]) -> list[float]:
-    """Return the level of the plate at 3 m for each number of pixels per side."""
+    """Return the level in dB of the plate at 3 m for each number of pixels per side in `grids`."""
     return [level_db(TARGETS["plate"](), 3.0, backend("rfgenesis", version=version, grid=grid)) for grid in grids]
 
 
 def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MPS) -> float:
-    """Return the Doppler speed of a receding plate, from one transmitter's chirps and the wavelength of 77 GHz."""
+    """Return the Doppler speed in m/s of a receding plate, computed from a transmitter's chirps and the wavelength of 77 GHz."""
     poses = np.array([trajectory.pose([2 + speed_mps * frame / radar.frame_rate_hz, 0.0, 0.0]) for frame in range(3)])
     scene = Scene([Surface(TARGETS["plate"](), "metal", "plate")])
     iq = simulate(scene, radar, np.eye(4)[None], motion={"plate": poses}, simulator=simulator).iq[1, :, 0, 0]
@@ -114,7 +115,7 @@ def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MP
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table. Single cases are not stored, because each takes a fraction of a second."""
+    """Compute the table. The results of single rows are not stored, because each takes a fraction of a second."""
     rows: list[dict] = []
     metrics: dict[str, float] = {}
 

@@ -1,4 +1,4 @@
-"""Match the paths of two methods by length and by the directions at both ends."""
+"""Match the propagation paths of two methods by path length and by the directions at both ends."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SAME_M, SAME_DEG = 2e-5, 0.01  # largest difference between paths of one image: 
 
 @dataclass(frozen=True)
 class PathSet:
-    """N paths of one method."""
+    """N propagation paths that one method found."""
 
     length_m: np.ndarray  # (N,)
     departure: np.ndarray  # (N, 3) directions in the sensor frame
@@ -22,7 +22,7 @@ class PathSet:
     clear: np.ndarray  # (N,) whether the path's first Fresnel zone is known to be free of edges and obstacles
 
     def where(self, keep: np.ndarray) -> PathSet:
-        """Return the paths that `keep`, a mask or indices, selects."""
+        """Return the paths that the mask or index array `keep` selects."""
         return PathSet(*(values[keep] for values in vars(self).values()))
 
     @property
@@ -30,12 +30,12 @@ class PathSet:
         return 20 * np.log10(np.abs(self.amplitude) + 1e-30)
 
     def strong(self, dynamic_db: float) -> PathSet:
-        """Return the paths within `dynamic_db` of the strongest path."""
+        """Return the paths whose level is within `dynamic_db` of the strongest path."""
         return self.where(self.level_db >= self.level_db.max(initial=-np.inf) - dynamic_db)
 
 
 def together(found: PathSet) -> PathSet:
-    """Return the paths with all paths of the same image added into one path."""
+    """Return the paths after all paths of the same image source are added into one path."""
     left, groups = np.ones(len(found.length_m), bool), []
     for i in np.argsort(-np.abs(found.amplitude), kind="stable"):
         if left[i]:
@@ -49,13 +49,18 @@ def together(found: PathSet) -> PathSet:
 
 
 def _apart_deg(found: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
-    """Return the larger of the angles (N,) at both ends in degrees, from chords, because cosines are inaccurate for small angles."""
+    """Return for each path (N,) the larger angle in degrees between the compared directions at its two ends.
+
+    The angles are computed from chords, because cosines are inaccurate for small angles.
+    """
     chords = [np.linalg.norm(one - other, axis=1) for one, other in ((found.departure, departure), (found.arrival, arrival))]
     return np.degrees(2 * np.arcsin(np.clip(np.maximum(*chords) / 2, 0, 1)))
 
 
 def partners(of: PathSet, among: PathSet) -> np.ndarray:
-    """Return for each path of `of` the index (N,) of the path of `among` nearest in length and angle; -1 if none is within tolerance."""
+    """Return for each path of `of` the index (N,) of the path of `among` that is nearest in length and angle; -1 if none is in
+    tolerance.
+    """
     out = np.full(len(of.length_m), -1)
     for i in range(len(out)):
         misfit = np.maximum(

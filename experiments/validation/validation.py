@@ -1,7 +1,8 @@
-"""Validation card: every physics check with its case, reference value, our value, error, limit and verdict.
+"""Validation table (card): every physics check with its reference value, RadarTwin's value, error, limit and verdict.
 
-The cases are in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). profile=quick runs only
-the cases that take seconds, with some of their sizes, seeds and angles; profile=paper runs all cases in full.
+The checks (cases) are in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). With
+profile=quick, only the cases that take seconds run, each with some of its sizes, seeds and angles. With profile=paper, all cases run in
+full.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ DENSITIES = (1, 2, 4, 8, 16, 32, 64)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute every case of the profile and return the rows in the order of the card."""
+    """Compute every validation case of the profile and return the rows in the order of the validation table."""
     full = config.profile.name != "quick"
     chosen = [(case, full) for case in CASES if full or case.cost == "quick"]
     with progress.task("validation cases", len(chosen)) as done:
@@ -63,7 +64,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def row(case: Case, full: bool) -> dict[str, Any]:
-    """Compute a case and return its row of the card. For a case that cannot be tested, the oracle column gives the reason."""
+    """Compute a validation case and return its table row. If the case cannot be tested, the column `oracle` gives the reason."""
     shared = {"subject": case.subject, "case": case.name, "claim": case.claim}
     score = {"limit": case.limit, "unit": case.unit or "-", "run_keys": "", "metric": case.metric, "paper": None, "low": None, "high": None}
     started = time.perf_counter()
@@ -83,7 +84,7 @@ def row(case: Case, full: bool) -> dict[str, Any]:
 
 
 def _pattern_figure(full: bool) -> Figure:
-    """Draw the cross-section of a trihedral over azimuth and of a plate over angle, with their references."""
+    """Draw the cross-section of a trihedral over azimuth and of a plate over angle, together with their references."""
     azimuth = np.linspace(-30, 30, 121 if full else 31)
     reference, ours = targets.pattern(azimuth)
     drawing, (left, right) = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
@@ -108,7 +109,7 @@ def _pattern_figure(full: bool) -> Figure:
 
 
 def _ray_count_figure(full: bool) -> Figure:
-    """Draw the largest error, over sizes and grid offsets, against the number of rays per square wavelength."""
+    """Draw the largest error over sizes and ray-grid offsets against the number of rays per square wavelength."""
     drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
     densities = DENSITIES if full else DENSITIES[:5:2]
     for number, target in enumerate(targets.TARGETS):
@@ -121,7 +122,7 @@ def _ray_count_figure(full: bool) -> Figure:
 
 
 def _near_figure(full: bool) -> Figure:
-    """Draw the effective cross-section of the targets against distance."""
+    """Draw the effective cross-section of the near-field targets against distance."""
     distances = np.geomspace(0.3, 10, 41 if full else 13)
     drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
     for number, (name, (_, meshes)) in enumerate(near.MESHES.items()):
@@ -134,7 +135,7 @@ def _near_figure(full: bool) -> Figure:
 
 
 def _room_figure(full: bool) -> Figure:
-    """Draw the range profile of the squash court by image sources and by this tracer."""
+    """Draw the range profile of the squash court by image sources and by RadarTwin's tracer."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=2.4)
     methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "panel images")]
     exact = np.zeros(1)

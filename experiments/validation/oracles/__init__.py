@@ -1,1 +1,1 @@
-"""Independent references for the tracer: closed forms, series and quadratures that share no code with radartwin.simulation."""
+"""Independent references for the ray tracer: closed forms, series and quadratures that share no code with radartwin.simulation."""

@@ -1,4 +1,4 @@
-"""A validation case: one claim of the physics, the value of an independent reference, our value, and the limit of their difference."""
+"""A validation case: a claim about physics, the value of an independent reference, RadarTwin's value, and the limit of their difference."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OBJECTS = REFERENCE.parent / "data" / "objects"
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a comparison."""
+    """The result of one comparison of RadarTwin with a reference."""
 
     # Reference and our value where they differ most, in the unit of the case; NaN if the claim is about many values at once.
     reference: float
@@ -31,12 +31,12 @@ class Finding:
 
 
 class Untestable(Exception):
-    """A file or package that the case needs is absent; the message names it."""
+    """Exception: a file or package that the case needs is absent. The message names the file or package."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One row of the card and one test."""
+    """One validation case. Each case is one row of the validation table (card) and one test."""
 
     name: str  # unique, lower case with hyphens
     subject: str  # group of the card
@@ -50,12 +50,12 @@ class Case:
 
 
 def db(power: Any) -> Any:
-    """Return a power in decibels."""
+    """Convert a power to decibels (10 log10)."""
     return 10 * np.log10(power)
 
 
 def worst(pairs: Sequence[tuple[float, float]]) -> Finding:
-    """Return the finding of the (reference, ours) pair with the largest difference."""
+    """Return the finding of the (reference, RadarTwin) pair with the largest difference."""
     reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
     return Finding(reference, ours, abs(ours - reference), len(pairs))
 
@@ -67,7 +67,7 @@ def rms(differences: Sequence[float] | np.ndarray) -> Finding:
 
 
 def reference_rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a reference table. Raises Untestable if the table is absent."""
+    """Return the rows of the reference table `name`. Raises Untestable if the file is absent."""
     path = REFERENCE / name
     if not path.is_file():
         raise Untestable(f"reference table {name} is not here")

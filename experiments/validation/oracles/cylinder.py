@@ -1,8 +1,9 @@
-"""Exact scattering of endless round cylinders at normal incidence, electric field along the axis. Ref: Balanis (2012), section 11.5.
+"""Exact scattering of infinitely long round cylinders at normal incidence, with the electric field along the axis.
 
-Symbols: a_n -> coefficients of the outgoing wave over J_n of the incident one, k_i -> wavenumber in layer i. Time convention
-exp(+j omega t): waves go out as the Hankel function of the second kind, loss is eta' - j eta''. The field in each layer is
-J_n(k r) + b_n H_n(k r); E and its radial derivative are continuous. Scaled Bessel functions keep lossy liquids from overflowing.
+Ref: Balanis (2012), section 11.5. Symbols: a_n -> coefficients of the outgoing wave relative to J_n of the incident wave, k_i ->
+wavenumber in layer i. Time convention exp(+j omega t): outgoing waves are Hankel functions of the second kind, loss is eta' - j eta''. The
+field in each layer is J_n(k r) + b_n H_n(k r); the electric field E and its radial derivative are continuous. Scaled Bessel functions
+prevent overflow in lossy liquids.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ def _orders(size: float) -> np.ndarray:
 
 
 def conductor_width(radius_m: float, wavelength_m: float) -> float:
-    """Return the backscatter echo width of a perfectly conducting cylinder in metres.
+    """Return the backscatter echo width in metres of an infinitely long, perfectly conducting cylinder.
 
     >>> bool(abs(conductor_width(0.5, 0.004) / (np.pi * 0.5) - 1) < 1e-3)
     True
@@ -26,12 +27,13 @@ def conductor_width(radius_m: float, wavelength_m: float) -> float:
 
 
 def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float) -> float:
-    """Return the backscatter echo width of concentric layers in air in metres.
+    """Return the backscatter echo width in metres of a cylinder of concentric layers in air.
 
     Args:
-        radii_m: outer radius of each layer, outermost first.
-        permittivities: permittivity of each layer, outermost first; if there is one fewer than radii, the core conducts perfectly.
-        wavelength_m: wavelength in air.
+        radii_m: outer radius of each layer in metres, outermost layer first.
+        permittivities: relative permittivity of each layer, outermost first; with one entry fewer than radii_m, the core conducts
+            perfectly.
+        wavelength_m: wavelength in air in metres.
     """
     k0 = 2 * np.pi / wavelength_m
     order = _orders(k0 * radii_m[0])
@@ -62,7 +64,7 @@ def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wa
 
 
 def _carried(order: np.ndarray, k: complex, inner: float | None, outer: float, slope: np.ndarray | None) -> np.ndarray:
-    """Return E'/E at the outer radius of a layer from E'/E at its inner radius; the core has no inner radius."""
+    """Return E'/E at the outer radius of a layer from E'/E at its inner radius. The core has no inner radius."""
     j, dj = _bessel(order, k * outer)
     if inner is None or slope is None:
         return k * dj / j
@@ -77,12 +79,12 @@ def _carried(order: np.ndarray, k: complex, inner: float | None, outer: float, s
 
 
 def _bessel(order: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
-    """Return J_n and its derivative, both times exp(-|Im z|)."""
+    """Return the Bessel function J_n and its derivative, both multiplied by exp(-|Im z|)."""
     value = jve(order, z)
     return value, jve(order - 1, z) - order / z * value
 
 
 def _hankel(order: np.ndarray, z: complex) -> tuple[np.ndarray, np.ndarray]:
-    """Return H_n of the second kind and its derivative, both times exp(+j z)."""
+    """Return the Hankel function H_n of the second kind and its derivative, both multiplied by exp(+j z)."""
     value = hankel2e(order, z)
     return value, hankel2e(order - 1, z) - order / z * value

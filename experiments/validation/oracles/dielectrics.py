@@ -1,4 +1,4 @@
-"""Walls, bottles and rough surfaces against transfer matrices, exact layered cylinders, Ament's formula and the reference tables."""
+"""Validation cases of walls, bottles and rough surfaces: transfer matrices, exact layered cylinders, Ament's formula, reference tables."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OVER_METAL = "over metal (dB)"
 
 
 def _samples(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float, roll: bool = False, bounce: int = 0) -> np.ndarray:
-    """Return samples (samples,) of a target on the axis for vertical antennas, or horizontal ones if `roll`.
+    """Return samples (samples,) of a target on the radar's axis for vertical antennas, or for horizontal antennas if `roll` is true.
 
     A positive `bounce` keeps only the paths with this number of bounces.
     """
@@ -50,13 +50,13 @@ def _over_metal(mesh: trimesh.Trimesh, material: str | Layered, **options: Any) 
 
 
 def _mean_over_metal(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float) -> float:
-    """Return the target's power relative to the same target of metal, as a mean over the sweep in dB."""
+    """Return in dB the target's power relative to the same target made of metal, as a mean over the frequency sweep."""
     ratio = np.abs(_samples(mesh, material, distance_m) / _samples(mesh, "metal", distance_m)) ** 2
     return float(10 * np.log10(ratio[EDGE:-EDGE].mean()))
 
 
 def _slabs(full: bool) -> Finding:
-    """Compare a 10 cm plate, seen face-on, with transfer matrices at one to five frequencies of the sweep."""
+    """Compare the echo of a 10 cm plate, seen face-on, with transfer matrices at one to five frequencies of the sweep."""
     pairs = []
     for frequency in np.linspace(*SWEEP_HZ, 5) if full else (77e9,):
         for layers, backing in SLABS.values():
@@ -71,9 +71,9 @@ def _metal(frequency_hz: float) -> complex:
 
 
 def _oblique(full: bool) -> Finding:
-    """Compare the double bounce in a dihedral, both reflections at 45 degrees, as a mean over the sweep.
+    """Compare the double bounce in a dihedral with transfer matrices, as a mean over the sweep. Both reflections are at 45 degrees.
 
-    The reflections are TE if the field is along the fold, and TM if the field is across it.
+    The reflections are TE if the field is along the fold of the dihedral, and TM if the field is across the fold.
     """
     pairs = []
     mesh = objects.dihedral(0.1, 0.1)
@@ -88,7 +88,7 @@ def _oblique(full: bool) -> Finding:
 
 
 def _slab_table(full: bool) -> Finding:
-    """Compare slabs with the table at 77 GHz, except brick, plywood and marble, for which the table extrapolates its formulas."""
+    """Compare slabs with the reference table at 77 GHz. Brick, plywood and marble are left out: the table extrapolates their formulas."""
     pairs = []
     for row in reference_rows("slab_reflection_77GHz.csv"):
         if row["material"] in ("brick", "plywood", "marble"):
@@ -99,7 +99,7 @@ def _slab_table(full: bool) -> Finding:
 
 
 def _bottle_table(full: bool) -> Finding:
-    """Compare the mean power over the sweep of bottle walls in front of air and of water with the table."""
+    """Compare the mean power over the sweep of bottle walls in front of air and of water with the reference table."""
     pairs = []
     # HDPE is left out, because the table uses a permittivity of 2.33 and this project 2.31.
     rows = [row for row in reference_rows("bottle_wall_reflection_77GHz.csv") if row["wall"] != "HDPE"]
@@ -112,7 +112,7 @@ def _bottle_table(full: bool) -> Finding:
 
 @cache
 def exact_bottle(wall: str, contents: str, points: int) -> float:
-    """Return the power of a bottle relative to a metal can by the exact series, as a mean over the sweep in dB."""
+    """Return in dB the power of a bottle relative to a metal can by the exact cylinder series, as a mean over the sweep."""
     material, thickness = WALLS_M[wall]
     ratios = []
     for frequency in np.linspace(*SWEEP_HZ, points):
@@ -123,7 +123,10 @@ def exact_bottle(wall: str, contents: str, points: int) -> float:
 
 
 def our_bottle(wall: str, contents: str) -> float:
-    """Return the value of `exact_bottle` by the tracer, for a closed can at 5 m whose side has the layers of wall and contents."""
+    """Return the ray tracer's value for the same quantity as `exact_bottle`.
+
+    The traced object is a closed can at 5 m whose side has the layers of the bottle's wall and contents.
+    """
     material, thickness = WALLS_M[wall]
     return _mean_over_metal(objects.cylinder(RADIUS_M, HEIGHT_M), Layered([(material, thickness)], contents), 5.0)
 
@@ -134,19 +137,22 @@ def _bottles(contents: str, full: bool) -> Finding:
 
 
 def _bottle_series_table(full: bool) -> Finding:
-    """Compare water-filled bottles, relative to the metal can, with the table; our exact series differs from the table by 0.01 dB."""
+    """Compare water-filled bottles, relative to the metal can, with the reference table.
+
+    The exact series of this module differs from the reference table by 0.01 dB.
+    """
     rows = {row["case"]: float(row["total_rel_PEC"]) for row in reference_rows("layered_cylinder_exact.csv")}
     names = {"pet 0.3": "PET0.3 water", "pet 1": "PET1.0 water", "glass 3": "glass3 water"}
     return worst([(rows[names[wall]], our_bottle(wall, "water")) for wall in (names if full else ("pet 1",))])
 
 
 def ament_db(roughness_m: float, cosine: float) -> float:
-    """Return the loss of the coherent reflection at a rough surface in dB. Ref: Ament, Proc. IRE 41 (1953) 142."""
+    """Return in dB the loss of the coherent reflection at a rough surface. Ref: Ament, Proc. IRE 41 (1953) 142."""
     return float(20 * np.log10(np.exp(-2 * (WAVENUMBER * roughness_m * cosine) ** 2)))
 
 
 def _rough(full: bool) -> Finding:
-    """Compare the traced level of a rough metal plate, relative to a smooth plate, with Ament's formula in the middle of the sweep."""
+    """Compare the traced level of a rough metal plate, relative to a smooth plate, with Ament's formula at the centre of the sweep."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     scale = (frequency / FREQUENCY_HZ) ** 2
 

@@ -1,4 +1,4 @@
-"""Reciprocity, conservation of energy, and the power of diffuse scatter."""
+"""Validation cases of reciprocity, conservation of energy, and the power of diffuse scatter."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def bistatic(
 ) -> np.ndarray:
     """Return the received amplitudes (F,) of a metal target between isotropic antennas, from sources (F, 3) to receivers (F, 3).
 
-    The source transmits V. The receiver receives V, or H if `cross`.
+    The source transmits vertical polarisation (V). The receiver receives V, or horizontal polarisation (H) if `cross` is true.
     """
     variant.activate()
     built = geometry.build([mesh])
@@ -44,7 +44,7 @@ def bistatic(
 
 
 def _swapped(full: bool) -> Finding:
-    """Compare the amplitudes of single bounces before and after transmitter and receiver, 1 or 5 cm apart, exchange places."""
+    """Compare the amplitudes of single bounces before and after transmitter and receiver, which are 1 or 5 cm apart, exchange places."""
     meshes = [objects.plate(0.1, 0.1), objects.sphere(0.033), objects.cylinder(0.033, 0.12)]
     pairs = []
     for distance in (0.5, 1.0, 2.0) if full else (1.0,):
@@ -57,7 +57,7 @@ def _swapped(full: bool) -> Finding:
 
 
 def _swapped_images(full: bool) -> Finding:
-    """Compare every image path in closed concrete rooms with its reversed path, for levels within 40 dB of the strongest."""
+    """Compare every image path in closed concrete rooms with the reversed path, for levels within 40 dB of the strongest path."""
     pairs = []
     for room in ROOMS if full else ("office",):
         _, size, sensor = ROOMS[room]
@@ -81,7 +81,7 @@ def _swapped_images(full: bool) -> Finding:
 
 
 def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
-    """Return the solid angle of triangles (N, 3, 3) that do not hide one another, seen from `point`.
+    """Return the solid angle in steradians of triangles (N, 3, 3), seen from `point`. The triangles must not hide one another.
 
     Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """
@@ -93,9 +93,9 @@ def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
 
 
 def _scattered(corner: bool, full: bool) -> Finding:
-    """Compare the power through a sphere of receivers, in both polarisations, with the power that hits the target.
+    """Compare the scattered power through a sphere of receivers, in both polarisations, with the power that hits the target.
 
-    The reference is a ratio of 0 dB. Only a larger ratio is an error.
+    The reference value is a ratio of 0 dB. Only a larger ratio counts as an error.
     """
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500
@@ -120,7 +120,7 @@ def _scattered(corner: bool, full: bool) -> Finding:
 def _diffuse(full: bool) -> Finding:
     """Compare the mean diffuse power of a rough concrete wall with the quadrature of a Lambert lobe.
 
-    The lobe has (1 - Ament^2) times the power that a smooth wall reflects by Fresnel's formulas.
+    The power of the lobe is (1 - Ament^2) times the power that a smooth wall reflects by Fresnel's formulas.
     """
     variant.activate()
     radar = traced.MONOSTATIC
@@ -141,7 +141,10 @@ def _diffuse(full: bool) -> Finding:
 
 
 def lambert_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, wavelength_m: float) -> float:
-    """Return the diffuse power over transmitted power of a concrete rectangle at x = 0, antennas along z, by Gauss-Legendre quadrature."""
+    """Return the ratio of diffuse received power to transmitted power of a concrete rectangle at x = 0, by Gauss-Legendre quadrature.
+
+    Both antennas are polarised along z.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(200)
     (y0, z0), (y1, z1) = corners[0, 1:], corners[2, 1:]
     y, z = np.meshgrid((y0 + y1) / 2 + (y1 - y0) / 2 * nodes, (z0 + z1) / 2 + (z1 - z0) / 2 * nodes, indexing="ij")

@@ -1,4 +1,6 @@
-"""Kinematics of a small moving sphere: Doppler, azimuth and phase per millimetre. Only code of this module evaluates the samples."""
+"""Validation cases of a small moving sphere: Doppler, azimuth and phase per millimetre. This module evaluates the samples with its
+own code.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,7 @@ RADAR = traced.ARRAY
 
 
 def _seen(centres_m: np.ndarray, sensors: np.ndarray | None = None) -> np.ndarray:
-    """Return samples (F, loops, tx, rx, samples) of a small metal sphere at these positions (F, 3)."""
+    """Return samples (F, loops, tx, rx, samples) of a small metal sphere at the positions `centres_m` (F, 3)."""
     poses = np.array([traced.pose(centre) for centre in centres_m])
     scene = rt.Scene([rt.Surface(objects.sphere(RADIUS_M, 4), "metal", "ball")])
     sensor = np.eye(4)[None] if sensors is None else sensors
@@ -22,20 +24,20 @@ def _seen(centres_m: np.ndarray, sensors: np.ndarray | None = None) -> np.ndarra
 
 
 def _matched(iq: np.ndarray, range_m: float) -> np.ndarray:
-    """Return the Hann-weighted correlation (...,) of samples (..., samples) with the echo of a point at this range."""
+    """Return the Hann-weighted correlation (...,) of samples (..., samples) with the echo of a point at the range `range_m`."""
     frequency = traced.frequencies(RADAR)
     return (iq * np.exp(-4j * np.pi * frequency / SPEED_OF_LIGHT * range_m) * np.hanning(len(frequency))).sum(axis=-1)
 
 
 def _middle_hz() -> float:
-    """Return the frequency to which the phase of `_matched` belongs: the Hann-weighted mean of the sweep."""
+    """Return the frequency in hertz to which the phase from `_matched` belongs: the Hann-weighted mean of the sweep."""
     frequency = traced.frequencies(RADAR)
     weight = np.hanning(len(frequency))
     return float((frequency * weight).sum() / weight.sum())
 
 
 def _doppler(full: bool) -> Finding:
-    """Compare the speed from the phase slope over one frame's loops with the true speed, for a moving sphere and for a moving sensor."""
+    """Compare the speed from the phase slope over the chirp loops of a frame with the true speed, for a moving sphere or moving sensor."""
     findings = []
     for speed in (0.2, -0.2, 1.0, -3.0, 6.0) if full else (0.2, -3.0):
         for moving in ("target", "sensor"):
@@ -53,7 +55,10 @@ def _doppler(full: bool) -> Finding:
 
 
 def _azimuth(full: bool) -> Finding:
-    """Compare the azimuth of the Bartlett maximum over eight channels with the truth; the phase from motion is first removed exactly."""
+    """Compare the azimuth of the maximum of a Bartlett beamformer over eight channels with the true azimuth.
+
+    The phase that the motion causes between the channels is first removed exactly.
+    """
     findings = []
     virtual = RADAR.virtual_positions
     for azimuth in (-60, -35, -10, 0, 20, 45, 60) if full else (-35, 20):
@@ -87,7 +92,10 @@ def _phase(full: bool) -> Finding:
 
 
 def _friis(full: bool) -> Finding:
-    """Compare the level of the sphere with lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)); the specular point is on the near side, at R - r."""
+    """Compare the level of the sphere with lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)).
+
+    R is the distance of the sphere's centre and r its radius, so the specular point is on the near side, at R - r.
+    """
     from experiments.validation.oracles.targets import mie_rcs
 
     pairs = []

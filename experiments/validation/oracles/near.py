@@ -1,4 +1,4 @@
-"""Targets and panels at close range, compared with physical-optics quadrature, and the range law at large distance."""
+"""Validation cases of targets and panels at close range (physical-optics quadrature), and of the range law at large distance."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ RCS = "effective cross-section (dBsm)"
 
 
 def effective(amplitude: complex, distance_m: float) -> float:
-    """Return the effective cross-section in dBsm: that of a far-field target with the same received amplitude at this distance."""
+    """Return the effective cross-section in dBsm.
+
+    It is the cross-section of a far-field target at the same distance whose echo has the same received amplitude.
+    """
     return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
 
 
 def corner_level(mesh: trimesh.Trimesh, distance_m: float) -> float:
-    """Return the effective cross-section of a plate, dihedral or trihedral on its axis, by quadrature of all its paths."""
+    """Return by quadrature of all its paths the effective cross-section in dBsm of a plate, dihedral or trihedral on its axis."""
     return effective(corner_quadrature(corner_faces(mesh), np.array([distance_m, 0.0, 0.0]), WAVELENGTH_M), distance_m)
 
 
@@ -36,7 +39,7 @@ MESHES = {
 
 
 def curve(name: str, size_m: float, distances_m: np.ndarray, density: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return the effective cross-sections (by quadrature, ours) in dBsm at each distance."""
+    """Return the effective cross-sections in dBsm at each distance, as (values by quadrature, values of the ray tracer)."""
     mesh = MESHES[name][1][size_m]
     ours = [level(mesh, AHEAD, density, distance=float(d)) for d in distances_m]
     return np.array([corner_level(mesh, float(d)) for d in distances_m]), np.array(ours)
@@ -51,7 +54,7 @@ def _near(name: str, full: bool) -> Finding:
 
 
 def _table(full: bool) -> Finding:
-    """Compare plate, trihedrals and can at 0.5 to 2 m, relative to their far field, with the reference table."""
+    """Compare the levels of plate, trihedrals and can at 0.5 to 2 m, relative to their far field, with the reference table."""
     rows = {float(row["R_m"]): row for row in reference_rows("near_over_far_field_dB.csv")}
     meshes = {
         "plate10cm": (objects.plate(0.1, 0.1), 19.1855), "tri5": (objects.trihedral(0.05), 2.3731),
@@ -65,7 +68,7 @@ def _table(full: bool) -> Finding:
 
 
 def _range_law(full: bool) -> Finding:
-    """Compare received power times R^4 at 10 to 80 m with its value at 5 m, for a 3 cm plate and dihedral."""
+    """Compare received power times R^4 at distances R of 10 to 80 m with the value at 5 m, for a 3 cm plate and dihedral."""
     pairs = []
     for mesh in (objects.plate(0.03, 0.03), objects.dihedral(0.03, 0.03)):
         first = level(mesh, AHEAD, 4.0, distance=5.0)
@@ -74,7 +77,7 @@ def _range_law(full: bool) -> Finding:
 
 
 def _friis(method: str, full: bool) -> Finding:
-    """Compare the echo of a 12 m wall at 1 to 4 m with lambda/(4 pi 2 d), Friis' formula for the distance 2 d of the image."""
+    """Compare the echo of a 12 m wall at distances d of 1 to 4 m with Friis' formula lambda/(4 pi 2 d) for the image at distance 2 d."""
     pairs = []
     for distance in (1.0, 2.0, 4.0) if full else (2.0,):
         scene = rt.Scene([rt.Surface(objects.plate(12.0, 12.0), "metal", "wall")])
@@ -86,7 +89,9 @@ def _friis(method: str, full: bool) -> Finding:
 
 
 def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return (corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m; sensors range from the middle to one width beyond the edge."""
+    """Return (corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m. The sensor lies between the panel's middle and one width
+    beyond the panel's edge.
+    """
     chosen = []
     for width in (0.1, 0.3, 1.0):
         half = width / 2
@@ -100,13 +105,13 @@ def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
 
 @cache
 def exact_panels(full: bool) -> list[complex]:
-    """Return the amplitude by quadrature for every entry of `panel_positions`."""
+    """Return the exact echo amplitude by quadrature for every entry of `panel_positions`."""
     wavelength = SPEED_OF_LIGHT / traced.MONOSTATIC.center_frequency_hz
     return [panel_quadrature(corners, sensor, wavelength) for corners, sensor in panel_positions(full)]
 
 
 def panel_errors(method: str, full: bool) -> np.ndarray:
-    """Return the magnitude of our amplitude's error for every panel position, relative to the echo of an infinite panel."""
+    """Return the magnitude of the ray tracer's amplitude error at every panel position, relative to the echo of an infinite panel."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency
     errors = []
@@ -125,7 +130,10 @@ def _panels(method: str, full: bool) -> Finding:
 
 
 def _two_panels(method: str, full: bool) -> Finding:
-    """Compare the double bounces of two 0.5 m panels at a right angle, 1 mm apart at the fold; errors are relative to the double image."""
+    """Compare the double bounces of two 0.5 m panels at a right angle, which are 1 mm apart at the fold.
+
+    The errors are relative to the amplitude of the double image of infinite panels.
+    """
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])

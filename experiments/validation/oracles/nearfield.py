@@ -2,11 +2,11 @@
 
     a = j/(4 pi) integral of P . (n x (k x E)) / (L_i L_o) exp(+j k (L_i + L_o)) dS
 
-Symbols: E, P -> transmit and receive polarisation (the antenna axis projected across the ray, normalised), n -> normal on the lit side,
-L_i -> distance from the source (or its image in the panels before) to the surface, L_o -> from the surface to the receiver. |a|^2 is
-received over transmitted power between isotropic antennas. The phase is that of the whole path: an infinite panel at distance d returns
--lambda/(8 pi d) exp(+j k 2 d). As in physical optics, edge currents are left out. Ref: C. Balanis, Advanced Engineering Electromagnetics
-(2012), section 7.10.
+Symbols: E, P -> transmit and receive polarisation (the antenna axis projected onto the plane across the ray, normalised), n -> normal on
+the lit side, k -> wave vector, L_i -> distance from the source (or its image in the panels that the path hits first) to the surface, L_o
+-> distance from the surface to the receiver. |a|^2 is received over transmitted power between isotropic antennas. The phase is that of the
+whole path: an infinite panel at distance d returns -lambda/(8 pi d) exp(+j k 2 d). As in physical optics, edge currents are left out. Ref:
+C. Balanis, Advanced Engineering Electromagnetics (2012), section 7.10.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ Z_AXIS = (0.0, 0.0, 1.0)
 
 
 def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None) -> complex:
-    """Return the received amplitude of one flat metal panel, seen from either side; arguments as for `chain_quadrature`.
+    """Return the received amplitude of one flat metal panel, seen from either side. The arguments are those of `chain_quadrature`.
 
     >>> plate = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
     >>> a = panel_quadrature(np.array(plate) * 0.05, [0, 0, 80.0], 0.0039)
@@ -39,18 +39,18 @@ def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *
 def chain_quadrature(
     panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """Return the received amplitude of the path that hits `panels` in this sequence; other panels do not shadow the path.
+    """Return the received amplitude of the path that hits `panels` in the given order. Shadows of other panels are ignored.
 
-    All panels but the last reflect like mirrors and must be convex: rays from the sensor's image in a panel that pass through this panel
-    illuminate the next panel. The last panel is treated by physical optics and may be concave.
+    All panels except the last reflect like mirrors and must be convex. Rays from the sensor's image in a mirror panel that pass through
+    this panel illuminate the next panel. The last panel is treated by physical optics and may be concave.
 
     Args:
-        panels: corners of each panel, (n, 3) metres, in sequence around a simple polygon in one plane.
-        sensor: (3,) phase centre of the transmitter, and of the receiver unless given.
-        receiver: (3,) position of another receiver.
-        axis: (3,) polarisation of both antennas; irrelevant if they share a position.
+        panels: corners of each panel, (n, 3) metres, in order around a simple polygon in one plane.
+        sensor: (3,) position of the transmitter's phase centre in metres, and of the receiver if `receiver` is None.
+        receiver: (3,) position of the receiver in metres; None if transmitter and receiver share a position.
+        axis: (3,) polarisation vector of both antennas; it has no effect if both antennas share a position.
     Returns:
-        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides.
+        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides of a panel.
     Raises:
         ValueError: the corners are not in one plane, or a sensor lies in the plane of a panel.
     """
@@ -106,7 +106,7 @@ def corner_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength
 
 
 def _plane(corners: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the unit normal (Newell's rule) and the offset of a polygon's plane."""
+    """Return the unit normal (by Newell's rule) and the offset of the plane through a polygon."""
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
         raise ValueError(f"a panel needs (n, 3) corners, n at least 3, not {corners.shape}")
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
@@ -118,7 +118,7 @@ def _plane(corners: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    """Return the half-spaces (inward normal, offset) of the cone from an apex through the edges of a convex polygon."""
+    """Return the half-spaces (inward normal, offset) that bound the cone from an apex through the edges of a convex polygon."""
     centre = convex.mean(axis=0)
     planes = []
     for start, end in zip(convex, np.roll(convex, -1, axis=0), strict=True):
@@ -132,7 +132,7 @@ def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]
 
 
 def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """Cut a convex polygon by half-spaces; the result may be empty. Ref: Sutherland and Hodgman, CACM 17 (1974) 32."""
+    """Cut a convex polygon by half-spaces. The result may be empty. Ref: Sutherland and Hodgman, CACM 17 (1974) 32."""
     for normal, offset in planes:
         if len(polygon) == 0:
             break
@@ -181,9 +181,9 @@ def _area(corners: np.ndarray) -> float:
 
 
 def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> tuple[np.ndarray, ...] | None:
-    """Return quadrature nodes and weights along both parameters of a triangle; the cells resolve the phase of the path source-point-target.
+    """Return quadrature nodes and weights along both parameters of a triangle. The cells resolve the phase of the path source-point-target.
 
-    The triangle is the unit square folded at its first corner: p = a + u (b - a) + u v (c - b), area element u |(b - a) x (c - b)|.
+    The parameters map the unit square to the triangle by p = a + u (b - a) + u v (c - b), with the area element u |(b - a) x (c - b)|.
     """
     if _area(triangle) < EMPTY_M2:
         return None
@@ -202,10 +202,10 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
 
 
 class _Path(NamedTuple):
-    """A path that ends with the last panel: its ends, the normal on the panel's lit side, polarisation axis, mirrors and wavenumber.
+    """The geometry of a path that ends with the last panel: both end points, lit side, polarisation axis, mirrors and wavenumber.
 
-    `mirror` maps the direction in which the ray arrives at the panel to its direction of departure; `turn` maps the field at departure to
-    the arriving field.
+    `mirror` maps the direction in which the ray arrives at the panel to the direction in which the ray departs from the source. `turn` maps
+    the field at departure to the field that arrives at the panel.
     """
 
     source: np.ndarray
@@ -219,7 +219,7 @@ class _Path(NamedTuple):
 
 @numba.njit
 def _integrate(triangle, u, weight_u, v, weight_v, path):
-    """Return the integral over one triangle; NaN if a ray is parallel to the polarisation axis."""
+    """Return the physical-optics integral over one triangle; NaN if a ray is parallel to the polarisation axis."""
     source, target, lit, axis, mirror, turn, wavenumber = path
     a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
     area = np.sqrt((np.cross(ab, bc) ** 2).sum())

@@ -1,14 +1,15 @@
-"""Echoes of conductors to a small antenna at a finite distance, with phase: of a sphere (exact), and of a cylinder seen broadside.
+"""Echoes of metal objects to a small antenna at a finite distance, with phase: a sphere (exact), and a cylinder seen broadside.
 
-Echoes are received over transmitted amplitude between isotropic antennas at one point, with the phase exp(+j k L). Symbols: a -> radius,
-r -> distance of the antenna from the centre, R_n -> reflection of the multipole of order n.
+Each echo is the received over the transmitted amplitude between isotropic antennas at one point, with the phase exp(+j k L). Symbols:
+a -> radius, r -> distance of the antenna from the centre, k -> wavenumber, R_n -> reflection of the multipole of order n.
 
 Sphere: a dipole across the radius receives (j/4) sum (2n+1) [R_n^TE h_n(kr)^2 + R_n^TM (zeta_n'(kr)/(kr))^2]. Ref: R. Ruppin, J. Chem.
-Phys. 76 (1982) 1681, whose decay rates are the real part of the same sum.
+Phys. 76 (1982) 1681; the decay rates in this reference are the real part of the same sum.
 
-Cylinder: the field of a point source mirrored by a cylinder, times the exact series of the endless cylinder over its geometric limit,
-times the Fresnel integral over the length. The error is of the order of the square of half the length over the distance. Ref: C. Balanis
-(2012), section 11.5.
+Cylinder: the echo is a product of three terms. The first term is the field of a point source that the cylinder mirrors. The second term is
+the exact series of the infinitely long cylinder divided by its limit of geometric optics. The third term is the Fresnel integral over the
+cylinder's length. The relative error is of the order of the square of half the length over the distance. Ref: C. Balanis (2012), section
+11.5.
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ from experiments.validation.oracles.cylinder import _orders, coefficients
 
 
 def sphere_echo(radius_m: float, distance_m: float, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Return the echo (F,) of a conducting sphere whose centre is `distance_m` away.
+    """Return the complex echo amplitude (F,) of a conducting sphere whose centre is `distance_m` away.
 
     >>> far = sphere_echo(0.05, 100.0, 77e9)  # sigma = pi a^2 within a few per cent: a = 80 wavelengths / 2 pi
     >>> sigma = (4 * np.pi) ** 3 * 100.0**4 * abs(far[0]) ** 2 / (SPEED_OF_LIGHT / 77e9) ** 2
@@ -38,7 +39,7 @@ def sphere_echo(radius_m: float, distance_m: float, frequency_hz: np.ndarray | f
 
 
 def _radial(order: np.ndarray, z: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the spherical functions j_n, h_n of the first kind, and (z j_n)'/z, (z h_n)'/z."""
+    """Return the spherical Bessel function j_n, the spherical Hankel function h_n of the first kind, and (z j_n)'/z, (z h_n)'/z."""
     jn, yn = spherical_jn(order, z), spherical_yn(order, z)
     dj, dy = spherical_jn(order, z, True), spherical_yn(order, z, True)
     h, dh = jn + 1j * yn, dj + 1j * dy
@@ -46,7 +47,10 @@ def _radial(order: np.ndarray, z: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def cylinder_echo(radius_m: float, length_m: float, distance_m: float, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Return the echo (F,) of an upright conducting cylinder at the radar's height, with its axis `distance_m` away, antennas upright."""
+    """Return the complex echo amplitude (F,) of an upright conducting cylinder at the radar's height, for vertically polarised antennas.
+
+    The cylinder's axis is `distance_m` away.
+    """
     near = distance_m - radius_m
     mirrored = 1 / (1 / near + 2 / radius_m)  # radius of the mirrored wave around the cylinder
     level = np.sqrt(mirrored / (mirrored + near) / 2) / near

@@ -1,4 +1,4 @@
-"""Rectangular rooms with four bounces, compared with all 128 image sources."""
+"""Validation cases of empty rectangular rooms with up to four bounces, compared with all 128 image sources."""
 
 from __future__ import annotations
 
@@ -30,37 +30,40 @@ RADAR = replace(traced.MONOSTATIC, num_samples=4 * traced.MONOSTATIC.num_samples
 
 @dataclass(frozen=True)
 class Compared:
-    """Samples (N,) of a room by image sources and by this tracer."""
+    """Samples (N,) of a room, computed by exact image sources and by RadarTwin's tracer."""
 
     exact: np.ndarray
     ours: np.ndarray
 
     def error(self) -> float:
-        """Return the norm of the difference over the norm of the exact samples."""
+        """Return the norm of the difference between the tracer's and the exact samples, divided by the norm of the exact samples."""
         return float(np.linalg.norm(self.ours - self.exact) / np.linalg.norm(self.exact))
 
     def profiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return (range in metres, exact profile, our profile), both in dB with a Hann window, up to the range of the longest path."""
+        """Return (range in metres, exact range profile, tracer's range profile) up to the range of the longest path.
+
+        Both profiles are in dB and use a Hann window.
+        """
         taper = np.hanning(len(self.exact))
         spectra = [20 * np.log10(np.abs(np.fft.fft(s * taper, 4 * len(s))) / taper.sum()) for s in (self.exact, self.ours)]
         axis = RADAR.unambiguous_range_m * np.arange(4 * len(self.exact)) / (4 * len(self.exact))
         return axis, *spectra
 
     def profile_rms(self) -> float:
-        """Return the rms difference of the profiles over the range cells within 40 dB of the strongest."""
+        """Return the rms difference in dB of the two range profiles over the range cells within 40 dB of the strongest cell."""
         _, exact, ours = self.profiles()
         seen = exact > exact.max() - DYNAMIC_DB
         return float(np.sqrt(np.mean((ours - exact)[seen] ** 2)))
 
 
 def rotation() -> np.ndarray:
-    """Return the rotation matrix of the sensor: TILT made orthogonal."""
+    """Return the rotation matrix of the sensor: the matrix TILT after it is made orthogonal."""
     u, _, v = np.linalg.svd(TILT)
     return u @ v
 
 
 def wall_reflection(walls: str) -> Reflection:
-    """Return the function cosine of incidence -> (te, tm) of the walls, in the middle of the sweep."""
+    """Return the function of the cosine of incidence that gives the walls' (te, tm) reflection at the centre of the sweep."""
     eps = stack.permittivity("metal" if walls == "constant" else walls, RADAR.center_frequency_hz)
     scale = CONSTANT if walls == "constant" else 1.0
 
@@ -72,7 +75,7 @@ def wall_reflection(walls: str) -> Reflection:
 
 
 def room_scene(size_m: tuple[float, float, float], material: str) -> rt.Scene:
-    """Return a box room of one material, with a corner at the origin."""
+    """Return a rectangular room whose surfaces have one material, with a corner at the origin."""
     mesh = objects.box((0.0, 0.0, 0.0), size_m)
     mesh.invert()
     return rt.Scene([rt.Surface(mesh, material, "walls", role="room")])
@@ -80,7 +83,10 @@ def room_scene(size_m: tuple[float, float, float], material: str) -> rt.Scene:
 
 @cache
 def compared(room: str, walls: str, method: str, rays: int) -> Compared:
-    """Return the samples of a room by both methods. Constant reflection is metal walls with paths multiplied by CONSTANT per bounce."""
+    """Return the samples of a room by image sources and by the ray tracer.
+
+    Walls of constant reflection are simulated as metal walls, and each path is multiplied by CONSTANT for each bounce.
+    """
     _, size, sensor = ROOMS[room]
     pose = traced.pose(sensor, rotation())
     exact = image_sum(np.array(size), np.array(sensor), pose[:3, 2], wall_reflection(walls), BOUNCES, traced.frequencies(RADAR))
@@ -98,7 +104,7 @@ def _room(error: Callable[[Compared], float], method: str, rays: int, full: bool
 
 
 def _lossless(method: str, full: bool) -> Finding:
-    """Compare the power of the paths with each number of bounces in a closed metal office with the power of the images."""
+    """Compare, in a closed metal office, the total power of the paths of each number of bounces with the power of the image sources."""
     _, size, sensor = ROOMS["office"]
     pose = traced.pose(sensor, rotation())
     parts = traced.trace(room_scene(size, "metal"), RADAR, pose, traced.settings(method, max_bounces=BOUNCES, rays=1_200_000))

@@ -1,4 +1,4 @@
-"""The synthesis of samples from paths, compared with the direct sum that defines the signal."""
+"""Compare the synthesis of radar samples from propagation paths with the direct sum over paths that defines the signal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RADAR = traced.ARRAY
 
 
 def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
-    """Return random paths of one sensor pose, up to 8 m long, with changing lengths."""
+    """Return `count` random paths of one sensor pose, up to 8 m long, whose lengths change at up to `fastest_mps`."""
     rng = np.random.default_rng(seed)
     ways = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in rng.normal(size=(2, count, 3))]
     amplitude = rng.normal(size=(count, 1)) + 1j * rng.normal(size=(count, 1))
@@ -27,7 +27,10 @@ def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
 
 
 def direct(paths: Paths) -> np.ndarray:
-    """Return samples (loops, tx, rx, samples), summed path by path with exact distances to every element and motion within the chirp."""
+    """Return samples (loops, tx, rx, samples), summed path by path.
+
+    The sum uses the exact distance to every antenna element and includes the motion within a chirp.
+    """
     fast = np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
     frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * fast
     start = (RADAR.num_tx * np.arange(RADAR.num_chirps)[:, None] + np.arange(RADAR.num_tx)) * RADAR.chirp_interval
@@ -50,7 +53,7 @@ def _direct(full: bool) -> Finding:
 
 
 def _array(full: bool) -> Finding:
-    """Compare the phase error of plane waves over the eight channels with the reference table, from our samples of a point on the axis."""
+    """Compare the deviation from plane-wave phase over the eight channels with the reference table, for a point target on the axis."""
     pairs = []
     for row in reference_rows("array_phase_error_deg.csv"):
         distance = float(row["R_m"])

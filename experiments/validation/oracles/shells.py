@@ -1,13 +1,13 @@
-"""Image sources of a furnished box: every wall with its own materials, and the furniture as obstacles.
+"""Image sources of a furnished rectangular room: every wall has its own materials, and the furniture is an obstacle.
 
-The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path to each image is folded back into
-the room. The triangle at each crossing of a plane gives the surface that reflects; if there is no triangle, the path leaves through an
-opening and is dropped. Each leg of a path is tested against every obstacle, that is every triangle outside the six planes. Reflection comes
-from `stack`, roughness from W. Ament, Proc. IRE 41 (1953) 142. A path into a corner hits several planes at one point; the sequences of
-planes are weighted by `box.orders`.
+The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path to each image is folded back
+into the room. Where the path crosses a plane, the triangle at this point gives the surface that reflects. If there is no triangle, the
+path leaves the room through an opening and is dropped. Each straight segment of a path is tested against every obstacle, that is, every
+triangle outside the six planes. Reflection coefficients come from `stack`, and the roughness loss from W. Ament, Proc. IRE 41 (1953) 142.
+A path into a corner hits several planes at the same point; the possible orders of these planes are weighted by `box.orders`.
 
-The amplitude of an image is correct only if the first Fresnel zone of its path hits the same walls and no obstacle. Lines at the edge of
-the zone around the path test this.
+The amplitude of an image is correct only if the first Fresnel zone of the path hits the same walls and no obstacle. To test this
+condition, the module follows lines around the path at the edge of the zone.
 """
 
 import itertools
@@ -31,7 +31,7 @@ ON_EDGE = 1e-7
 
 @dataclass(frozen=True)
 class Image:
-    """A path from a sensor back to the sensor."""
+    """A path of an image source, from the sensor to the walls and back to the sensor."""
 
     length_m: float  # length of the whole path
     departure: np.ndarray  # (3,) unit vector from the sensor towards the first hit, world frame
@@ -42,7 +42,7 @@ class Image:
 
 
 class Room:
-    """The triangles of a scene, divided into those in the six planes of its box, and obstacles."""
+    """The triangles of a scene, divided into the triangles in the six planes of the room's box and the triangles of obstacles."""
 
     def __init__(self, scene: Scene, frequency_hz: float) -> None:
         self._frequency_hz = frequency_hz
@@ -61,7 +61,10 @@ class Room:
         self._loose = corners[loose]
 
     def images(self, sensor_m: np.ndarray, axis: np.ndarray, bounces: int) -> Iterator[Image]:
-        """Yield every image of up to `bounces` reflections for a sensor (3,) with antennas along `axis` (3,), world frame."""
+        """Yield every image path of up to `bounces` reflections, for a sensor at `sensor_m` (3,) with antennas along `axis` (3,).
+
+        Both vectors are in the world frame.
+        """
         sensor = sensor_m - self.low
         for index, place, walls in box.images(self.size_m, sensor, bounces):
             line = place - sensor
@@ -86,14 +89,16 @@ class Room:
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
-        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone where it is widest; `_beside` shortens them."""
+        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone at the zone's widest place. `_beside` shortens
+        them.
+        """
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
         turn = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
         ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
         return ring * np.sqrt(SPEED_OF_LIGHT / self._frequency_hz * length_m) / 2
 
     def _near(self, points: np.ndarray, radius_m: float) -> np.ndarray:
-        """Return the obstacle triangles within a radius of the legs between points."""
+        """Return the obstacle triangles within the radius `radius_m` of the straight segments between the points."""
         centre = self._loose.mean(axis=1)
         reach = np.linalg.norm(self._loose - centre[:, None], axis=2).max(axis=1, initial=0.0) + radius_m
         near = np.zeros(len(centre), bool)
@@ -106,7 +111,7 @@ class Room:
     def _met_along(
         self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
     ) -> tuple[list[int] | None, np.ndarray]:
-        """Follow the line, shifted by `aside`, and return the surface that it hits at each wall, and the points (P, 3) in the room.
+        """Follow the line to an image, shifted by `aside`. Returns the surface hit at each wall, and the points (P, 3) in the room.
 
         The surfaces are None if the line leaves the room through an opening.
         """
@@ -130,7 +135,7 @@ class Room:
 
     @staticmethod
     def _beside(sensor: np.ndarray, line: np.ndarray, share: float, aside: np.ndarray) -> np.ndarray:
-        """Return the unfolded point (3,) at the fraction `share` of the line, shifted by the width of the zone there."""
+        """Return the unfolded point (3,) at the fraction `share` of the line, shifted by the width of the Fresnel zone at this point."""
         return sensor + share * line + 2 * np.sqrt(share * (1 - share)) * aside
 
     def _folded(self, point: np.ndarray) -> np.ndarray:
@@ -138,7 +143,7 @@ class Room:
         return np.where(turned > self.size_m, 2 * self.size_m - turned, turned)
 
     def _met(self, across: int, side: int, point: np.ndarray) -> int | None:
-        """Return the surface of the triangle that contains a point (2,) of a plane; None if no triangle contains it."""
+        """Return the index of the surface whose triangle contains a point (2,) of a plane; None if no triangle contains the point."""
         triangles, surface = self._planes[across, side]
         first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
         away = point - triangles[:, 0]
@@ -154,7 +159,7 @@ class Room:
 
 
 def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
-    """Return whether a triangle cuts a leg between successive points (Moeller, Trumbore, J. Graphics Tools 2 (1997) 21)."""
+    """Return whether a triangle cuts a segment between successive points. Ref: Moeller, Trumbore, J. Graphics Tools 2 (1997) 21."""
     if not len(triangles):
         return False
     corner = triangles[:, 0]

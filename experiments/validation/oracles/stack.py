@@ -2,7 +2,8 @@
 
 Refs: M. Born, E. Wolf, Principles of Optics, section 1.6 (matrices); ITU-R P.2040-4, table 3 (building materials, f in GHz); H. Liebe, G.
 Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659 (water). Time convention exp(+j omega t), loss is eta' - j eta''.
-In TE the electric field is along s = k x n, in TM along k x s. The coefficients (te, tm) of a perfect conductor are -1 and +1.
+In TE polarisation the electric field is along s = k x n, in TM polarisation along k x s. The coefficients (te, tm) of a perfect conductor
+are -1 and +1.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ BUILDING = {
 
 
 def permittivity(name: str, frequency_hz: float) -> complex:
-    """Return the permittivity of a building material, water at 20 C, or air; other names are looked up in the project's own tables."""
+    """Return the relative permittivity of a building material, water at 20 C, or air. Other materials come from RadarTwin's own tables."""
     ghz = frequency_hz / 1e9
     if name in BUILDING:
         real, c, d = BUILDING[name]
@@ -42,13 +43,16 @@ def permittivity(name: str, frequency_hz: float) -> complex:
 
 
 def fresnel(permittivity_: complex, cosine: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the reflection coefficients (te, tm) of a half-space."""
+    """Return the reflection coefficients (te, tm) of a half-space with this relative permittivity, seen from air."""
     root = np.sqrt(permittivity_ - 1 + np.asarray(cosine) ** 2 + 0j)
     return (cosine - root) / (cosine + root), (permittivity_ * cosine - root) / (permittivity_ * cosine + root)
 
 
 def stack(layers: Sequence[tuple[str, float]], backing: str, angle_rad: float, frequency_hz: float) -> tuple[complex, complex]:
-    """Return the reflection coefficients (te, tm) of layers (name, thickness in metres), outermost first, in front of a backing."""
+    """Return the reflection coefficients (te, tm) of layers in front of a backing.
+
+    A layer is (material name, thickness in metres); the outermost layer comes first.
+    """
     sine2 = np.sin(angle_rad) ** 2
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     out = []

@@ -1,4 +1,4 @@
-"""Far-field cross-sections of canonical targets, compared with closed forms, Mie and cylinder series, and quadrature of trihedrals."""
+"""Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and quadrature of trihedrals."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ AHEAD = (1.0, 0.0, 0.0)
 
 
 def plate_rcs(side_m: float, angle_rad: float = 0.0) -> float:
-    """Return the cross-section of a square plate turned in one plane, by physical optics. Ref: Balanis (2012), eq. 11-44."""
+    """Return the cross-section in m^2 of a square plate turned about one axis, by physical optics. Ref: Balanis (2012), eq. 11-44."""
     x = WAVENUMBER * side_m * np.sin(angle_rad)
     return 4 * np.pi * side_m**4 / WAVELENGTH_M**2 * (np.sinc(x / np.pi) * np.cos(angle_rad)) ** 2
 
 
 def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
-    """Return the cross-section of a perfectly conducting sphere by miepython, as the limit of a very large refractive index."""
+    """Return the cross-section in m^2 of a perfectly conducting sphere, by miepython with a very large refractive index."""
     import miepython
 
     _, _, q_back, _ = miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius_m / wavelength_m)
@@ -35,7 +35,7 @@ def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
 
 
 def cylinder_rcs(radius_m: float, height_m: float) -> float:
-    """Return the broadside cross-section of a cylinder: echo width of an endless cylinder by the exact series, times 2 L^2/lambda.
+    """Return the broadside cross-section in m^2 of a cylinder: the exact echo width of an infinitely long cylinder times 2 L^2/lambda.
 
     Ref: Balanis (2012), eq. 11-22b.
     """
@@ -43,7 +43,7 @@ def cylinder_rcs(radius_m: float, height_m: float) -> float:
 
 
 def corner_faces(mesh: trimesh.Trimesh) -> list[np.ndarray]:
-    """Return the corners of every flat face of a reflector, in sequence around the face; coplanar triangles are joined."""
+    """Return the corners of every flat face of a reflector, in order around the face. Coplanar triangles are joined to one face."""
     flat = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     normals = np.round(flat.face_normals, 6)
     faces = []
@@ -57,7 +57,7 @@ def corner_faces(mesh: trimesh.Trimesh) -> list[np.ndarray]:
 
 @cache
 def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
-    """Return the far-field cross-section of a trihedral with all bounces, by geometric optics and physical-optics quadrature."""
+    """Return the far-field cross-section in m^2 of a trihedral with all bounces, by geometric optics and physical-optics quadrature."""
     azimuth = np.radians(azimuth_deg)
     sensor = FAR_M * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     amplitude = corner_quadrature(corner_faces(objects.trihedral(leg_m)), sensor, WAVELENGTH_M)
@@ -66,7 +66,7 @@ def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class Target:
-    """A canonical target in three sizes; each size has a mesh, a direction and a reference cross-section."""
+    """A canonical target in three sizes. Each size has a mesh, a direction of view and a reference cross-section."""
 
     name: str
     words: str
@@ -125,12 +125,12 @@ TARGETS = (
 
 
 def level(mesh: trimesh.Trimesh, direction: Sequence[float], density: float, seed: int = 0, **options: object) -> float:
-    """Return our cross-section in dBsm."""
+    """Return the ray tracer's cross-section of a mesh in dBsm. `density` is the number of rays per square wavelength."""
     return float(db(rt.rcs(mesh, direction, rays_per_wavelength2=density, seed=seed, **options)))  # type: ignore[arg-type]
 
 
 def at_density(target: Target, density: float, full: bool) -> Finding:
-    """Compare the three sizes with their references, on the default ray grid and on shifted grids."""
+    """Compare the ray tracer with the references for three sizes of a target, on the default ray grid and on shifted grids."""
     pairs = []
     for size in target.sizes:
         mesh, direction, reference = size()
@@ -139,7 +139,7 @@ def at_density(target: Target, density: float, full: bool) -> Finding:
 
 
 def drift(target: Target, full: bool) -> Finding:
-    """Find the largest change of the level with ray density, relative to the level at 4 rays per square wavelength."""
+    """Find the largest change of the level in dB with ray density, relative to the level at 4 rays per square wavelength."""
     pairs = []
     for size in target.sizes if full else target.sizes[:2]:
         mesh, direction, _ = size()
@@ -149,7 +149,7 @@ def drift(target: Target, full: bool) -> Finding:
 
 
 def spread(target: Target, full: bool) -> Finding:
-    """Find the highest minus the lowest level over ray grids that random seeds shift."""
+    """Find the highest minus the lowest level in dB over ray grids that random seeds shift."""
     pairs = []
     for size in target.sizes if full else target.sizes[1:2]:
         mesh, direction, _ = size()
@@ -159,7 +159,7 @@ def spread(target: Target, full: bool) -> Finding:
 
 
 def pattern(azimuth_deg: np.ndarray, density: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cross-sections (by quadrature, ours) of the 10 cm trihedral in dBsm at each azimuth."""
+    """Return the cross-sections of the 10 cm trihedral in dBsm at each azimuth, as (values by quadrature, values of the ray tracer)."""
     mesh = objects.trihedral(0.1)
     ours = [level(mesh, (np.cos(a), np.sin(a), 0.0), density) for a in np.radians(azimuth_deg)]
     return np.array([db(trihedral_rcs(0.1, float(a))) for a in azimuth_deg]), np.array(ours)
@@ -178,7 +178,7 @@ def _pattern_prototype(full: bool) -> Finding:
 
 
 def _closed_forms(full: bool) -> Finding:
-    """Compare our values at 4 rays per square wavelength with the reference table."""
+    """Compare the ray tracer's values at 4 rays per square wavelength with the reference table."""
     meshes = {
         "plate10cm": objects.plate(0.1, 0.1), "tri5": objects.trihedral(0.05), "tri10": objects.trihedral(0.1),
         "tri15": objects.trihedral(0.15), "dihedral5x10": objects.dihedral(0.05, 0.1), "cyl3.3x12": objects.cylinder(0.033, 0.12),
@@ -189,7 +189,7 @@ def _closed_forms(full: bool) -> Finding:
 
 
 def _mie_table(full: bool) -> Finding:
-    """Compare spheres of at least 5 mm radius with the Mie table; for smaller spheres physical optics itself is wrong."""
+    """Compare spheres of at least 5 mm radius with the Mie reference table. For smaller spheres physical optics itself is wrong."""
     rows = [row for row in reference_rows("mie_pec_sphere_77GHz.csv") if float(row["a_mm"]) >= 5]
     return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, 4.0)) for r in rows])
 
@@ -210,7 +210,7 @@ def _coarse_sphere(full: bool) -> Finding:
 
 
 def scanned(name: str) -> trimesh.Trimesh:
-    """Return the mesh of a scanned object, centred. Raises Untestable if the file is absent."""
+    """Return the mesh of a scanned object, moved so that its centre is at the origin. Raises Untestable if the file is absent."""
     path = OBJECTS / "ycb" / f"{name}.obj"
     if not path.is_file():
         raise Untestable(f"scanned object {name}.obj is not here")
@@ -220,7 +220,10 @@ def scanned(name: str) -> trimesh.Trimesh:
 
 
 def _scanned(name: str, full: bool) -> Finding:
-    """Compare amplitudes over aspects at 4 and at 64 rays per square wavelength; the error is the rms difference, relative to 64 rays."""
+    """Compare the amplitudes of a scanned object over aspect angles at 4 and at 64 rays per square wavelength.
+
+    The error is the rms difference of the amplitudes, relative to the amplitudes at 64 rays.
+    """
     mesh = scanned(name)
     aspects = np.radians(np.linspace(0, 360, 24 if full else 5, endpoint=False) + 7)
     few, many = (

@@ -1,4 +1,4 @@
-"""This tracer's values for the comparisons: paths and fields of a scene by one of the tracer's methods."""
+"""RadarTwin's values for the comparisons with references: paths and fields of a scene by a chosen tracing method."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ METHODS = {"tubes": "tubes alone", "panels": "panel images"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Return the tracer's settings for a method of METHODS, with mirror reflections only; ray counts apply to tubes."""
+    """Return the ray tracer's settings for a method of METHODS, with mirror reflections only. Ray counts apply to ray tubes only."""
     values = {"room": method, "diffuse": False, "coupling": False, **values}
     if method == "panels":
         values.pop("rays", None)
@@ -32,12 +32,15 @@ def settings(method: str, **values: Any) -> TraceSettings:
 
 
 def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, chosen: TraceSettings) -> list[Paths]:
-    """Trace the paths of one sensor pose and return them as a list of parts."""
+    """Trace the paths of one sensor pose and return them as a list of path groups."""
     return trace_paths(scene, radar, pose[None], None, chosen)[0]
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
-    """Return the sum of the paths between isotropic antennas; amplitudes are interpolated between their frequency nodes."""
+    """Return the sum of the complex amplitudes of all paths between isotropic antennas at one frequency.
+
+    Amplitudes are interpolated between the frequencies (nodes) at which the tracer computes them.
+    """
     total = 0j
     for paths in parts:
         nodes = paths.frequencies_hz
@@ -47,17 +50,17 @@ def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
 
 
 def sweep(parts: Sequence[Paths], radar: rt.Radar) -> np.ndarray:
-    """Return the samples (samples,) of the first chirp and channel."""
+    """Return the samples (samples,) of the first chirp and the first channel."""
     return sum((synthesize(part, radar)[0, 0, 0, 0] for part in parts), np.zeros(radar.num_samples, complex))
 
 
 def frequencies(radar: rt.Radar) -> np.ndarray:
-    """Return the instantaneous frequency (samples,) of a chirp."""
+    """Return the instantaneous frequency (samples,) in hertz at each sample of a chirp."""
     return radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
 
 
 def pose(position: Sequence[float] | np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
-    """Return the pose (4, 4), sensor to world frame, at a position."""
+    """Return the pose (4, 4) from sensor frame to world frame, for a position (3,) in metres and a rotation matrix."""
     matrix = np.eye(4)
     matrix[:3, :3] = np.eye(3) if rotation is None else rotation
     matrix[:3, 3] = position
