@@ -187,6 +187,30 @@ def test_an_impossible_placement_is_refused_with_a_reason(item, word):
     assert "\n" not in str(caught.value)
 
 
+def ramp(degrees):
+    turn = trimesh.transformations.rotation_matrix(np.radians(degrees), [0, 1, 0], [1, 1, 0.5])
+    mesh = sheet([[0.6, 0.6, 0.5], [1.4, 0.6, 0.5], [1.4, 1.4, 0.5], [0.6, 1.4, 0.5]]).apply_transform(turn)
+    return Surface(mesh, "wood", "ramp", role="room")
+
+
+def test_an_object_stands_upright_on_a_ramp_below_the_sliding_angle():
+    bounds, on = placed(room(ramp(10)), on="ramp", position_m=[1, 1])
+    assert on == "ramp"
+    assert np.allclose(bounds[1] - bounds[0], [0.08, 0.08, 0.1], atol=1e-6)
+    assert bounds[0, 2] == pytest.approx(0.5 + 0.04 * np.tan(np.radians(10)) + GAP_M)
+
+
+def test_a_support_steeper_than_the_sliding_angle_is_refused():
+    with pytest.raises(LayoutError, match="no level side"):
+        placed(room(ramp(20)), on="ramp")
+    with pytest.raises(LayoutError, match=r"ramp is tilted by 20\.0 degrees at \(1, 1\) m, .* choose another place$"):
+        placed(room(ramp(20)), position_m=[1, 1, 0.51])
+    steep = ramp(25).mesh.apply_translation([0.5, 0, 0])
+    landing = Surface(trimesh.util.concatenate([ramp(0).mesh, steep]), "wood", "landing", role="room")
+    with pytest.raises(LayoutError, match=r"landing is tilted by 25\.0 degrees at \(1\.7, 1\) m"):
+        placed(room(landing), on="landing", position_m=[1.7, 1])
+
+
 def test_an_overlap_with_an_open_wall_is_refused():
     screen = Surface(sheet([[1.5, 0.5, 0], [1.5, 1.5, 0], [1.5, 1.5, 1.8], [1.5, 0.5, 1.8]]), "wood", "screen", role="room")
     with pytest.raises(LayoutError, match=r"overlaps screen by 0\.030 m"):

@@ -19,6 +19,7 @@ PARTS = {
     "board", "boards", "side", "sides",
 }  # fmt: skip
 STANDS_ON_M2 = 0.002  # smallest level area on which an object can stand
+MAX_TILT_DEG = 15.0  # on steeper supports objects slide (wood on wood at about 15 degrees)
 FACING = 0.6  # smallest ratio |sum of area vectors| / area at which a surface has a front
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
@@ -95,10 +96,11 @@ def supports(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Su
 
 
 def level_area(surface: Surface) -> float:
-    """Return the area of a surface that is within 30 degrees of level, m^2; of a closed mesh, the upper side only."""
+    """Return the area of a surface that is within MAX_TILT_DEG of level, m^2; of a closed mesh, the upper side only."""
+    least = np.cos(np.radians(MAX_TILT_DEG))
     upward = np.asarray(surface.mesh.face_normals[:, 2])
     areas = np.asarray(surface.mesh.area_faces)
-    up, down = float(areas[upward > 0.866].sum()), float(areas[upward < -0.866].sum())
+    up, down = float(areas[upward > least].sum()), float(areas[upward < -least].sum())
     return max(up, down)  # the faces of a scan may have either winding direction
 
 

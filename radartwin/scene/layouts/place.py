@@ -12,7 +12,7 @@ import trimesh
 
 from radartwin.errors import LayoutError
 from radartwin.scene.collision import overlap_m, top_below
-from radartwin.scene.layouts.anchor import Anchor, find, floor, supports, words
+from radartwin.scene.layouts.anchor import MAX_TILT_DEG, Anchor, find, floor, supports, words
 from radartwin.scene.layouts.layout import Item, Layout, Relation
 from radartwin.scene.layouts.spots import spots
 from radartwin.scene.layouts.stock import from_mesh, stock
@@ -24,6 +24,7 @@ COVER_M = 0.03  # objects stand on flat covers up to this height, such as a rug
 GAP_M = 0.005  # gap between object and support; faces in contact shadow each other, because rays start up to 1 mm off a face (at 10 m)
 BASE_M = 0.005  # height of the part of an object that counts as its base
 STANDS_SHARE = 0.5  # smallest fraction of an object's base that must be on its support
+TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of its support is measured
 FINE_FACES = 5000  # overlap tests against a mesh with more faces are slow
 _MAX_TRIES = 200  # number of candidate positions that are tested for overlaps
 
@@ -130,12 +131,34 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
     if not np.isfinite(heights).any():
         raise LayoutError(f"'{name}' at ({at[0]:.3g}, {at[1]:.3g}) m is not over {support.name}, which {_extent(support)}")
+    tilt_deg = _tilt_deg(support, at, limit_m)
+    if tilt_deg > MAX_TILT_DEG:
+        where = f"{support.name} is tilted by {tilt_deg:.1f} degrees at ({at[0]:.3g}, {at[1]:.3g}) m"
+        raise LayoutError(f"{where}, and objects slide at {MAX_TILT_DEG:g}; choose another place")
     share = float((heights > heights.max() - FLOATING_M).mean())
     if share < STANDS_SHARE:
         raise LayoutError(f"'{name}' has only {share:.0%} of its base on {support.name}, which {_extent(support)}; move it inwards")
     covers = [top_below(s.mesh, body.low[:, :2] + at, heights.max() + COVER_M) for s in scene if s is not support]
     cover = np.max([np.full(len(body.low), -np.inf), *covers], axis=0)
     return pose([*at, max(float((cover - body.low[:, 2]).max()), float((heights - body.base[:, 2]).max())) + GAP_M])
+
+
+def _tilt_deg(support: Surface, at: np.ndarray, limit_m: float) -> float:
+    """Return the angle between a support and the floor around a point (x, y), or 0 if the support is not plane there."""
+    turn = 2 * np.pi * np.arange(24) / 24
+    ring = TILT_RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = np.vstack([share * ring for share in (0.33, 0.66, 1.0)])
+    z = top_below(support.mesh, at + points, limit_m + TILT_RADIUS_M)
+    known = np.isfinite(z)
+    if known.any():
+        known &= z > np.median(z[known]) - TILT_RADIUS_M  # without lower parts of the same surface
+    if known.sum() < 12:
+        return 0.0
+    columns = np.column_stack([points[known], np.ones(known.sum())])
+    plane = np.linalg.lstsq(columns, z[known], rcond=None)[0]
+    if np.std(z[known] - columns @ plane) > 0.01:  # on a stepped support the object stands on the highest step
+        return 0.0
+    return float(np.degrees(np.arctan(np.hypot(*plane[:2]))))
 
 
 def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
