@@ -211,6 +211,19 @@ def test_a_support_steeper_than_the_sliding_angle_is_refused():
         placed(room(landing), on="landing", position_m=[1.7, 1])
 
 
+def test_only_true_and_false_are_booleans_in_a_file(tmp_path):
+    (tmp_path / "layout.yaml").write_text(
+        "objects:\n"
+        "  - {object: mug, name: on, on: off, position_m: [1, 1]}\n"
+        "  - {object: mug, name: yes, held: true, position_m: [1, 1, 1]}\n"
+        "  - {object: can, relations: [{relation: behind, anchor: no}]}\n"
+    )
+    first, second, third = Layout.load(tmp_path / "layout.yaml").items
+    assert (first.name, first.on) == ("on", "off")
+    assert (second.name, second.held) == ("yes", True)
+    assert third.relations[0].anchor == "no"
+
+
 def test_an_overlap_with_an_open_wall_is_refused():
     screen = Surface(sheet([[1.5, 0.5, 0], [1.5, 1.5, 0], [1.5, 1.5, 1.8], [1.5, 0.5, 1.8]]), "wood", "screen", role="room")
     with pytest.raises(LayoutError, match=r"overlaps screen by 0\.030 m"):

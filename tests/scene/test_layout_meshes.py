@@ -63,6 +63,13 @@ def test_a_mesh_may_have_a_layered_material(folder):
         ("object: meshes/gone.obj, material: metal", MissingError, r"meshes/gone\.obj is not there"),
         ("object: mug, material: metal", LayoutError, r"objects\[0\] \(mug\) is of the catalogue, which defines its material"),
         ("object: meshes/Tin.obj, material: {layers: 3}", LayoutError, r"objects\[0\]\.material"),
+        ("object: meshes/Tin.obj, material: {layers: [[hdpe, thick]]}", LayoutError, r"layout\.yaml: objects\[0\]\.material: .*thick"),
+        (
+            "object: meshes/Tin.obj, material: {layers: [[hdpe, -1]]}",
+            LayoutError,
+            r"layout\.yaml: objects\[0\]\.material: .*positive metres",
+        ),
+        ("object: meshes/Tin.obj, material: {layers: [[cheese, 1]]}", LayoutError, r"layout\.yaml: objects\[0\]\.material: .*'cheese'"),
     ],
 )
 def test_an_invalid_mesh_entry_is_refused_with_its_name(folder, entry, error, words):

@@ -62,6 +62,7 @@ BAD_FIRST = {
     "another schema": {"items": []},
     "an unknown object": {"objects": [{"object": "teapot", "on": "desk"}]},
     "an unknown anchor": {"objects": [{"object": "mug", "on": "sideboard"}]},
+    "an unknown material": {"objects": [{"object": "mug", "on": "desk", "material": {"layers": [["cheese", 0.001]]}}]},
 }
 
 

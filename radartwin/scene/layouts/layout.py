@@ -34,16 +34,20 @@ support of its anchor if the anchor is an object, and on the floor otherwise.
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from radartwin.errors import LayoutError, MissingError
+from radartwin.errors import LayoutError, MaterialError, MissingError, SceneError
 from radartwin.io import untrusted_yaml
 from radartwin.materials import Layered
 from radartwin.scene.mesh_file import MESH_SUFFIXES
 from radartwin.scene.storage import material_from_json
+
+if TYPE_CHECKING:
+    import yaml
 
 RELATIONS = ("in front of", "behind", "left of", "right of", "beside", "under")
 SENSOR_NAMES = ("sensor", "radar")
@@ -157,7 +161,7 @@ class Layout:
         if error is not None:
             place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
             raise LayoutError(f"{source}: {place}: {' '.join(error.message.split())[:200]}")
-        items = tuple(_item(entry) for entry in value["objects"])
+        items = tuple(_item(entry, f"{source}: objects[{index}]") for index, entry in enumerate(value["objects"]))
         check_places(items, source)
         return cls(items)
 
@@ -175,18 +179,25 @@ class Layout:
         if not path.is_file():
             raise MissingError(f"layout {path} is not there; give a YAML file with a list of objects")
         try:
-            value = _with_on(untrusted_yaml.load(path.read_text(encoding="utf-8")))
+            value = yaml.load(path.read_text(encoding="utf-8"), _loader())
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]})") from error
         layout = cls.from_dict(value, str(path))
         return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
 
 
-def _with_on(value: Any) -> Any:
-    """Restore the key `on`, which YAML 1.1 reads as the boolean true."""
-    if isinstance(value, dict):
-        return {"on" if key is True else key: _with_on(content) for key, content in value.items()}
-    return [_with_on(content) for content in value] if isinstance(value, list) else value
+def _loader() -> type[yaml.SafeLoader]:
+    """Return a YAML loader in which only true and false are booleans, so that `on`, `off`, `yes` and `no` are text."""
+    import yaml
+
+    class Loader(untrusted_yaml.loader()):
+        yaml_implicit_resolvers: ClassVar = {
+            first: [(tag, pattern) for tag, pattern in pairs if tag != "tag:yaml.org,2002:bool"]
+            for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+        }
+
+    Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|True|false|False)$"), list("tTfF"))
+    return Loader
 
 
 def check_places(items: Sequence[Item], source: str) -> None:
@@ -212,12 +223,15 @@ def check_places(items: Sequence[Item], source: str) -> None:
             raise LayoutError(f"{where} is of the catalogue, which defines its material, unit and up; leave them out")
 
 
-def _item(entry: Mapping[str, Any]) -> Item:
+def _item(entry: Mapping[str, Any], where: str) -> Item:
     given = {k: v for k, v in entry.items() if v is not None}
     if "position_m" in given:
         given["position_m"] = tuple(float(v) for v in given["position_m"])
     if "relations" in given:
         given["relations"] = tuple(Relation(**relation) for relation in given["relations"])
     if "material" in given:
-        given["material"] = material_from_json(given["material"])
+        try:
+            given["material"] = material_from_json(given["material"])
+        except (SceneError, MaterialError) as error:
+            raise LayoutError(f"{where}.material: {' '.join(str(error).split())[:200]}") from error
     return Item(**given)
