@@ -1,7 +1,8 @@
-"""A campaign without a simulator: point echoes whose modulation, level and room echoes depend on the object, in both domains.
+"""A virtual measurement campaign without a simulator: its recordings are point echoes whose modulation, level and room echoes depend on the
+object.
 
-The measured domain differs in gain, noise, room echoes and slightly in each object's signature, so that a test knows which properties of
-an object transfer between the domains.
+The measured recordings differ from the simulated recordings in gain, noise, room echoes and slightly in the echo pattern of each object. A
+test therefore knows which properties of an object are equal in simulation and measurement.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # of the room's echoes from the target
 
 
 class FakeCampaign:
-    """A recording source with the interface of experiments.campaign.source.
+    """A source of synthetic recordings with the interface of experiments.campaign.source.
 
     Args:
-        frames: of a drive, or of one revolution.
-        signature: strength of the differences between objects; 0 makes all objects alike.
-        gap: distance of the measured objects from their twins.
-        turns: revolutions of a measured turntable.
-        keep: whether a domain contains a case.
+        frames: number of frames of a drive, or of one revolution.
+        signature: relative strength of the differences between the echoes of different objects; 0 makes all objects equal.
+        gap: relative size of the difference between the measured and the simulated echo pattern of the same object.
+        turns: number of revolutions in a measured turntable recording.
+        keep: function that decides whether the measured or the simulated domain contains a recording.
     """
 
     def __init__(
@@ -113,19 +114,19 @@ class FakeCampaign:
 
 
 def config(name: str, *overrides: str) -> Config:
-    """The configuration of a table with few bootstrap resamples."""
+    """Return the configuration of a results table with few bootstrap resamples."""
     return compose([f"experiment={name}", "output=/tmp/nowhere", "profile.resamples=200", *overrides])
 
 
 def find(result: Result, **wanted) -> dict:
-    """The only row of a table with the given values."""
+    """Return the only row of a table that has the given values."""
     found = [row for row in result.rows if all(row.get(name) == value for name, value in wanted.items())]
     assert len(found) == 1, (wanted, found)
     return found[0]
 
 
 def draw_all(result: Result) -> set[str]:
-    """Lay out every figure of a table; returns their names."""
+    """Lay out every figure of a results table, and return the names of the figures."""
     for draw in result.figures.values():
         assert callable(draw)
         draw().draw_without_rendering()

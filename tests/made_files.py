@@ -1,4 +1,4 @@
-"""Test data for several tests: a capture log, a mmWave Studio description, a data card, noise, a recogniser."""
+"""Data for several tests: a capture log, a mmWave Studio description, a data card, noise, and a trained classifier."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", 
 
 
 def noise(radar: Radar, seed: int = 0, frames: int = 4) -> Recording:
-    """Noise far below full scale, in amplitude units."""
+    """Return noise far below the receiver's full scale, in amplitude units."""
     rng = np.random.default_rng(seed)
     shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
     iq = 1e-5 * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
@@ -25,7 +25,7 @@ def noise(radar: Radar, seed: int = 0, frames: int = 4) -> Recording:
 
 
 def log_text(received: int, lost: int = 0, lanes: int = 2, mode: str = "Raw") -> str:
-    """The LogFile.csv of the capture tool."""
+    """Return the text of the file LogFile.csv, which the capture tool writes."""
     return (
         f"Start record configuration : \n,\nLog mode : {mode}\nLVDS lane mode : {lanes} lane\nRecord stop mode : Infinite\n"
         f"Max file size (MB) : 1024,\n,*DT 1,\n\nRaw Data :\nOut of sequence count - {lost}\nOut of sequence seen from 3 to 9\n"
@@ -36,7 +36,7 @@ def log_text(received: int, lost: int = 0, lanes: int = 2, mode: str = "Raw") ->
 
 
 def studio_json(frames: int = 4) -> str:
-    """A minimal .mmwave.json: 77 GHz, TX1 and TX3, 128 samples, 16 loops."""
+    """Return a minimal .mmwave.json file for 77 GHz, transmitters TX1 and TX3, 128 samples and 16 chirp loops."""
     profile = {
         "profileId": 0, "startFreqConst_GHz": 77.0, "idleTimeConst_usec": 7.0, "adcStartTimeConst_usec": 0.0, "rampEndTime_usec": 57.0,
         "txOutPowerBackoffCode": "0x0", "freqSlopeConst_MHz_usec": 70.0, "numAdcSamples": 128, "digOutSampleRate": 5210,

@@ -1,4 +1,4 @@
-"""Code blocks and commands of a Markdown page, and their execution."""
+"""Read the code blocks and the commands of a Markdown page, and run them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ DOCS = ROOT / "docs"
 
 @dataclass(frozen=True)
 class Block:
-    """A code block. `language` is "" for a plain block; `file` is the file name in the comment of its first line."""
+    """A code block of a Markdown page. `language` is "" for a plain block; `file` is the file name in the comment of the block's first
+    line.
+    """
 
     language: str
     text: str
@@ -27,7 +29,7 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Fenced and indented code blocks in the order of the page."""
+    """Return the fenced and the indented code blocks in the order of the page."""
     out: list[Block] = []
     lines: list[str] = []
     fence: str | None = None
@@ -47,7 +49,7 @@ def blocks(page: Path) -> list[Block]:
 
 
 def commands(page: Path) -> list[str]:
-    """Commands in plain blocks, with continuation lines joined and comments removed."""
+    """Return the commands of the plain code blocks, with continuation lines joined and comments removed."""
     return [line for block in blocks(page) if not block.language for line in lines_of(block)]
 
 
@@ -57,7 +59,7 @@ def lines_of(block: Block) -> list[str]:
 
 
 def prose(page: Path) -> str:
-    """The page without its fenced blocks."""
+    """Return the text of the page without its fenced code blocks."""
     return re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S)
 
 
@@ -67,10 +69,10 @@ def quoted(page: Path) -> list[str]:
 
 
 def follow(page: Iterable[Block], folder: Path, words: Callable[[list[str]], list[str] | None]) -> int:
-    """Execute the code blocks of a page from top to bottom, with the commands in this process. Returns the number of commands.
+    """Run the code blocks of a page from top to bottom, with its commands in this process. Returns the number of commands.
 
     Args:
-        words: from the arguments of a printed command to those that run, or None to leave the command out.
+        words: function that converts the arguments of a printed command to the arguments that are run, or returns None to skip the command.
     """
     from radartwin.cli import main
 

@@ -1,9 +1,9 @@
-"""A user's experiment for tests of sweeps: tiny, deterministic, and made to misbehave by files in its folder.
+"""A small deterministic experiment of a user, for tests of parameter sweeps. Files in its folder make it fail.
 
 HOLD_n     the job of seed n waits while this file exists
-BREAK_n    ... fails with a defect
-KILL_n     ... kills its own process, as the kernel does when memory runs out
-EAT_n      ... asks for more memory than there is
+BREAK_n    the job of seed n fails with a defect
+KILL_n     the job of seed n kills its own process, as the kernel does when memory runs out
+EAT_n      the job of seed n asks for more memory than the machine has
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ SAME = ("job", "run_key", "correlation", "peak")  # columns of the table of jobs
 
 
 def write(folder: Path) -> tuple[list[str], dict[str, str]]:
-    """Arguments of `radartwin` that run the experiment, and the environment that it needs."""
+    """Write the experiment into the folder. Returns the arguments of `radartwin` that run the experiment, and the environment that it
+    needs.
+    """
     (folder / "experiment").mkdir(parents=True)
     (folder / "experiment" / "mine.yaml").write_text(YAML)
     (folder / "my_experiment.py").write_text(MODULE)
@@ -56,11 +58,11 @@ def write(folder: Path) -> tuple[list[str], dict[str, str]]:
 
 
 def tables(output: Path) -> list[list[dict[str, str]]]:
-    """The tables of jobs of an output folder's sweeps, oldest first."""
+    """Return the job tables of all sweeps in an output folder, oldest first."""
     written = sorted((output / "sweeps").glob("*/jobs.csv"), key=lambda path: path.stat().st_mtime_ns)
     return [list(csv.DictReader(path.read_text().splitlines())) for path in written]
 
 
 def same(table: list[dict[str, str]]) -> list[tuple[str, ...]]:
-    """What a table says of the science, in its order."""
+    """Return the columns of a job table that do not depend on launcher, kills and times, in the order of the table."""
     return [tuple(row[column] for column in SAME) for row in table]

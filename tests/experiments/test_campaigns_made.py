@@ -1,4 +1,6 @@
-"""The campaign table: counts, times and disk space. Signals are synthetic."""
+"""Tests of the table of the virtual measurement campaign: counts of recordings, simulation times and disk space. The recordings are
+synthetic noise.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def simulated(case: Case, nominal: Any, config: Config, *more: Any) -> Recording
 
 
 def record(case: Case, config: Config, measured: bool = True) -> Recording | Turned:
-    """Noise after a pause; the first recording of each motion pauses twice and counts a set-up."""
+    """Return a recording of noise after a pause that stands for the simulation time. The first recording of each motion pauses twice, which
+    stands for a set-up.
+    """
     rng = np.random.default_rng([*case.name.encode(), measured])
     time.sleep(PAUSE_S)
     if case.repetition == 0:
@@ -73,7 +77,7 @@ def store(config: Config) -> Store:
 
 @pytest.fixture(scope="module")
 def first_run(config: Config, store: Store) -> tuple[list[dict[str, Any]], list[str]]:
-    """Rows and messages of the first run, which simulates all recordings."""
+    """Return the table rows and the printed messages of the first run, which simulates all recordings."""
     progress, said = Progress(quiet=True), []
     progress.say = said.append  # type: ignore[method-assign]
     return table.run(config, store, progress).rows, said

@@ -1,4 +1,4 @@
-"""A recording set instead of the testbed gives the same bytes and the same table values."""
+"""A recording set that was exported from the simulated testbed gives the same bytes and the same table values as the testbed itself."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def campaign_of(config: Config) -> Campaign:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An output folder with a tiny campaign and its exported recording set."""
+    """Return an output folder with a tiny virtual measurement campaign and the recording set exported from it."""
     made = tmp_path_factory.mktemp("campaign")
     export(campaign_of(configured(made)), made / "set")
     return made
@@ -165,7 +165,7 @@ def test_settings_that_the_environment_table_ignores_are_refused(folder: Path, o
 
 
 def test_a_recorded_trajectory_starts_at_the_nominal_start(folder: Path, tmp_path: Path) -> None:
-    """The rover's recorded trajectory, in any world frame, is moved to the nominal start of a drive."""
+    """The recorded trajectory of the rover may be in any world frame. The simulation moves it to the nominal start of a drive."""
     case = Case("mug", "squash_court", "depth", 1.0)
     nominal = course(case, 10.0, 20)
     elsewhere = np.eye(4)
@@ -179,7 +179,9 @@ def test_a_recorded_trajectory_starts_at_the_nominal_start(folder: Path, tmp_pat
 
 
 def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row], list[tuple[Row, int]]]) -> Campaign:
-    """A campaign of chosen rows and numbers of frames of the set, at another frame rate."""
+    """Return the campaign of a new recording set, which has chosen recordings of the first set with other frame counts and another frame
+    rate.
+    """
     whole = RecordingSet.load(folder / "set")
     other = RecordingSet.create(tmp_path / "set", whole.card)
     for row in whole:
@@ -192,7 +194,7 @@ def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row],
 
 
 def test_the_twin_has_the_recorded_motion_and_frame_rate(folder: Path, tmp_path: Path) -> None:
-    """A set at 20 Hz with few frames and a turntable period of 0.4 s: the twin has the frames of the recording."""
+    """If the recording set has 20 Hz, few frames and a turntable period of 0.4 s, the simulation has the same frames as the recording."""
 
     def chosen(row: Row) -> list[tuple[Row, int]]:
         return [(replace(row, extra={"period_s": "0.4"}), 10)] if row.repetition == 0 and row.motion != "diagonal" else []
@@ -233,7 +235,7 @@ def test_the_longest_repetition_is_simulated(folder: Path, tmp_path: Path) -> No
 
 
 def turning(folder: Path, tmp_path: Path, rate_hz: float, period_s: str) -> Campaign:
-    """A campaign of one turntable recording of five frames with a period."""
+    """Return the campaign of a recording set with one turntable recording of five frames and the given turntable period."""
 
     def chosen(row: Row) -> list[tuple[Row, int]]:
         return [(replace(row, extra={"period_s": period_s}), 5)] if (row.motion, row.repetition) == ("turntable", 0) else []

@@ -1,4 +1,6 @@
-"""Revolutions of one measured recording differ by physical causes, and by more than noise."""
+"""The revolutions of one simulated measurement differ by modelled causes, such as motor jitter, and they differ by more than the receiver
+noise.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ GATE_M, ROOM_M = (0.87, 1.13), (2.3, 5.5)
 
 
 def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float], float]:
-    """Mean power of the change between two revolutions without receiver, over the receiver's noise, by range window."""
+    """Return, for each range window, the mean power in decibels of the change between two revolutions without receiver noise, relative to
+    the noise power.
+    """
     config = compose([
         "experiment=campaign", "measured.gap.solver=0", f"profile.campaign.turntable_objects=[{name}]", f"output={folder}",
         "profile.campaign.reflector_distances_m=[1.0]", f"profile.campaign.frames_per_turn={TURN}", *more,
@@ -35,7 +39,9 @@ def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float],
 
 
 def test_revolutions_differ_by_more_than_noise(tmp_path: Path) -> None:
-    """Lab at 1 m. Speed, ripple and jitter shift the samples of each revolution; without them, creep still makes a difference."""
+    """The recording is in the laboratory at 1 m. Speed error, ripple and jitter of the turntable shift the samples of each revolution.
+    Without them, the slow mechanical drift (creep) still causes a difference.
+    """
     reflector = changes_db(tmp_path, "corner_reflector")
     assert reflector[GATE_M] > 20
     assert reflector[ROOM_M] > 10

@@ -1,4 +1,4 @@
-"""Shapley shares against an additive game and against the mean over all orders."""
+"""Compare Shapley shares with an additive game, and with the mean of the marginal contributions over all orders of the players."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_in_an_additive_game_all_measures_equal_the_own_value() -> None:
 
 
 def test_shares_are_the_mean_over_all_orders_and_sum_to_the_total() -> None:
-    """Three players with random values per recording, and a player without influence, whose share is zero."""
+    """The game has three players with random values per recording, and a player without influence, whose share must be zero."""
     rng = np.random.default_rng(0)
     drawn = {some: rng.standard_normal(5) for some in coalitions(PLAYERS[:3])}
     played = {some: drawn[some - {"d"}] for some in coalitions(PLAYERS)}

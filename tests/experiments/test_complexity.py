@@ -1,4 +1,4 @@
-"""Tables of model complexity and of campaign methods from constructed results, without tracing."""
+"""Build the tables that compare model complexity and simulation methods from constructed results, without tracing rays."""
 
 from __future__ import annotations
 
@@ -86,7 +86,9 @@ def test_common_gain_is_no_feature_error() -> None:
 
 
 def test_default_fails_if_an_equally_good_method_is_faster() -> None:
-    """The claims fail if a method is as good and ten times faster, and hold if it is worse by more than a standard error."""
+    """The claims for the default method fail if another method is as accurate and ten times faster. They hold if the other method is less
+    accurate by more than a standard error.
+    """
 
     def one(setting: str, second: float, error: float) -> dict:
         return {

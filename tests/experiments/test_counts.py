@@ -1,4 +1,4 @@
-"""Which products a configuration change recomputes, by counts of simulated, reused and scored products."""
+"""The tests count how many stored results are simulated, reused and scored after a configuration change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ TINY = [
 
 @pytest.fixture(scope="module")
 def counted(tmp_path_factory: pytest.TempPathFactory):
-    """A function that runs with overrides in one output folder and returns the run key and the counts."""
+    """Return a function that runs an experiment with overrides in one output folder, and returns the run key and the counts of stored
+    results.
+    """
     folder = tmp_path_factory.mktemp("counts")
 
     def run(*more: str, into: Path = folder) -> tuple[str, Counts]:

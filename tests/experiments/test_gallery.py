@@ -1,4 +1,6 @@
-"""The gallery: choice of pairs, and maps of both domains on one scale with the logged target."""
+"""Tests of the gallery figures: the choice of pairs of recordings, and range-Doppler maps of measurement and simulation on one colour scale
+with the logged target.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ C = 299_792_458.0
 
 
 def recording(case: Case, amplitude: float = 1e-3) -> Recording:
-    """A point echo at the logged target of the case, sampled by the definition of the beat signal."""
+    """Return the recording of a point echo at the logged range of the target, sampled by the definition of the beat signal."""
     course = log(case, CampaignConfig(frames_per_turn=20, turns=1), measured=False)
     azimuth, speed, distance = gallery.course(course, course.frames)
     time = RADAR.chirp_times()[None, :, :, None, None]

@@ -1,4 +1,6 @@
-"""The loss that each gap causes: on synthetic recordings with known gaps, and on simulated recordings."""
+"""Compute the loss that each known difference between simulation and measurement causes, on synthetic recordings with known differences and
+on simulated recordings.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,10 @@ QUIET = Progress(quiet=True)
 
 
 class FakeSides(Sides):
-    """Echoes without a simulator: `hardware` attenuates the measured side by 6 dB, `contents` modulates a measured bottle twice per
-    revolution, `geometry` mirrors the twin's room, `materials` and `labels` raise the amplitude of their side by 20 %."""
+    """Echoes of measurement and simulation without a simulator. The difference `hardware` attenuates the measured echo by 6 dB, `contents`
+    modulates the echo of a measured bottle twice per revolution, `geometry` mirrors the simulated room, and `materials` and `labels` each
+    raise the amplitude of the measurement or of the simulation by 20 %.
+    """
 
     def processed(self, domain: str, on: frozenset[str], case: Case) -> tuple[str, Processed]:
         key, made = FakeCampaign(distances=(1.0,), frames=16).processed("twin", case, "uniform" if "geometry" in on else "true")
@@ -147,7 +151,9 @@ def test_settings_that_the_table_sets_itself_are_refused() -> None:
 
 @pytest.mark.slow
 def test_simulated_recordings_of_a_can_and_a_bottle_lose_to_contents_and_placement(tmp_path: Path) -> None:
-    """Exact room, true labels: without gaps both domains agree; contents affect the bottle, placement affects both objects."""
+    """With exact room geometry and true material labels, measurement and simulation agree. Filling the bottle (`contents`) changes only the
+    bottle's echo, and a position error (`placement`) changes the echoes of bottle and can.
+    """
     plan = Plan({"contents": ("contents",), "placement": ("placement",)}, ("drink_can_355", "mustard"))
     config = replace(CONFIG, output=str(tmp_path))
     sides = Sides(config, Store(tmp_path / "cache"), QUIET, coalitions.cases(plan.objects))

@@ -1,4 +1,6 @@
-"""Single gaps: the domains agree with all gaps off, and each change moves its own feature."""
+"""Tests of single known differences between simulation and measurement: without them both agree, and each difference changes the feature
+that it should change.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ def config(tmp_path: Path) -> Config:
 
 
 def reading(target: np.ndarray, room: complex = 1e-4, offset_m: float = 0.0, floor: float = 1e-16) -> case_set.Reading:
-    """A target of amplitudes (F,) at 1 m and an echo of the room at 3 m, both one range bin wide."""
+    """Return the features of a target with amplitudes (F,) at 1 m and an echo of the room at 3 m; each echo is one range bin wide."""
     axis = range_axis(RADAR, RADAR.num_samples)
     axis = axis[axis <= MAX_RANGE_M]
     channels = np.zeros((FRAMES, 8, len(axis)), np.complex64)
@@ -115,7 +117,9 @@ def test_every_gap_has_claims_about_known_features_and_groups() -> None:
 
 
 def test_a_claim_holds_or_fails_by_the_measured_change(tmp_path: Path) -> None:
-    """Lines and filter of the hardware lose 7.7 dB at 1 m; a change of 0 dB contradicts this."""
+    """Line losses and IF filter of the radar hardware reduce the level by 7.7 dB at 1 m. A claim of a change of 0 dB
+    must therefore fail.
+    """
     base = reading(STEADY)
     still = case_set.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
     for level, verdict in ((-7.7, "holds"), (0.0, "fails")):
@@ -129,7 +133,9 @@ def test_a_claim_holds_or_fails_by_the_measured_change(tmp_path: Path) -> None:
 
 
 def test_both_domains_agree_with_every_gap_off(tmp_path: Path) -> None:
-    """The remaining difference is the single precision of the stored room, far below any solver error."""
+    """The remaining difference between measurement and simulation is the rounding of the stored room to single precision, which is far
+    below any solver error.
+    """
     off = case_set.alone(config(tmp_path))
     off = replace(off, profile=replace(off.profile, campaign=replace(off.profile.campaign, frames_per_turn=16)))
     case, progress = Case("drink_can_355", "lab", "turntable", 1.0), Progress()

@@ -1,4 +1,4 @@
-"""The rail table on echoes of known motion, with and without a bright echo of the room."""
+"""Tests of the linear-rail table on echoes of known motion, with and without a strong echo of the room."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ def range_m(motion: str, time: np.ndarray) -> np.ndarray:
 
 
 class Rail:
-    """A source of rail recordings. Measured ranges are 2 cm longer, beside a constant echo of amplitude `clutter` at 1.45 m."""
+    """A source of rail recordings. In the measured recordings, the target's range is 2 cm longer, and a constant echo of amplitude
+    `clutter` is at 1.45 m.
+    """
 
     def __init__(self, clutter: float, motions: Sequence[Motion] = ("radial", "diagonal")) -> None:
         self.clutter, self.motions = clutter, motions

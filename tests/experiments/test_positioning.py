@@ -1,4 +1,6 @@
-"""The paper's table is transcribed correctly, its quotations exist, and our row shows the results of the checks."""
+"""The comparison table of the paper is transcribed correctly, its quotations exist in the cited texts, and our row shows the results of the
+checks.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ needs_paper = pytest.mark.skipif(not PAPER.is_file(), reason=f"{PAPER} is not he
 
 
 def plain(cell: str) -> str:
-    """A cell of the LaTeX table in the words of `cells`."""
+    """Convert a cell of the LaTeX table to the words that the function `cells` uses."""
     cell = re.sub(r"~\\cite\{[^}]*\}|\\textbf|\{|\}", "", cell)
     for mark, word in (
         (r"\cmark", "yes"), (r"\xmark", "no"), (r"\pmark", "partly"), (r"\projectname", OURS), (r"$\rightarrow$", " -> "), (r"\,", " "),
@@ -55,7 +57,7 @@ def test_our_capabilities_agree_with_the_papers_table(axis: str) -> None:
 
 
 def test_rfgenesis_has_one_bounce_and_one_material() -> None:
-    """The paper says that it has multipath; the program has none."""
+    """The RF-Genesis paper claims multipath propagation, but the published program traces only one bounce and one material."""
     line = positioning.row("RF-Genesis")
     assert (line["verdict"], line["value"], line["n"]) == ("fails", 0.5, 2)
     assert "multipath: no (1-bounce), not yes" in line["checked here"]

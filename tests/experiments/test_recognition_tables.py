@@ -1,4 +1,6 @@
-"""The recognition tables on a synthetic campaign: known properties transfer, and others stay at chance."""
+"""Tests of the recognition tables on synthetic recordings: object properties that simulation and measurement share are recognised, and
+other properties stay at chance level.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,7 @@ def drives(**changed) -> FakeCampaign:
 
 
 class Study:
-    """A source with the drives and the turntable of two sources."""
+    """A recording source that combines the drives of one source with the turntable recordings of another."""
 
     def __init__(self, *parts: FakeCampaign) -> None:
         self.parts = parts
@@ -72,7 +74,7 @@ class Study:
 
 
 def checked(result: Result) -> Result:
-    """Check the rows and draw the figures."""
+    """Check the table rows of a result, draw its figures, and return the rows."""
     check_rows(result.table, result.rows)
     assert all(one["run_keys"] for one in result.rows)
     draw_all(result)
@@ -96,7 +98,9 @@ def test_labelled_probe_recognises_different_objects(tmp_path: Path):
 
 
 def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Path):
-    """One recording per object has several revolutions, but no other recordings and none for labels."""
+    """With one recording per object, a classifier trained and tested on separate recordings is impossible, although the recording has
+    several revolutions.
+    """
     result = checked(probe(tmp_path, turntable(repetitions=1, keep=lambda domain, case: case.distance_m == 1.0)))
     found = find(result, probe=labelled_probe.REVOLUTIONS, method=labelled_probe.PRETRAINED)
     assert (found["n"], found["answers"]) == (6, 12)
@@ -187,7 +191,9 @@ def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
 
 
 def test_the_ablation_detects_the_benefit_of_the_room(tmp_path: Path):
-    """In the synthetic rooms a wrong material mirrors the room's echoes, so the labelled twin must win."""
+    """In the synthetic rooms, a wrong material mirrors the room's echoes, so the simulation with material labels must give the best
+    recognition.
+    """
     result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Progress()))
     method = f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}"
     assert find(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
@@ -233,7 +239,7 @@ def test_calibration_removes_a_gain_and_does_not_score_the_reflector(tmp_path: P
 
 
 def test_all_correct_has_the_exact_interval_and_one_cell_has_none():
-    """The exact interval of four correct cells is 0.40 to 1. A single cell judges no claim."""
+    """Four correct cells of four have an exact confidence interval from 0.40 to 1. A single cell is too few to judge a claim."""
     rng = np.random.default_rng(0)
     recordings = gather(("a",), [Part(f"r{n}", f"k{n % 2}", MEASURED, rng.normal(size=1), f"{n // 2} m") for n in range(4)])
     given = RecognitionRows(config("contrastive")).share({}, np.ones((2, 4), bool), recordings, ["0" * 32], 0.5, Claim("above chance"))
@@ -244,7 +250,9 @@ def test_all_correct_has_the_exact_interval_and_one_cell_has_none():
 
 
 def test_no_setting_was_chosen_on_measured_recordings():
-    """The record of choices names the data of each choice and holds every numeric setting with its current value."""
+    """The file of recorded choices names the data on which each setting was chosen, and contains every numeric setting with its current
+    value.
+    """
     content = json.loads((Path(labelled_probe.__file__).parent / "recognition_choices.json").read_text())
     given = compose(["experiment=labelled_probe"])
     for choice in content["choices"]:

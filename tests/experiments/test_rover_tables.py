@@ -1,4 +1,4 @@
-"""The rover tables on a synthetic campaign, and their statistics on cells with known results."""
+"""Tests of the rover tables on synthetic recordings, and of the statistics in these tables on cells with known results."""
 
 from __future__ import annotations
 
@@ -118,7 +118,9 @@ def test_the_disagreement_is_attributed_to_its_cause(factor: str) -> None:
 
 
 def test_noise_is_attributed_to_no_factor() -> None:
-    """Many levels explain more of noise than two, so shares are per degree of freedom."""
+    """A factor with many levels explains more variance of pure noise than a factor with two levels, so the shares are normalised per degree
+    of freedom.
+    """
     rng = np.random.default_rng(1)
     made = {(f"{k}", room, d): rng.standard_normal((2, 400)) for k in range(11) for room in ROOMS for d in (0.5, 1.0, 2.0)}
     shares = rover_disentangle.effects(made)

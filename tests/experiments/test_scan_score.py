@@ -1,4 +1,4 @@
-"""Scores of constructed scans: absent, merged, cut, walled-up and unseen surfaces."""
+"""Scores of constructed room reconstructions whose surfaces are absent, merged, cut, hidden behind a wall or never seen."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_true_surfaces_score_one():
 
 
 def test_missing_surfaces_count_with_recall_zero():
-    """A reconstruction of the floor alone: one surface of six."""
+    """The reconstruction contains only the floor, which is one of the six surfaces of the room."""
     score = score_scene(Scene([room().surfaces[0]]), room())
     found = by_name(score)
     assert found["floor"].recall > 0.98
@@ -105,7 +105,9 @@ def test_walled_up_window_is_not_found():
 
 
 def test_pixels_see_the_front_of_a_thin_plate_only():
-    """A plate of 20 mm, which a tolerance of the depth's noise would see through, and one behind it."""
+    """The scene has a plate of 20 mm and a surface behind it. A tolerance as large as the depth noise would count the hidden surface as
+    seen.
+    """
     plate = objects.box([2.2, 1.8, 0.9], [2.8, 2.2, 0.92])
     hidden = rectangle([2.3, 1.9, 0.895], X, Y, (0.4, 0.2))
     scene = Scene([*room(), named("plate", plate), named("hidden", hidden)])

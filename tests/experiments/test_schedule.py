@@ -1,4 +1,6 @@
-"""Tracks stay with their worker, and one worker scans a room while others do something else."""
+"""Recordings along the same track stay with one worker, and only one worker scans a room while the other workers
+compute other recordings.
+"""
 
 import itertools
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The sensitivity table from constructed twins: errors in standard deviations, run times without set-ups."""
+"""Build the sensitivity table from constructed simulations: feature errors in standard deviations, and run times without set-up times."""
 
 from __future__ import annotations
 

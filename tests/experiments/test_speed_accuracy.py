@@ -1,4 +1,4 @@
-"""References of the speed comparison, its errors, fronts, claims and charts."""
+"""Tests of the comparison of simulation speed and accuracy: reference signals, error measures, Pareto fronts, claims and charts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RADAR = Radar.iwr1843()
 
 
 def section(amplitude: complex, distance_m: float) -> float:
-    """Cross-section, dBsm, of a far target."""
+    """Return the radar cross-section in dBsm of a far target with this echo amplitude."""
     return float(10 * np.log10((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
 
 
@@ -47,7 +47,9 @@ def test_far_sphere_matches_mie_series(radius_m: float) -> None:
 
 @pytest.mark.parametrize(("radius_m", "gap_m"), [(0.5, 0.2), (0.2, 1.0)])
 def test_near_sphere_matches_mirrored_point_source_with_phase(radius_m: float, gap_m: float) -> None:
-    """Geometric optics: the wave is mirrored with radius 1/(1/d + 2/a) and spreads from there, turned by half a cycle."""
+    """By geometric optics, the sphere turns the wave by half a cycle. The reflected wave has the radius 1/(1/d + 2/a) at the sphere and
+    spreads from there.
+    """
     mirrored = 1 / (1 / gap_m + 2 / radius_m)
     expected = -WAVELENGTH_M / (4 * np.pi * gap_m) * mirrored / (mirrored + gap_m) * np.exp(2j * K * gap_m)
     assert sphere_echo(radius_m, radius_m + gap_m, FREQUENCY_HZ)[0] / expected == pytest.approx(1, abs=0.01)
@@ -70,7 +72,9 @@ def test_swept_echo_equals_echo_at_each_sample() -> None:
 
 
 def test_turned_plate_is_symmetric_and_weaker_than_facing() -> None:
-    """A plate's echo has one level either side of its normal and less than facing; a quarter turn leaves nothing in front."""
+    """The echo of a plate has equal levels on both sides of its normal, and each is below the level at the normal. Turned by 90 degrees,
+    the plate returns nothing.
+    """
     faces = corner_faces(objects.plate(0.1, 0.1))
     levels = [np.abs(problems.corner_echo(faces, problems.turntable_poses(1.0, 1, turn)[0])).mean() for turn in (0.0, 3.0, -3.0)]
     assert levels[1] == pytest.approx(levels[2], rel=1e-6)
@@ -129,7 +133,7 @@ def test_default_fails_if_another_is_much_better_in_both() -> None:
     [(1200.0, 3.0, 2.0, "holds"), (600.0, 3.0, 2.0, "fails"), (1200.0, 3.0, 0.5, "fails"), (1200.0, 0.5, 2.0, "fails")],
 )
 def test_speed_claim_needs_every_error_lower(seconds: float, error: float, free: float, verdict: str) -> None:
-    """The default's last round took 2 s."""
+    """The default method took 2 s in its last timed repetition."""
     naive = measured(RFGENESIS, speed_accuracy.PUBLISHED, [seconds], error, free_error_db=free)
     assert verdicts(rows_of(naive))["its seconds a frame over those of the default"] == verdict
 
@@ -212,7 +216,7 @@ def test_chart_labels_every_named_point() -> None:
 
 @pytest.mark.parametrize("problem", problems.problems(True), ids=lambda problem: problem.name)
 def test_options_in_choosing_make_the_measured_setting(problem: problems.Problem) -> None:
-    """The options that docs/choosing.md gives make the simulator that was measured."""
+    """The command-line options in docs/choosing.md select the simulator settings that were timed for this test problem."""
     for method in methods.of_problem(problem, True):
         if method.family == OURS:
             asked = compose(choosing.options(method.setting).split()).simulator

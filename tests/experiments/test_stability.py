@@ -1,4 +1,6 @@
-"""Safe regions follow from errors, the map shows them, and known results of the tracer stay as they are."""
+"""Tests of the stability table: the parameter regions with small errors follow from the computed errors, the figure shows these regions,
+and known errors of the tracer are unchanged.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +78,9 @@ def test_errors_of_this_tracer_stay_below_known_values(name: str) -> None:
 
 @pytest.mark.parametrize("name", FALLS)
 def test_known_failures_exceed_the_limit(name: str) -> None:
-    """Where the wave, the sensor or the mesh ends; a change that mends one moves the map."""
+    """The tracer fails near the limits of wavelength, sensor distance and mesh resolution. If a change of the tracer corrects such a
+    failure, the figure changes.
+    """
     assert BY_NAME[name].error_db(METHODS[0], FALLS[name]) > stability.LIMIT_DB
 
 

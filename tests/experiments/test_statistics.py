@@ -1,4 +1,4 @@
-"""Statistics against library functions, published examples and the values in the paper."""
+"""Compare the statistics functions with library functions, published examples and the values in the paper."""
 
 from __future__ import annotations
 

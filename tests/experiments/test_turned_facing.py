@@ -1,4 +1,6 @@
-"""Interpolated and fully traced revolutions have the same target poses: the logged ones with the same errors."""
+"""A revolution that is interpolated between traced angles uses the same target poses as a fully traced revolution, namely the logged poses
+with the same pose errors.
+"""
 
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +17,9 @@ COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
 @pytest.fixture
 def simulated(monkeypatch):
-    """A function that simulates a recording, interpolated or traced, whose samples encode the target's yaw, position and tilt."""
+    """Return a function that simulates a recording, interpolated or fully traced, whose samples encode yaw, position and tilt of the
+    target.
+    """
 
     def seen(case, place, root, there):
         poses = there.motion[case.object]

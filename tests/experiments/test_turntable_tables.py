@@ -1,4 +1,4 @@
-"""The turntable tables on a synthetic campaign with known results."""
+"""Tests of the turntable tables on synthetic recordings with known results."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ def test_rows_have_interval_n_seed_and_keys_and_figures_are_drawn(shape: Result)
 
 
 def test_harmonic_ratios_follow_the_modulation_of_the_objects(shape: Result) -> None:
-    """The campaign modulates cans by 0.05 and the reflector by 0.9 of six harmonics that differ between objects."""
+    """The synthetic recordings modulate cans by 0.05 and the corner reflector by 0.9. The modulation is the sum of six harmonics that
+    differ between objects.
+    """
     ratio = {row["case"]: row["value"] for row in shape.rows if row["metric"] == "angular harmonic ratio" and row["of"] == "simulated"}
     assert ratio["trihedral corner reflector"] > 10 * max(value for case, value in ratio.items() if "can" in case)
     assert find(shape, metric="ratio of harmonic ratios", case="least peaked over least flat", of="measured")["verdict"] == "holds"
@@ -93,7 +95,9 @@ def test_flat_facets_ripple_at_their_number_and_curved_facets_do_not() -> None:
 
 
 def test_brightness_follows_the_material_class() -> None:
-    """In both domains plastic has 0.12 of the power of metal, -9.2 dB; objects differ by up to 1.5 dB."""
+    """In measurement and simulation, plastic returns 0.12 of the power of metal (-9.2 dB). Objects of one material
+    differ by up to 1.5 dB.
+    """
     campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.02)
     result = turntable_material.score(config("turntable_material"), campaign, Progress())
     for distance in (0.5, 1.0):

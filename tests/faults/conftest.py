@@ -1,4 +1,4 @@
-"""Fixtures: separate disks that can be full or read-only."""
+"""Fixtures that provide separate small disks, which a test can fill or make read-only."""
 
 from __future__ import annotations
 

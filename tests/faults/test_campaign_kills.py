@@ -1,6 +1,8 @@
-"""A campaign that is killed and restarted writes the same files, byte for byte, as a campaign without kills.
+"""A virtual measurement campaign that is killed and restarted writes the same files, byte for byte, as a campaign that runs without
+interruption.
 
-Only meta.json differs, because it holds times. The quick test replaces the tracer by a made-up signal; the slow tests trace.
+Only the files meta.json differ, because they hold times. The quick test replaces the ray tracer by a synthetic signal; the slow tests trace
+rays.
 """
 
 from __future__ import annotations
@@ -72,7 +74,7 @@ def completed(output: Path, program: list[str], seconds: float, *more: str) -> s
 
 
 def products(output: Path) -> dict[str, str]:
-    """Return the digest of every file of the campaign except meta.json."""
+    """Return the digest of every file of the measurement campaign except meta.json."""
     cache = output / "cache"
     found = [path for kind in ("clean", "processed") for path in cache.glob(f"{kind}/*/*") if path.name != "meta.json"]
     found = [path for path in found if path.parent.suffix != ".tmp"]  # left by a killed process
@@ -86,7 +88,9 @@ def finished(output: Path) -> int:
 def disturbed(
     output: Path, program: list[str], kills: int, pause_s: float, seconds: float, *more: str, recordings: int = RECORDINGS
 ) -> str:
-    """Kill the campaign `kills` times, each time during another recording, then let it end."""
+    """Start the measurement campaign and kill it `kills` times, each time during another recording, then start it again
+    and let it finish.
+    """
     chance = random.Random(0)
     goals = sorted(chance.sample(range(recordings - 1), kills))
     for goal in goals:
@@ -115,7 +119,7 @@ def test_a_campaign_killed_twice_ends_with_the_same_files(tmp_path: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("whole", [WITHOUT, ["materials=uniform", "measured.gap.solver=0", "profile.campaign.rover_rooms=[]"]])
 def test_a_traced_campaign_does_not_depend_on_the_number_of_workers_or_on_kills(tmp_path: Path, whole: list[str]) -> None:
-    """The second campaign has scan errors, clutter and creep."""
+    """In this test, the second measurement campaign has scan errors, clutter and slow mechanical drift (creep)."""
     program, seconds = ["-m", "radartwin"], 1800
     completed(tmp_path / "one", program, seconds, *whole, "jobs=1")
     disturbed(tmp_path / "killed", program, 3, 2.0, seconds, *whole, "jobs=2", recordings=finished(tmp_path / "one"))

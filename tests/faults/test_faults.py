@@ -1,4 +1,6 @@
-"""After every fault during a sweep, finished runs remain, unfinished runs are removed, and the message says what to do."""
+"""After every fault during a parameter sweep, the results of finished runs remain, unfinished runs are removed, and the error message says
+what to do.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ SEEDS = "seed=0,1,2,3"
 
 
 class Study:
-    """A user's experiment and its output folder; `start` runs the command line on it."""
+    """A user's experiment and its output folder; the method `start` runs the command line on this experiment."""
 
     def __init__(self, folder: Path, output: Path) -> None:
         self.folder, self.output = folder / "mine", output
@@ -45,7 +47,7 @@ class Study:
             return connection.execute(question).fetchall()
 
     def no_traces(self) -> bool:
-        """Return whether the output folder has no unfinished files."""
+        """Return True if the output folder contains no unfinished files."""
         return not list(self.output.rglob("*.tmp")) and not list(self.output.rglob("*.lock"))
 
 

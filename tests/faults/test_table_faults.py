@@ -1,4 +1,4 @@
-"""`radartwin tables` writes the same files after kills, beside another `radartwin tables`, and after a full disk."""
+"""`radartwin tables` writes the same files after it was killed, while a second `radartwin tables` runs, and after the disk was full."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def completed(output: Path) -> str:
 
 
 def written(output: Path) -> dict[str, bytes]:
-    """Tables, figures and report, without times and MLflow numbers in the report."""
+    """Return the content of tables, figures and report, without times and MLflow numbers in the report."""
     found = [path for part in ("tables", "figures", "report") for path in sorted((output / part).rglob("*")) if path.is_file()]
     content = {path.relative_to(output).as_posix(): path.read_bytes() for path in found}
     page = content["report/index.html"].decode()
@@ -55,7 +55,9 @@ def products(output: Path) -> set[str]:
 
 
 def worked_s(process: int) -> float:
-    """Processor seconds of a process so far (proc(5), utime and stime), which do not depend on the load of the machine."""
+    """Return the processor seconds of a process so far (proc(5), utime and stime), because they do not depend on the
+    load of the machine.
+    """
     words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 

@@ -1,4 +1,4 @@
-"""On a full or read-only disk every verb prints one line that names the place, exits with status 2 and changes no file."""
+"""On a full or read-only disk, every subcommand prints one line that names the file or folder, exits with status 2 and changes no file."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def room() -> Scene:
 
 @pytest.fixture(scope="module")
 def place(shared_disk: Disk) -> Disk:
-    """A disk with a scene, answers for its labels, a recording, a table, a report and a tracked run."""
+    """Return a disk with a scene, model answers about its materials, a recording, a results table, a report and a tracked run."""
     folder = shared_disk.folder
     room().save(folder / "scene")
     rooms.lab().surfaces[0].mesh.export(folder / "room.ply")
@@ -82,7 +82,7 @@ NEEDS_NO_SPACE = ("dashboard", "doctor")  # they work on a full disk
 
 
 def error_lines(done: subprocess.CompletedProcess[str]) -> list[str]:
-    """Error lines on standard error, without progress and warnings."""
+    """Return the error lines on standard error, without progress lines and warnings."""
     return [line for line in done.stderr.splitlines() if line.startswith("radartwin: ") and "warning" not in line]
 
 

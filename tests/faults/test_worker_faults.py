@@ -1,6 +1,6 @@
-"""A campaign in several workers when one of them is killed, and when the user interrupts it.
+"""Tests of a virtual measurement campaign with several workers: one worker is killed, or the user interrupts the campaign.
 
-The signals are made up as in test_campaign_kills.py; the workers are real.
+The signals are synthetic as in test_campaign_kills.py, but the worker processes are real.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def members(group: int) -> list[int]:
 
 @pytest.mark.slow
 def test_a_killed_worker_loses_no_finished_recording(tmp_path: Path) -> None:
-    """Other errors of a worker: tests/runs/test_workers.py."""
+    """The file tests/runs/test_workers.py tests the other errors of a worker."""
     output = tmp_path / "out"
     (tmp_path / "DIE").touch()
     code, _, complained = ended(tmp_path, output)

@@ -1,4 +1,4 @@
-"""Start offsets of two recordings, on signals with known offsets."""
+"""Estimate the time offset between the starts of two recordings, from signals with known offsets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from radartwin.features.align import overlap, start_offset
 
 
 def drive(times: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Gate energy of a pass with a glint and noise at 30 dB: the target crosses a gate of 0.15 m at 0.2 m/s around t = 2.5 s."""
+    """Return the echo energy in the range gate for a drive with a short bright reflection and noise at 30 dB: the target crosses a gate of
+    0.15 m at 0.2 m/s around t = 2.5 s.
+    """
     signal = np.exp(-(((times - 2.5) / 0.5) ** 2)) + 0.3 * np.exp(-(((times - 3.4) / 0.1) ** 2))
     noise = 10 ** (-30 / 20) * (rng.normal(size=len(times)) + 1j * rng.normal(size=len(times))) / np.sqrt(2)
     return np.abs(np.sqrt(signal) + noise) ** 2

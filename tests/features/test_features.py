@@ -1,4 +1,4 @@
-"""Every feature against its closed form on recordings of point echoes, and its invariances."""
+"""Compare every feature with its closed form on recordings of point echoes, and check the changes to which a feature must be invariant."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TURN_HZ = RADAR.frame_rate_hz / FRAMES  # one revolution in FRAMES frames
 def turning(
     amplitude: Callable[[np.ndarray], np.ndarray], turns: float = 1.0, start: float = 0.0, at_m: float = AXIS_M, **noise
 ) -> Processed:
-    """A point whose amplitude depends on the angle of the turntable."""
+    """Return the recording of a point echo whose amplitude depends on the angle of the turntable."""
     frames = round(turns * FRAMES)
     return process(echoes(frames, [(lambda t: amplitude(2 * np.pi * TURN_HZ * t + start), at_m)], **noise))
 
@@ -38,7 +38,9 @@ def at_rest(frames: int, distance_m: float, turns: float | None = None) -> Log:
 
 
 def lobes(theta: np.ndarray) -> np.ndarray:
-    """Amplitude whose power is 1 + 0.8 cos(2 theta) + 0.2 cos(5 theta): |P_2| / |P_0| = 0.4, |P_5| / |P_0| = 0.1."""
+    """Return an amplitude whose power over the angle theta is 1 + 0.8 cos(2 theta) + 0.2 cos(5 theta), so that |P_2| / |P_0| = 0.4 and
+    |P_5| / |P_0| = 0.1.
+    """
     return 1e-3 * np.sqrt(1 + 0.8 * np.cos(2 * theta) + 0.2 * np.cos(5 * theta))
 
 
@@ -70,7 +72,7 @@ def test_harmonic_ratio_does_not_depend_on_scale_start_angle_distance_and_turns(
 
 
 def test_noise_floor_does_not_change_the_harmonic_ratio() -> None:
-    """Without the correction, noise of half the energy of the target would reduce the ratio by the factor (2/3)^2 = 0.44."""
+    """Without the noise correction, noise with half of the target's energy would reduce the harmonic ratio by the factor (2/3)^2 = 0.44."""
     sigma = 1e-3 * np.sqrt(0.5 / (7 * 1.5 / RADAR.num_samples / RADAR.num_chirps) * 1.5)  # gate of 7 bins; the echo fills 1.5 of one
     assert ratio(turning(lobes, turns=3, noise=sigma), 3) == pytest.approx(0.17, rel=0.15)
 
@@ -202,7 +204,9 @@ def test_noise_does_not_change_the_brightness() -> None:
 
 
 def test_extent_of_a_point_matches_the_array_factor() -> None:
-    """Spread of |sin(4 psi) / (8 sin(psi / 2))|^2, psi = pi sin(phi) f / f0, integrated over azimuth without the beamformer."""
+    """The angular extent of a point echo is the spread of |sin(4 psi) / (8 sin(psi / 2))|^2 with psi = pi sin(phi) f / f0. The test
+    integrates it over azimuth without the package's beamformer.
+    """
     phi = np.deg2rad(np.arange(-90.0, 91.0))
     spacing = np.diff(np.sort(RADAR.virtual_positions[:, 1]))[0]
     psi = 2 * np.pi * spacing * RADAR.center_frequency_hz / 299792458.0 * np.sin(phi)

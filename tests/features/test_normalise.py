@@ -1,4 +1,4 @@
-"""Rank normalisation and corner-reflector calibration, on values computed by hand."""
+"""Compare rank normalisation and the calibration with a corner reflector with values computed by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Processed recordings against their echoes: level, range, phase across the array, speed; storage and errors."""
+"""Processed recordings show the level, the range, the phase across the array and the speed of their point echoes. Further tests cover
+storage and errors.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Energy in the target gate, energy shares outside of it, and the correlation of profiles, on signals with known values."""
+"""Test three values on known signals: the energy in the target gate, the share of energy outside of the gate, and the correlation of two
+range profiles.
+"""
 
 from __future__ import annotations
 

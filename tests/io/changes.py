@@ -1,4 +1,4 @@
-"""Hypothesis strategies that change a valid file: bytes, words and lines of a text, or values of a JSON tree."""
+"""Hypothesis strategies that change a valid file: its bytes, the words and lines of a text, or the values of a JSON tree."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ values = st.recursive(
 
 
 def variants(content: bytes, how: str) -> st.SearchStrategy[bytes]:
-    """Return changes of a file. `how` is json, lines (one JSON tree per line), glb (the JSON tree in it), words or bytes."""
+    """Return a strategy of changed versions of a file. `how` is json, lines (one JSON tree per line), glb (the JSON tree inside a binary
+    glTF file), words or bytes.
+    """
     if how == "json":
         return with_changes(json.loads(content)).map(lambda tree: json.dumps(tree).encode())
     if how == "words":
@@ -41,7 +43,7 @@ def variants(content: bytes, how: str) -> st.SearchStrategy[bytes]:
 
 
 def changed(seed: bytes) -> st.SearchStrategy[bytes]:
-    """The seed with bytes replaced or a part cut out; or arbitrary bytes."""
+    """Return a strategy of the file with bytes replaced, of the file with a part cut out, and of arbitrary bytes."""
 
     def apply(edits: list[tuple[int, int, bytes]]) -> bytes:
         content = seed
@@ -56,7 +58,7 @@ def changed(seed: bytes) -> st.SearchStrategy[bytes]:
 
 
 def with_changes(tree: Any) -> st.SearchStrategy[Any]:
-    """A JSON tree with one leaf or branch replaced by any value."""
+    """Return a strategy of the JSON tree with one leaf or branch replaced by an arbitrary value."""
 
     def put(place: tuple, value: Any) -> Any:
         copy = json.loads(json.dumps(tree))
@@ -77,7 +79,7 @@ def _places(tree: Any, path: tuple = ()) -> Iterator[tuple]:
 
 
 def replaced(seed: str) -> st.SearchStrategy[str]:
-    """The text with one to three words replaced, or with a line lost or repeated."""
+    """Return a strategy of the text with one to three words replaced, or with a line removed or repeated."""
     words, lines = list(_WORD.finditer(seed)), seed.splitlines(keepends=True)
 
     def put(edits: Sequence[tuple[int, str]]) -> str:
@@ -95,7 +97,7 @@ def replaced(seed: str) -> st.SearchStrategy[str]:
 
 
 def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
-    """A binary glTF file with this document."""
+    """Return the bytes of a binary glTF file with this JSON document."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     body = struct.pack("<II", len(text), 0x4E4F534A) + text

@@ -1,4 +1,4 @@
-"""Make small valid folders of every kind that radartwin reads, each in an empty folder."""
+"""Make a small valid folder for every folder format that radartwin reads; each call fills an empty folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that an attacker writes: a mesh with pictures, and an index of photographs."""
+"""Make the files that an attacker could write: a mesh with texture pictures, and an index of photographs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ THREE = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}
 
 
 def textured(images: list[dict[str, Any]], picture: bytes) -> bytes:
-    """A .glb of triangles, each with one of these images; `picture` follows the geometry."""
+    """Return a .glb file of triangles, each with one of these texture images; the bytes of `picture` follow the geometry."""
     count, places = len(images), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes()
     return glb(
         {

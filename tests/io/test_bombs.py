@@ -1,4 +1,4 @@
-"""Small files that declare more content than memory holds are refused in one line, before memory is allocated."""
+"""RadarTwin refuses small files that declare more content than memory holds, with a one-line message and before it allocates memory."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from radartwin.scene.scene import Scene
 
 
 def header(shape: tuple[int, ...], kind: str = "<c8") -> bytes:
-    """A .npy header with this shape."""
+    """Return the header of a .npy file that declares an array of this shape and data type."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": kind, "fortran_order": False, "shape": shape})
     return stream.getvalue()
@@ -53,7 +53,7 @@ def test_arrays_that_declare_more_than_they_hold_are_refused(shape: tuple[int, .
 
 
 def png(width: int, height: int) -> bytes:
-    """A picture of this size whose pixels are missing."""
+    """Return a PNG file that declares this size but contains no pixels."""
 
     def chunk(kind: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
@@ -75,7 +75,7 @@ def test_a_picture_of_billions_of_pixels_is_refused(tmp_path: Path) -> None:
 
 
 def test_only_picture_formats_of_scanners_are_read(tmp_path: Path) -> None:
-    """Pillow would run Ghostscript on this file."""
+    """The file of this test is an EPS picture, on which Pillow would run Ghostscript."""
     eps = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 10 10\n%%EndComments\nshowpage\n%%EOF\n"
     (tmp_path / "depth_0.png").write_bytes(eps)
     with Image.open(tmp_path / "depth_0.png") as picture:
@@ -129,7 +129,7 @@ def test_json_above_the_size_limit_is_refused_before_it_is_parsed(tmp_path: Path
 
 
 def triangles(nodes: list[dict], accessor: dict[str, Any], **more: Any) -> bytes:
-    """A .glb of one mesh, placed by these nodes."""
+    """Return a .glb file with one mesh, which these scene nodes place several times."""
     mesh = {"primitives": [{"attributes": {"POSITION": 0}}]}
     start = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}]}
     return glb({**start, "nodes": nodes, "meshes": [mesh], "accessors": [accessor], **more}, bytes(36) if "buffers" in more else b"")

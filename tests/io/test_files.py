@@ -1,4 +1,4 @@
-"""Files are complete or absent, and locks hold between processes and threads."""
+"""Written files are complete or absent, and file locks work between processes and between threads."""
 
 from __future__ import annotations
 

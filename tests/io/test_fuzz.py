@@ -1,6 +1,7 @@
-"""For any content of a file, a reader returns a value or raises a UserError of one line, within a time limit.
+"""For any content of a file, the function that reads it returns a value or raises a UserError with a one-line message, within a time limit.
 
-Each case is a folder in which one file is changed (changes.py). The quick cases are the formats that come from outside.
+Each test case is a folder in which one file is changed by the strategies of changes.py. The quick test cases are the file formats that
+other people's programs write.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def _read_set(folder: Path) -> object:
 
 @dataclass(frozen=True)
 class Case:
-    """A folder, the file that is changed, the kind of change, and the reader."""
+    """A valid folder, the name of the file that is changed, the kind of change, and the function that reads the folder."""
 
     make: Callable[[Path], object]
     file: str
@@ -140,7 +141,7 @@ def _name(case: Case) -> str:
 
 
 def reads_or_refuses(read: Callable[[], object]) -> None:
-    """Check that the reader returns, or raises a UserError of one line, in time."""
+    """Check that the reading function returns or raises a UserError with a one-line message, within the time limit."""
     started = time.monotonic()
     try:
         with warnings.catch_warnings():

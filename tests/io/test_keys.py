@@ -1,4 +1,4 @@
-"""A key of the environment is sent to its server only, and stands in no message, answer or configuration."""
+"""An API key from the environment is sent only to its own server, and appears in no message, stored answer or configuration."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KEY = "s3cr3t-w0rd-of-the-test"
 
 @pytest.fixture
 def echo() -> Iterator[Callable[..., ChatServer]]:
-    """Start a server that repeats the received key in its refusal or its answer: echo(status, location)."""
+    """Start a server that repeats the received API key in its error or in its answer; the call is echo(status, location)."""
     servers: list[ChatServer] = []
 
     def start(status: int = 401, location: str = "") -> ChatServer:

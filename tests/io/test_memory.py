@@ -1,4 +1,4 @@
-"""With the GNU C library freed memory stays with the process; with another C library nothing changes."""
+"""With the GNU C library, a process keeps the memory that it frees; with another C library nothing changes."""
 
 import ctypes
 import platform

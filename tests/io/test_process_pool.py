@@ -1,4 +1,4 @@
-"""Worker processes end when their parent or the pool ends. If a worker dies earlier, the pool reports it."""
+"""Worker processes end when their parent process or the pool ends. If a worker dies during a call, the pool reports it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PATHS = os.pathsep.join((str(ROOT), str(ROOT / "tests")))  # the test module its
 
 
 def hold(folder: Path) -> None:
-    """A call that takes long and removes its file when it is ended."""
+    """A call that takes a long time and removes its file when the process is ended."""
     mine = folder / f"{os.getpid()}.pid"
     mine.touch()
     try:

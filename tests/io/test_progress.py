@@ -1,4 +1,4 @@
-"""Progress without a terminal is printed as lines with the remaining time."""
+"""If standard error is not a terminal, progress is printed as lines with the remaining time."""
 
 from radartwin.io import progress
 

@@ -1,6 +1,6 @@
-"""Malicious files are refused in one line. None of their code runs, and no file outside their folder is read or written.
+"""RadarTwin refuses malicious files with a one-line message. It runs none of their code, and reads and writes no file outside their folder.
 
-Each file here is well formed. Damaged files are in test_fuzz.py.
+All files in these tests are well formed. The file test_fuzz.py tests damaged files.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ OWNED = "owned"
 
 
 class Evil:
-    """A pickle of this object calls `open` when it is read."""
+    """An object whose pickle calls `open` when it is read."""
 
     def __init__(self, mark: Path) -> None:
         self.mark = mark
@@ -55,7 +55,7 @@ class Evil:
 
 @pytest.fixture
 def mark(tmp_path: Path) -> Iterator[Path]:
-    """A file that exists if the code of an attack has run."""
+    """Return the path of a file that exists only if the code of an attack has run."""
     path = tmp_path / OWNED
     pickle.loads(pickle.dumps(Evil(path))).close()
     assert path.exists(), "the attack does not work, so the test shows nothing"

@@ -1,4 +1,6 @@
-"""Answers: their schema, the material of an answer, storage, recorded answers, export, import and scores."""
+"""Tests of a model's answers to material questions: schema, the material that follows from an answer, storage, recorded answers, export,
+import and scores.
+"""
 
 from __future__ import annotations
 

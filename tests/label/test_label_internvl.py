@@ -1,4 +1,4 @@
-"""The provider `InternVL` with a tiny model of random weights, whose answers are noise."""
+"""Test the answer provider `InternVL` with a tiny model of random weights, whose answers are random tokens."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TEMPLATE = (
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """InternVL with a few thousand weights and a byte tokenizer."""
+    """Return the folder of an InternVL model with a few thousand weights and a byte tokenizer."""
     import torch
     from tokenizers import Tokenizer, decoders, models, pre_tokenizers  # pyright: ignore[reportMissingImports]
     from transformers import InternVLConfig, InternVLForConditionalGeneration, PreTrainedTokenizerFast  # pyright: ignore[reportMissingImports]
@@ -77,7 +77,7 @@ STONE = json.dumps({"material": "stone", "confidence": 0.7, "reason": "grey"})
 
 @pytest.fixture
 def inputs(weights: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
-    """The inputs of the network, which replies with STONE."""
+    """Return the inputs that the neural network received. The test replaces the network's reply by STONE."""
     inputs: dict = {}
     reply = transformers.AutoTokenizer.from_pretrained(weights)(STONE, return_tensors="pt")["input_ids"]
 

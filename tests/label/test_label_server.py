@@ -1,4 +1,4 @@
-"""The provider `Server` against an HTTP server on loopback: its requests, its retries and its errors."""
+"""Test the answer provider `Server` with an HTTP server on the loopback interface: its requests, its repeated tries and its errors."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def asked() -> list[Question]:
 
 
 def valid(body: dict[str, Any]) -> dict[str, Any]:
-    """A valid answer to a question about a surface or an object."""
+    """Return a valid answer of the model to a question about a surface or an object."""
     about_object = "object" in json.dumps(body["response_format"])
     return {**GOOD, "wall_thickness_mm": None, "contents": "solid"} if about_object else GOOD
 

@@ -1,4 +1,4 @@
-"""Crops show their surface, come from photographs if possible, and are deterministic."""
+"""The picture crops for material questions show their surface, are taken from photographs if possible, and are the same in every run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from radartwin.scene.scene import Scene, Surface
 
 
 def box_room() -> Scene:
-    """A 4 x 3 x 2.5 m room: a floor, four walls and a red box before the wall at x = 4."""
+    """Return a room of 4 x 3 x 2.5 m with a floor, four walls and a red box in front of the wall at x = 4."""
     x, y, z = np.eye(3)
     walls = {
         "floor": rooms.rectangle([0, 0, 0], x, y, (4, 3)),
@@ -49,7 +49,9 @@ def eye_at(position: list[float], target: list[float], width: int = 640, height:
 
 
 def nearest(eye: np.ndarray, rays: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Ray parameters (N,) of the first triangles (T, 3, 3) met (T. Moeller, B. Trumbore 1997), inf where there is none."""
+    """Return the ray parameters (N,) at which the rays first meet one of the triangles (T, 3, 3) (T. Moeller, B. Trumbore 1997), and inf
+    for rays that meet none.
+    """
     a, b, c = triangles.transpose(1, 0, 2)
     first, second = b - a, c - a
     out = np.full(len(rays), np.inf)

@@ -1,4 +1,6 @@
-"""The MINC table, the electromagnetic distance and the resolution of other names, against closed forms."""
+"""Compare three parts of the material table with closed forms: the MINC categories, the electromagnetic distance, and the conversion of
+other material names.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandIn
 
 
 def fresnel_db(permittivity_there: complex, incidence_deg: np.ndarray) -> np.ndarray:
-    """Unpolarised half-space reflectivity in textbook form (Born and Wolf, section 1.5.2), by refraction angles."""
+    """Return the reflectivity of a half-space for unpolarised waves in decibels, in the textbook form with refraction angles (Born and
+    Wolf, section 1.5.2).
+    """
     n = np.sqrt(permittivity_there)
     inside = np.arcsin(np.sin(np.radians(incidence_deg)) / n + 0j)
     outside = np.radians(incidence_deg)
@@ -51,7 +55,7 @@ def test_stand_ins_are_flagged_by_frequency() -> None:
 
 
 def test_categories_without_a_definite_build_up_are_uncertain() -> None:
-    """A common other build-up lies more than 2.5 dB from the row."""
+    """For these categories, another common layer structure has a reflectivity that differs from the table row by more than 2.5 dB."""
     assert {name for name, entry in MINC.items() if entry.uncertain} == {*COVERED, "plastic"}
     for category, other in (("painted", "concrete"), ("wallpaper", "concrete"), ("plastic", Layered([("hdpe", 0.004)]))):
         assert distance_db(MINC[category].material, other) > 2.5, category

@@ -1,7 +1,8 @@
-"""The faults that `make mutants` plants in the physics, each with the quick tests that must catch it.
+"""The deliberate faults that `make mutants` plants in the physics code, each with the quick tests that must detect it.
 
-A section starts with a module under radartwin/ and the test files under tests/ that must fail. Each row has four columns: the function (its
-__qualname__), an expression or statement that occurs once in the function, its faulty replacement, and the meaning of the fault.
+A section of the table starts with a module under radartwin/ and the test files under tests/ that must fail. Each row has four columns: the
+function (its __qualname__), an expression or statement that occurs once in the function, its faulty replacement, and the meaning of the
+fault.
 """
 
 TABLE = """

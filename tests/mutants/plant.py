@@ -1,9 +1,9 @@
-"""Plant each fault of faults.py in a copy of the tree and run the quick physics tests, which must catch it.
+"""Plant each deliberate fault of faults.py in a copy of the repository, and run the quick physics tests, which must detect the fault.
 
     make mutants                              all faults
     python tests/mutants/plant.py layers rcs  the faults of files whose path contains one of these words
 
-Prints one line per fault. The exit status is 1 if a fault is not caught or its expression is not found.
+The program prints one line per fault. The exit status is 1 if the tests do not detect a fault or if the code to change is not found.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ class Fault(NamedTuple):
     meaning: str
 
     def plant(self, source: str) -> str:
-        """The module's source with the fault. Expressions are compared as syntax trees, so comments and formatting do not matter.
+        """Return the module's source with the fault. The function compares expressions as syntax trees, so comments and formatting do not
+        matter.
 
         Raises:
-            LookupError: the module has no such function, or the function does not contain the expression exactly once.
+            LookupError: the module does not contain the function, or the function does not contain the expression exactly once.
         """
         tree, right = ast.parse(source), ast.dump(_parsed(self.right))
         functions = _functions(tree)
@@ -68,7 +69,7 @@ def _parsed(source: str) -> ast.AST:
 
 
 def _functions(node: ast.AST, prefix: str = "") -> dict[str, ast.AST]:
-    """Functions and methods by qualified name."""
+    """Return {qualified name: syntax tree} of all functions and methods."""
     found: dict[str, ast.AST] = {}
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.FunctionDef):
@@ -79,7 +80,7 @@ def _functions(node: ast.AST, prefix: str = "") -> dict[str, ast.AST]:
 
 
 def read(table: str) -> list[Fault]:
-    """The faults of a table in the format of faults.py."""
+    """Read the faults from a table in the format of faults.py."""
     faults = []
     for section in table.strip().split("\n\n"):
         head, *rows = section.splitlines()
@@ -93,7 +94,7 @@ FAULTS = read(TABLE)
 
 
 def test_status(tests: Sequence[str], tree: Path) -> int | None:
-    """Exit status of pytest on these files of the tree; None after a timeout."""
+    """Return the exit status of pytest on these test files in the copy of the repository; None after a timeout."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "--no-header", "-p", "no:cacheprovider", *tests]
     environment = {**os.environ, "PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree / "numba")}
     try:
@@ -103,7 +104,9 @@ def test_status(tests: Sequence[str], tree: Path) -> int | None:
 
 
 def outcome(fault: Fault, tree: Path) -> str:
-    """`caught`, `NOT CAUGHT`, `NO PLACE` or the unexpected status of pytest. A test that does not end catches the fault."""
+    """Plant the fault, run its tests, and return the verdict. The verdict is `caught` if a test fails or does not end, `NOT CAUGHT` if all
+    tests pass, and `NO PLACE` if the code to change is not found. For any other exit status of pytest, the verdict names this status.
+    """
     path = tree / fault.path
     source = path.read_text(encoding="utf-8")
     try:

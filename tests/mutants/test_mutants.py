@@ -1,4 +1,4 @@
-"""Every planted fault finds its expression in the source; `make mutants` shows that the tests catch each fault."""
+"""The code that each planted fault changes exists in the source. The command `make mutants` shows that the tests detect each fault."""
 
 from __future__ import annotations
 
