@@ -45,6 +45,7 @@ docs: setup-test llvm
 
 bench: llvm
 	@$(PY) -m experiments.speed.bench --history
+	@if nvidia-smi >/dev/null 2>&1; then $(PY) -m experiments.speed.bench --history --variant cuda; fi
 
 clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache

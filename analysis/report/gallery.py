@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from analysis.report.content import Section
 from analysis.report.folder import Stage
 from radartwin.errors import MissingError
@@ -68,6 +70,8 @@ def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
     half, found = len(pictured) // 2, []
     for upper, lower in zip(pictured[:half], pictured[half:], strict=False):
         extent, values = upper["pictures"][0]["extent"], [one["pictures"][0]["values"] for one in (upper, lower)]
+        if not np.allclose(extent, lower["pictures"][0]["extent"], rtol=1e-6) or np.shape(values[0]) != np.shape(values[1]):
+            continue
         marks = [[series["points"] for series in one["series"]] for one in (upper, lower)]
         found.append({"title": upper["title"], "x": lower["x"]["label"], "extent": extent, "values": values, "marks": marks})
     return found

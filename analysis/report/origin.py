@@ -6,7 +6,6 @@ This module only reads files; it runs no experiment.
 from __future__ import annotations
 
 import contextlib
-import json
 import re
 import sqlite3
 from collections.abc import Iterable, Sequence
@@ -17,6 +16,7 @@ from typing import Any
 from analysis.report.content import Section
 from experiments.speed.machine import machine
 from radartwin.constants import __version__
+from radartwin.io import untrusted_json
 from radartwin.runs.checkout import commit
 from radartwin.runs.dashboard import HOST, USUAL_PORT
 from radartwin.runs.tracking import DATABASE
@@ -124,8 +124,8 @@ def read_json(path: Path) -> dict[str, Any]:
     cleared.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        found = untrusted_json.read(path)
+    except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -162,7 +162,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Benchmarks, as ratios within one run.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
-    parser.add_argument("--variant", choices=("llvm", "cuda"), default="cuda" if variant_module.has_cuda() else "llvm")
+    parser.add_argument("--variant", choices=("llvm", "cuda"), default="llvm", help="Mitsuba variant of the tracer")
     parser.add_argument("--history", action="store_true", help="add the ratios as a line to bench_history.csv")
     chosen = parser.parse_args()
     machine = {

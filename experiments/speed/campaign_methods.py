@@ -1,10 +1,12 @@
 """Compare simulation methods by run time, feature error and recognition error on the turntable recordings of the campaign.
 
-The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same
-object. It is the root mean square of the differences over features. Brightness is compared after one common gain, which a measured corner
-reflector would give, so that methods without an absolute level are not at a disadvantage. The recognition error comes from a linear
-classifier that separates symmetric from asymmetric objects. The classifier uses feature ranks and is trained on simulated revolutions
-only. Each method runs in new processes. Every profile uses the recordings of the quick profile.
+The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same object.
+It is the root mean square of the differences over features, in standard deviations of each feature over the measured recordings. Brightness
+is compared after one common gain, which a measured corner reflector would give, so that methods without an absolute level are not at a
+disadvantage. The recognition error comes from a linear classifier that separates symmetric from asymmetric objects. The classifier uses
+feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong class. The run
+time is in processor seconds: the median over the recordings that reused a traced room, plus the shortest time to trace the room divided by
+the number of all frames. Each method runs in new processes. Every profile uses the recordings of the quick profile.
 """
 
 from __future__ import annotations

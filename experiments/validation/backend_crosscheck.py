@@ -9,7 +9,8 @@ path lengths are those that Sionna returns in single precision. In the apart cas
 length of each path is computed again for a single point.
 
 The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
-RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately.
+RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately. The metric
+"share of ours it has" is the fraction of the image paths of RadarTwin within DYNAMIC_DB of the strongest that the reference has too.
 """
 
 from __future__ import annotations

@@ -5,13 +5,14 @@ The pictures show power over range and time, Doppler or azimuth, in decibels, do
 
 from __future__ import annotations
 
-import io
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin.errors import OutputError
 from radartwin.io import files
 from radartwin.plotting import style
 from radartwin.radar.captures import capture_name, load_capture
@@ -49,7 +50,7 @@ def process_capture(
         if a frame has one chirp; azimuth_deg is NaN for a single channel. Power is relative to the transmitted power, or
         to one squared ADC count in a capture of another tool.
     Raises:
-        UserError: the errors of load_capture, and OutputError if `out` cannot be written.
+        UserError: the errors of load_capture, and OutputError if `out` cannot be written; `out` then has no new file.
     """
     recording = load_capture(path, radar, iq_swapped=iq_swapped)
     radar = recording.radar
@@ -61,16 +62,24 @@ def process_capture(
     in_counts = recording.provenance.get("unit") == "counts"
     unit = "dB of one squared ADC count" if in_counts else "dB of transmitted power"
     shown = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
-    folder, contents = files.make_folder(Path(out)), {}
-    for name in (name for name, possible in shown.items() if possible):
-        figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
-        picture = io.BytesIO()
-        # Leave out the version of matplotlib, so that every run writes the same bytes.
-        figure.savefig(picture, format="png", dpi=150, metadata={"Software": None})
-        contents[f"{name}.png"] = picture.getvalue()
-    contents[PEAKS_FILE] = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    for name, content in contents.items():
-        files.write_atomically(folder / name, content)
+    folder, temporary = files.make_folder(Path(out)), {}
+    try:
+        for name in (name for name, possible in shown.items() if possible):
+            target = folder / f"{name}.png"
+            temporary[target] = files.unfinished(target)
+            figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
+            # Leave out the version of matplotlib, so that every run writes the same bytes.
+            figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
+        temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
+        table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
+        for target, unfinished in temporary.items():
+            unfinished.replace(target)
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
+    finally:
+        for unfinished in temporary.values():
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
     return table
 
 

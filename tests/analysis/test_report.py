@@ -194,6 +194,14 @@ def test_comparison_page_has_the_drawn_values(written: Path) -> None:
             assert reported.RANGE_M[column.index(max(column))] == pytest.approx(at_m, abs=0.1)
 
 
+def test_panels_of_different_axes_are_not_compared() -> None:
+    def panel(last_s: float, columns: int) -> dict:
+        return {"title": "", "x": {"label": ""}, "series": [], "pictures": [{"extent": [0, last_s, 0, 5], "values": [[0.0] * columns]}]}
+
+    assert len(gallery.pairs({"axes": [panel(1, 4), panel(1, 4)]})) == 1
+    assert gallery.pairs({"axes": [panel(1, 4), panel(2, 4)]}) == gallery.pairs({"axes": [panel(1, 4), panel(1, 5)]}) == []
+
+
 def test_figure_without_a_pair_has_no_comparison(tmp_path: Path) -> None:
     data = {"size": [500, 300], "axes": [{"box": [0, 0, 1, 1], "pictures": []}]}
     assert gallery.pairs(data) == []

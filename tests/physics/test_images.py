@@ -148,6 +148,27 @@ def test_factors_of_parts_add_up_to_the_whole():
     assert worst < 1e-3
 
 
+def test_cuts_through_corners_preserve_the_area():
+    """A line through two corners leaves two parts with the whole area, for any rounding of the corners."""
+    rng = np.random.default_rng(11)
+    out = np.zeros((aperture.MAX_CORNERS, 2))
+    worst = 0.0
+    for _ in range(3000):
+        n = rng.integers(4, 9)
+        turn = np.sort(rng.uniform(0, 2 * np.pi, n))
+        ring = rng.uniform(0.5, 5) * np.column_stack([np.cos(turn), np.sin(turn)]) + rng.uniform(-5, 5, 2)
+        whole = Polygon(ring).area
+        i, j = rng.choice(n, 2, replace=False)
+        (x, y), (p, q) = ring[i], ring[j] + rng.uniform(-2, 2) * (ring[j] - ring[i])
+        a, b = y - q, p - x
+        total = 0.0
+        for sign in (1, -1):
+            kept = aperture.clip(ring, n, sign * a, sign * b, -sign * (a * x + b * y), out)
+            total += Polygon(out[:kept]).area if kept else 0.0
+        worst = max(worst, abs(total - whole) / whole)
+    assert worst < 1e-9
+
+
 def pieces_of(shape, *others):
     """A shape less others, by `subtract`: list of rings."""
     pieces = np.zeros((aperture.MAX_PIECES, aperture.MAX_CORNERS, 2))
@@ -187,6 +208,23 @@ def test_subtraction_leaves_the_remaining_area_and_factor(name):
             assert rest == pytest.approx(factor(whole, place) - factor(hole, place), abs=1e-3)
         direct = sum((exact(ring, place) for ring in left), 0j)
         assert abs(rest - direct) < 0.005
+
+
+def test_order_of_subtractions_does_not_matter():
+    whole = SHAPES["square"]
+    rng = np.random.default_rng(5)
+    holes = [rng.uniform(-0.17, 0.17, 2) + 0.03 * np.array([(0, 0), (1, 0.2), (0.3, 1.0)]) for _ in range(9)]
+    factors, left = [], []
+    for order in (range(9), range(8, -1, -1), rng.permutation(9)):
+        rings = pieces_of(whole, *(holes[i] for i in order))
+        assert len(rings) < aperture.MAX_PIECES
+        left.append(sum(Polygon(ring).area for ring in rings))
+        factors.append(sum(factor(ring, (1.0, 0.02, 0.03)) for ring in rings))
+    assert np.ptp(left) < 1e-8
+    assert np.abs(np.diff(factors)).max() < 2e-3
+    once = pieces_of(whole, *holes)
+    twice = pieces_of(whole, *holes, *holes)
+    assert sum(Polygon(ring).area for ring in once) == pytest.approx(sum(Polygon(ring).area for ring in twice), abs=1e-8)
 
 
 def test_polygons_without_area_have_no_factor():

@@ -175,6 +175,8 @@ def _filled_volume(
     """
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)
+    elif not 0.002 <= voxel_m <= 0.5:
+        raise ScanError(f"voxel_m={voxel_m:g}: choose 0.002 to 0.5 m; 0.02 suits a room")
     volume = Volume(low, high, voxel_m, TRUNCATION_VOXELS * voxel_m)
     for i in used:
         volume.mark(views[i])
