@@ -1,1 +1,1 @@
-"""Recognition: text embeddings, contrastive encoder, linear probes, random forest, checks of the training data, and exported models."""
+"""Recognise objects from radar recordings: text embeddings, encoder, linear classifiers, random forest, data checks and exported models."""

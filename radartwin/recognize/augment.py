@@ -1,10 +1,11 @@
 """Make noisy copies of simulated recordings, at the signal-to-noise ratio of the measured recordings.
 
-Paper, recognition with simulation-trained representations: 30 noise-augmented copies per object, matched to measured SNR. Receiver noise is
-white over the samples of a chirp, so the noise is drawn there and transformed like a signal. The window of the range FFT then correlates
-the noise of neighbouring range bins. The noise level is matched to the median target energy of a whole stratum, so that objects with weak
-echoes keep a lower signal-to-noise ratio than objects with strong echoes. The measured recordings contribute energies and noise floors, but
-no labels.
+The paper (recognition with simulation-trained representations) uses 30 noise-augmented copies per object, matched to the measured SNR.
+Receiver noise is white over the samples of a chirp, so this module draws the noise there and transforms it like a signal. The window of the
+range FFT then correlates the noise of neighbouring range bins. The noise power is computed from the median target energy of all
+recordings of a stratum (recordings under equal conditions, such as one distance). Objects with weak echoes therefore keep a lower
+signal-to-noise ratio than objects with strong echoes. The computation uses energies and noise floors of the measured recordings, but
+not their class labels.
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) ->
     """Compute the noise power per range bin that gives simulated recordings the signal-to-noise ratio of the measured recordings.
 
     Args:
-        simulated, measured: target energies of the simulated (n,) and measured (m,) recordings of a stratum.
+        simulated: target energies (n,) of the n simulated recordings of a stratum (recordings under equal conditions).
+        measured: target energies (m,) of the m measured recordings of the same stratum.
         measured_noise: noise power per range bin of the measured recordings.
     Returns:
-        median(simulated) / median(measured) * measured_noise.
+        The noise power per range bin, median(simulated) / median(measured) * measured_noise.
     Raises:
-        InputError: a median energy is not above zero.
+        InputError: the median target energy of the simulated or of the measured recordings is not above zero.
     """
     ours, theirs = float(np.median(simulated)), float(np.median(measured))
     if not (ours > 0 and theirs > 0 and measured_noise >= 0):
@@ -37,9 +39,10 @@ def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) ->
 
 
 def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) -> Processed:
-    """Return a copy, without Doppler, whose noise power per range bin is `noise_power`.
+    """Return a noisy copy of a processed recording, without its Doppler data, with the noise power `noise_power` per range bin.
 
-    If the recording already has noise, only the missing noise power is added, or none if its noise is stronger.
+    If the recording already has noise, only the missing noise power is added. If its noise is stronger than `noise_power`, no noise is
+    added.
     """
     added = max(0.0, noise_power - float(processed.noise_floor.mean()))
     frames, channels, _ = processed.channels.shape
@@ -49,7 +52,7 @@ def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) ->
     unit = float(np.sqrt(np.mean(np.abs(profile) ** 2)))
     noise = profile[..., : len(processed.range_m)] * np.float32(np.sqrt(added) / unit)
     changed = (processed.channels + noise).astype(np.complex64)
-    # Exact if the azimuth row of virtual antennas is all channels; channels outside the row are assumed to have the same noise.
+    # The noise is exact if all channels are in the azimuth row of virtual antennas; channels outside are assumed to be equally noisy.
     gain = np.mean(np.abs(changed) ** 2 - np.abs(processed.channels) ** 2, axis=1)
     power = np.maximum(processed.power + gain, 0).astype(np.float32)
     floor = (processed.noise_floor + added).astype(np.float32)

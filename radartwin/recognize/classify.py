@@ -1,9 +1,8 @@
-"""Classify a recording with an exported model: compute the model's features of the recording, and from them class probabilities.
+"""Classify a recording with an exported model: compute the model's features of the recording, and class probabilities from the features.
 
-A recording from outside the study has no log of its motion. The user gives the nominal motion, or this module estimates it: on a turntable
-the target is at the range where the echo changes most over the frames; for a moving radar the target is the strongest continuous track in
-range.
-`radartwin.radar.captures` determines the order of I and Q and the radar of a capture.
+A recording from outside the study has no log of its motion. Therefore the user gives the nominal motion, or this module estimates it. On a
+turntable, the target is assumed at the range where the echo changes most over the frames. For a moving radar, the target is assumed to be
+the strongest continuous track in range. The module `radartwin.radar.captures` determines a capture's order of I and Q and its radar.
 """
 
 from __future__ import annotations
@@ -28,7 +27,9 @@ _TURNS = "rotation"
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Classes with their probabilities, most likely first, and the given or estimated target distance at the start."""
+    """Object classes of a recording with their probabilities, most likely first, and the target distance at the start (given or
+    estimated).
+    """
 
     classes: tuple[str, ...]
     probabilities: NDArray[np.float64]
@@ -44,16 +45,17 @@ def classify(
     distance_m: float | None = None,
     period_s: float | None = None,
 ) -> Answer:
-    """Classify a recording of this package, a mmWave Studio capture or a .npy cube.
+    """Classify a recording, which may be a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
-        model: a recogniser, or the folder of a saved one.
-        radar, iq_swapped: see `load_capture`.
+        recording: path of the recording.
+        model: the recogniser, or the folder of a saved recogniser.
+        radar, iq_swapped: the radar of the recording, and whether I and Q are exchanged; see `load_capture`.
         distance_m: distance from the radar to the target at the start; None estimates it.
-        period_s: duration of one revolution, for a model of turntable recordings; None takes the model's period.
+        period_s: duration of one turntable revolution, for a model of turntable recordings; None takes the period stored with the model.
     Raises:
-        UserError: see `load_capture` and `Recogniser.load`. Also raised if this version does not know the model's features, or if the
-            recording is too short or shows no target.
+        UserError: the recording or the model cannot be read (see `load_capture` and `Recogniser.load`), this version does not know the
+            model's features, or the recording is too short or shows no target.
     """
     recogniser = model if isinstance(model, Recogniser) else Recogniser.load(model)
     processed = process(load_capture(recording, radar, iq_swapped=iq_swapped), doppler=False)
@@ -71,7 +73,7 @@ def classify(
 
 
 def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | None, period_s: float | None) -> Nominal:
-    """Return the nominal motion of a recording without a motion log. Raises InputError if distance or period do not fit the recording."""
+    """Return the nominal motion of a recording without a motion log. Raise InputError if distance or period do not fit the recording."""
     rate, frames = processed.radar.frame_rate_hz, processed.num_frames
     if distance_m is not None and not NEAR_M <= distance_m <= FAR_M:
         raise InputError(f"the target distance {distance_m:g} m is not between {NEAR_M} and {FAR_M} m; give it in metres")
@@ -93,10 +95,10 @@ def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | No
 
 
 def changing_range(processed: Processed) -> float:
-    """Return the range in metres of the echo that changes most over the frames: this is the rotating target, not a wall.
+    """Return the range in metres at which the echo changes most over the frames; the target on a turntable is there, and not a wall.
 
     Raises:
-        InputError: no echo changes.
+        InputError: the echo changes at no range.
     """
     moving = np.mean(np.abs(processed.channels - processed.channels.mean(axis=0)) ** 2, axis=(0, 1))
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)

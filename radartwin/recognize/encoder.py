@@ -1,12 +1,12 @@
-"""The contrastive encoder: it maps radar features into the space of the text embeddings of object descriptions.
+"""The contrastive encoder: it maps radar features to the vector space of the text embeddings of object descriptions.
 
 Ref: paper, contrastive sim-real alignment; A. van den Oord et al., arXiv:1807.03748 (InfoNCE); A. Radford et al., CLIP, ICML 2021.
 Symbols: x -> features (D,), z = f(x) / |f(x)| with f(x) = W2 relu(W1 x + b1) + b2, t_k -> unit text vector of object k, tau -> temperature.
-Loss of a row of object k: -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). The symmetric loss adds the same from text to radar over the
-rows of a batch. The paired term is InfoNCE between simulated and measured rows of the same case (object and stratum); it needs labelled
-measured recordings.
+The training loss of a feature row of object k is -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). The symmetric training loss adds the
+same expression from text to radar, summed over the feature rows of a batch. The paired loss term is InfoNCE between simulated and measured
+feature rows of the same object under the same conditions; it needs labelled measured recordings.
 
-Training (training.py) needs torch. A trained encoder is a few arrays, so computing embeddings needs NumPy only.
+Training (training.py) needs torch. A trained encoder consists of a few arrays, so computing embeddings with it needs only NumPy.
 """
 
 from __future__ import annotations
@@ -25,17 +25,19 @@ WEIGHTS = ("hidden_weight", "hidden_bias", "output_weight", "output_bias")
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of the training. None was chosen on measured recordings: experiments/recognition/recognition_choices.json has the reasons.
+    """Settings of the encoder's training. experiments/recognition/recognition_choices.json gives the reason for each default value.
+
+    No default value was chosen by looking at measured recordings.
 
     Attributes:
-        hidden: width of the hidden layer.
-        temperature: tau.
-        epochs: maximum number of epochs; without held-out simulated rows, the exact number.
-        patience: training stops after this many epochs without a lower loss on the held-out simulated rows.
-        batch: rows per step.
-        learning_rate, weight_decay: settings of AdamW.
-        symmetric: whether to add InfoNCE from text to radar.
-        paired: weight of the paired term in the loss; 0 leaves it out.
+        hidden: number of units in the encoder's hidden layer.
+        temperature: the temperature tau that divides similarities in the training loss.
+        epochs: maximum number of training epochs; the exact number if no simulated recordings are held out.
+        patience: training stops after this many epochs without a lower loss on the held-out simulated recordings.
+        batch: number of feature rows per optimiser step.
+        learning_rate, weight_decay: settings of the optimiser AdamW.
+        symmetric: whether the training loss also contains the InfoNCE loss from text to radar.
+        paired: weight of the paired term (simulated against measured rows) in the training loss; 0 leaves the term out.
     """
 
     hidden: int = 128
@@ -54,7 +56,7 @@ DEFAULTS = Settings()
 
 @dataclass(frozen=True, eq=False)
 class Encoder:
-    """A trained encoder. `weights` holds float32 arrays by the names in WEIGHTS, of shapes (H, D), (H,), (T, H) and (T,)."""
+    """A trained encoder. `weights` maps the names in WEIGHTS to float32 arrays of shapes (H, D), (H,), (T, H) and (T,)."""
 
     weights: Mapping[str, NDArray[np.float32]]
 
@@ -69,7 +71,7 @@ class Encoder:
         return self.weights["hidden_weight"].shape[-1]
 
     def embed(self, values: NDArray) -> NDArray[np.float32]:
-        """Map features (N, D) to embeddings, unit vectors (N, T)."""
+        """Map radar features (N, D) to embeddings (N, T), which are unit vectors."""
         if values.ndim != 2 or values.shape[1] != self.size:
             raise InputError(f"encoder: needs features of shape (N, {self.size}), not {values.shape}")
         w = self.weights
@@ -78,20 +80,20 @@ class Encoder:
         return out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), np.finfo(np.float32).tiny)
 
     def embedded(self, samples: Samples) -> Samples:
-        """Return the same rows with their embeddings as features."""
+        """Return the same rows with their radar features replaced by the encoder's embeddings."""
         vectors = self.embed(samples.values)
         return samples.with_values(vectors, [f"embedding {number}" for number in range(vectors.shape[1])])
 
 
 def text_scores(vectors: NDArray, anchors: NDArray, temperature: float) -> NDArray[np.float64]:
-    """Return class probabilities (N, K): the softmax over classes of the similarity of embeddings (N, T) to text vectors (K, T)."""
+    """Return class probabilities (N, K): a softmax over the similarities of N radar embeddings (N, T) to K class text vectors (K, T)."""
     from scipy.special import softmax
 
     return softmax(vectors.astype(np.float64) @ anchors.astype(np.float64).T / temperature, axis=1)
 
 
 def nearest_text(encoder: Encoder, rows: Unlabelled, anchors: Mapping[str, NDArray], temperature: float) -> NDArray[np.str_]:
-    """Return for each recording, (recordings,), the object whose description is nearest to most rows of the recording."""
+    """Return for each recording, (recordings,), the object whose text vector is nearest to most feature rows of the recording."""
     from radartwin.recognize.probes import vote
 
     classes = sorted(anchors)

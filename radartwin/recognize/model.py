@@ -1,10 +1,10 @@
 """Save, load and apply an exported recogniser: encoder, class prototypes, feature names and scaling, and provenance.
 
-    FOLDER/model.safetensors    encoder weights, prototypes (K, T), centre and spread of the features (D,)
-    FOLDER/model.json           classes, features, temperature, provenance, digest of the other file
+    FOLDER/model.safetensors    encoder weights, class prototypes (K, T), mean and standard deviation of each feature (D,)
+    FOLDER/model.json           class names, features, temperature, provenance, digest of model.safetensors
 
-Neither file holds code, so reading a model from an untrusted source runs no code. A prototype is the vector that stands for a class: the
-text embedding of the class description, or the centroid of labelled recordings.
+Neither file contains code, so reading a model from an untrusted source runs no code. A class prototype is the unit vector that stands for a
+class: the text embedding of the class description, or the centroid of the class's labelled recordings.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ FORMAT = "radartwin recogniser 1"
 
 @dataclass(frozen=True, eq=False)
 class Recogniser:
-    """Maps features of recordings to class probabilities.
+    """Maps the features of radar recordings to class probabilities.
 
     Attributes:
-        encoder: maps D features to embeddings.
-        classes: K labels.
-        prototypes: (K, T) unit vectors that embeddings are compared with.
-        temperature: of the softmax over classes.
+        encoder: the encoder that maps D features to an embedding of length T.
+        classes: names of the K object classes.
+        prototypes: (K, T) unit vectors, one per class; an embedding is compared with all of them.
+        temperature: divisor of the similarities in the softmax over classes.
         names: names of the D features.
-        features: the configuration that computes the features.
-        centre, spread: (D,) mean and standard deviation of each feature in training; a spread of 0 leaves the feature out.
-        provenance: training data and settings, plain JSON values.
+        features: configuration with which the features of a recording are computed.
+        centre: (D,) mean of each feature over the training data.
+        spread: (D,) standard deviation of each feature over the training data; a feature with standard deviation 0 is not used.
+        provenance: training data and settings, as JSON-compatible values.
     """
 
     encoder: Encoder
@@ -61,14 +62,14 @@ class Recogniser:
             raise InputError("recogniser: centre and spread of the features must be finite; export the model again")
 
     def probabilities(self, values: NDArray) -> NDArray[np.float64]:
-        """Return class probabilities (N, K) of feature rows (N, D)."""
+        """Return the class probabilities (N, K) of N feature rows (N, D)."""
         if values.ndim != 2 or values.shape[1] != len(self.names) or not np.isfinite(values).all():
             raise InputError(f"recogniser: needs finite rows of its {len(self.names)} features, not {values.shape}")
         scaled = (values - self.centre) / np.where(self.spread > 0, self.spread, np.inf)
         return text_scores(self.encoder.embed(scaled), self.prototypes, self.temperature)
 
     def save(self, folder: str | Path) -> Path:
-        """Write both files of the model atomically, model.json last."""
+        """Write the model's two files atomically; model.json is written last."""
         from safetensors.numpy import save
 
         folder = Path(folder)
@@ -80,18 +81,18 @@ class Recogniser:
             "temperature": self.temperature, "provenance": dict(self.provenance), "sha256": hashlib.sha256(content).hexdigest(),
         }  # fmt: skip
         text = json.dumps(described, indent=1, allow_nan=False) + "\n"
-        (folder / DESCRIPTION).unlink(missing_ok=True)  # an old description must never stand beside new arrays
+        (folder / DESCRIPTION).unlink(missing_ok=True)  # a model.json must never stand beside arrays of another model
         files.write_atomically(folder / ARRAYS, content)
         files.write_atomically(folder / DESCRIPTION, text)
         return folder
 
     @classmethod
     def load(cls, folder: str | Path) -> Recogniser:
-        """Read a model that `save` wrote.
+        """Read the model that `save` wrote to a folder.
 
         Raises:
-            MissingError: a file is missing.
-            InputError: a file is damaged, has another format or belongs to another model.
+            MissingError: a file of the model is missing.
+            InputError: a file is damaged, has another format, or belongs to another model.
         """
         from safetensors import SafetensorError
         from safetensors.numpy import load

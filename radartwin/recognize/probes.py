@@ -1,9 +1,9 @@
-"""Classify given features by nearest centroids, logistic regression, a random forest with a vote, or matching of whole signatures.
+"""Classify feature rows by nearest class centroid, logistic regression, a random forest with a vote, or matching of whole signatures.
 
-Paper, recognition with simulation-trained representations (leave-one-out nearest-centroid probe, also within strata of equal distance),
-contrastive alignment (linear probes: logistic regression on embeddings) and scene-level recognition (random forest on frames, majority vote
-per recording; matching of raw signatures). Functions that return (recordings,) give one label per recording, in the order of
-`Samples.per_recording`.
+The nearest-centroid classifier follows the paper's section on simulation-trained representations: it leaves one recording out, and may
+compare only rows of one stratum, such as equal distance. Logistic regression on embeddings follows the paper's section on contrastive
+alignment. The random forest on frames with a majority vote per recording and the matching of raw signatures follow the paper's section on
+scene-level recognition. A result of shape (recordings,) holds one class per recording, in the order of `Samples.per_recording`.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from radartwin.errors import InputError
 from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
-FOLDS = 12  # equals the number of objects, so that each fold leaves out one object
+FOLDS = 12  # number of cross-validation folds; it equals the number of objects, so that each fold can leave out one object
 
 
 def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratified: bool = False) -> NDArray[np.str_]:
-    """Return for each row (N,) the class of the nearest centroid (Euclidean), computed from the rows of all other groups.
+    """Return for each feature row (N,) the class whose centroid is nearest (Euclidean), with centroids of the rows of all other groups.
 
-    Ties go to the first class by name.
+    If two centroids are equally near, the first class by name is returned.
 
     Args:
-        rows: features on comparable scales.
-        groups: (N,) rows with equal entries are left out together; None leaves out all rows of a recording together.
-        stratified: compute the centroids from the row's own stratum only.
+        rows: feature rows with class labels; the features have comparable scales.
+        groups: (N,) names of groups; a row is classified without all rows of its group. None makes one group per recording.
+        stratified: True computes the centroids only from rows of the same stratum (recording condition, such as the distance).
     Raises:
-        InputError: fewer than two classes remain when a group is left out.
+        InputError: fewer than two classes remain when one group is left out.
     """
     groups = rows.recording if groups is None else groups
     classes, kind = np.unique(rows.label, return_inverse=True)
@@ -49,28 +49,28 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
 
 
 def nearest_centroid(train: Samples, test: Unlabelled) -> NDArray[np.str_]:
-    """Return for each test row (N,) the class of the nearest centroid of the training rows; ties go to the first class by name."""
-    # scikit-learn's NearestCentroid is not used, because it divides by zero if every class has one row.
+    """Return for each test row (N,) the class with the nearest centroid of training rows; for equal distances, the first class by name."""
+    # This function does not use scikit-learn's NearestCentroid, which divides by zero if every class has one row.
     classes, kind = np.unique(train.label, return_inverse=True)
     sums, counts = _sums(train.values, kind, len(classes))
     return classes[((test.values[:, None] - sums / counts[:, None]) ** 2).sum(axis=2).argmin(axis=1)]
 
 
 def _sums(values: NDArray, kind: NDArray, classes: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Return the sum (K, D) and the number (K,) of the rows of each class."""
+    """Return for each of the K classes the sum of its feature rows (K, D) and the number of its rows (K,)."""
     sums = np.zeros((classes, values.shape[1]))
     np.add.at(sums, kind, values)
     return sums, np.bincount(kind, minlength=classes)
 
 
 def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
-    """Return for each row (N,) the class that logistic regression predicts after training on other groups.
+    """Return for each row (N,) the class that logistic regression predicts after training on rows of other groups.
 
-    Cross-validation with FOLDS folds of whole groups; every class has the same total weight.
+    The cross-validation has FOLDS folds, each of whole groups. Every class has the same total weight in the training.
 
     Args:
-        recordings: features on comparable scales.
-        groups: (N,) rows with equal entries are left out together: recordings, or objects.
+        recordings: feature rows with class labels; the features have comparable scales.
+        groups: (N,) group name of each row, such as its recording or its object; the rows of a group are always in the same fold.
     """
     from sklearn.model_selection import GroupKFold, cross_val_predict
 
@@ -79,19 +79,19 @@ def linear_probe(recordings: Samples, groups: NDArray) -> NDArray[np.str_]:
 
 
 def transferred_probe(split: Split) -> NDArray[np.str_]:
-    """Return for each test row (N,) the class that logistic regression predicts after training on the training rows."""
+    """Return for each test row (N,) the class that logistic regression predicts after training on the split's training rows."""
     return logistic_regression().fit(split.train.values, split.train.label).predict(split.unlabelled.values)
 
 
 def logistic_regression():
-    """Return an untrained logistic regression of scikit-learn in which every class has the same total weight."""
+    """Return an untrained scikit-learn logistic regression in which every class has the same total weight."""
     from sklearn.linear_model import LogisticRegression
 
     return LogisticRegression(max_iter=5000, class_weight="balanced")
 
 
 def forest(split: Split, seed: int, trees: int) -> NDArray[np.str_]:
-    """Return a label per recording (recordings,): a random forest classifies each frame, and the frames of a recording vote."""
+    """Return a class per recording (recordings,): a random forest classifies each frame, and the frames of a recording vote."""
     from sklearn.ensemble import RandomForestClassifier
 
     trained = RandomForestClassifier(trees, class_weight="balanced", random_state=seed, n_jobs=1).fit(split.train.values, split.train.label)
@@ -99,13 +99,14 @@ def forest(split: Split, seed: int, trees: int) -> NDArray[np.str_]:
 
 
 def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDArray[np.str_]) -> NDArray[np.str_]:
-    """Return the most frequent class of each recording's frames (recordings,), sorted by recording name.
+    """Return the most frequent class among each recording's frames (recordings,), sorted by the recordings' names.
 
-    Ties go to the class with the larger mean score.
+    If two classes have equally many frames, the class with the larger mean score is returned.
 
     Args:
-        recording: (N,) name of each frame's recording.
+        recording: (N,) name of the recording that each frame belongs to.
         scores: (N, K) score of each class for each frame.
+        classes: (K,) names of the classes.
     """
     names, inverse = np.unique(recording, return_inverse=True)
     votes = np.zeros((len(names), len(classes)))
@@ -118,13 +119,13 @@ def vote(recording: NDArray[np.str_], scores: NDArray[np.float64], classes: NDAr
 
 
 def match_signatures(split: Split) -> NDArray[np.str_]:
-    """Return for each test recording (recordings,) the label of the training signature with the highest Pearson correlation.
+    """Return for each test recording (recordings,) the class of the training signature with the highest Pearson correlation.
 
-    A signature is one row, such as a flattened range-time map in decibels. Only training signatures of the
-    recording's stratum are compared, if there are any.
+    A signature is one feature row, such as a flattened range-time map in decibels. If training signatures exist in the stratum (recording
+    condition) of the test recording, only these training signatures are compared.
 
     Raises:
-        InputError: a signature is constant.
+        InputError: a signature has the same value everywhere, so its correlation is undefined.
     """
     train, test = split.train, split.unlabelled
     scores = _unit(train.values, train.recording) @ _unit(test.values, test.recording).T
@@ -142,6 +143,6 @@ def _unit(rows: NDArray, recording: NDArray) -> NDArray:
 
 
 def standardised(samples: Samples) -> Samples:
-    """Scale each feature to zero mean and unit standard deviation over the samples; a constant feature becomes zero."""
+    """Scale each feature to zero mean and unit standard deviation over all rows; a feature with constant value becomes zero."""
     spread = samples.values.std(axis=0)
     return samples.with_values((samples.values - samples.values.mean(axis=0)) / np.where(spread > 0, spread, np.inf))

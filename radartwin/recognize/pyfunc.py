@@ -1,6 +1,6 @@
-"""Load a recogniser as an MLflow python_function model. MLflow calls `_load_pyfunc` of the loader module that the model names.
+"""Load a recogniser as an MLflow python_function model. MLflow calls the function `_load_pyfunc` of the module that the model names.
 
-This module needs no mlflow and no pickle: the model's data is the folder that `Recogniser.save` wrote.
+This module needs neither mlflow nor pickle, because the model's data is the folder that `Recogniser.save` wrote.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ class Classifier:
     def __init__(self, recogniser: Recogniser) -> None:
         self.recogniser = recogniser
 
-    def predict(self, model_input, params=None):  # no type hints: MLflow would read them as a schema
-        """Classify recordings. Returns a data frame with one row per recording: `label`, and the probability of each class.
+    def predict(self, model_input, params=None):  # without type hints, because MLflow would read type hints as a schema
+        """Classify recordings. Return a data frame with one row per recording: the column `label`, and the probability of each class.
 
         Args:
-            model_input: a data frame with a column `recording` of paths and optional columns `distance_m` and `period_s`.
+            model_input: a data frame with a column `recording` of file paths and optional columns `distance_m` and `period_s`.
         """
         import pandas as pd
 

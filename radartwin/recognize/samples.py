@@ -1,8 +1,9 @@
-"""Tables of feature rows, each with its recording, object, stratum and domain (simulated or measured).
+"""Tables of feature rows, each with its recording, object, stratum (recording condition) and domain (simulated or measured).
 
-Rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker. A classifier gives
-one label per recording, and all frames of a recording are in the same part of a split. If a recording was cut from a longer recording, as
-revolutions are, `source` names the longer recording. Training and test rows never share a source.
+Feature rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker. A classifier
+gives one class per recording, and all frames of a recording are either in the training data or in the test data. If a recording was cut
+from a longer recording, as single turntable revolutions are, `source` names the longer recording. Training and test rows never share a
+source.
 """
 
 from __future__ import annotations
@@ -21,15 +22,15 @@ SIMULATED, MEASURED = "simulated", "measured"
 
 @dataclass(frozen=True, eq=False)
 class Unlabelled:
-    """Rows without object labels.
+    """Feature rows without class labels.
 
     Attributes:
         names: names of the D features.
-        values: (N, D) float64, finite.
-        recording: (N,) name of each row's recording; unique across domains.
-        stratum: (N,) condition within which rows are compared, such as the distance, or "".
-        domain: (N,) SIMULATED or MEASURED.
-        source: (N,) name of the stored recording that contains `recording`.
+        values: (N, D) float64 feature values, all finite.
+        recording: (N,) name of each row's recording; simulated and measured recordings have different names.
+        stratum: (N,) recording condition of each row, such as the distance; only rows of equal condition are compared. "" for none.
+        domain: (N,) SIMULATED or MEASURED for each row.
+        source: (N,) name of the stored recording from which each row's recording was cut.
     """
 
     names: tuple[str, ...]
@@ -59,18 +60,18 @@ class Unlabelled:
         return ("recording", "stratum", "domain", "source")
 
     def take(self, rows: ArrayLike):
-        """Return the rows that a mask or indices select."""
+        """Return the rows that a mask or an array of indices selects."""
         chosen = np.asarray(rows)
         return replace(self, values=self.values[chosen], **{name: getattr(self, name)[chosen] for name in self._columns()})
 
     def with_values(self, values: NDArray, names: Sequence[str] | None = None):
-        """Return the same rows with other feature values."""
+        """Return the same rows with other feature values and, if `names` is given, other feature names."""
         return replace(self, values=np.asarray(values, dtype=np.float64), names=tuple(names) if names is not None else self.names)
 
 
 @dataclass(frozen=True, eq=False)
 class Samples(Unlabelled):
-    """Rows with object labels: `label` (N,) names the object of each row."""
+    """Feature rows with class labels: `label` (N,) names the object of each row."""
 
     label: NDArray[np.str_]
 
@@ -86,21 +87,21 @@ class Samples(Unlabelled):
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Return the labels that occur, sorted."""
+        """Return the class labels that occur in the rows, sorted."""
         return tuple(map(str, np.unique(self.label)))
 
     def unlabelled(self) -> Unlabelled:
         return Unlabelled(self.names, self.values, self.recording, self.stratum, self.domain, self.source)
 
     def relabelled(self, classes: Mapping[str, str]) -> Samples:
-        """Return the same rows with each label replaced by its class, for example each object by its shape."""
+        """Return the same rows with each class label replaced as `classes` states, for example each object name by its shape."""
         return replace(self, label=np.array([classes[label] for label in self.label], dtype=str))
 
     def without(self, label: str) -> Samples:
         return self.take(self.label != label)
 
     def per_recording(self) -> Samples:
-        """Return one row per recording, the mean of the recording's rows."""
+        """Return one feature row per recording: the mean of the recording's rows."""
         names, first, inverse = np.unique(self.recording, return_index=True, return_inverse=True)
         means = np.zeros((len(names), self.values.shape[1]))
         np.add.at(means, inverse, self.values)
@@ -109,7 +110,7 @@ class Samples(Unlabelled):
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One recording: its rows (n, D) or (D,), label, domain and stratum, and its source if it was cut from another recording."""
+    """One recording: its feature rows (n, D) or (D,), class label, domain, stratum, and the longer recording it was cut from, if any."""
 
     recording: str
     label: str
@@ -120,10 +121,10 @@ class Part:
 
 
 def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
-    """Join the rows of all recordings, in the order of the recordings' names.
+    """Join the feature rows of several recordings into one table, in the order of the recordings' names.
 
     Raises:
-        InputError: there is no recording, two recordings have the same name, or the rows do not match the feature names.
+        InputError: no recording is given, two recordings have the same name, or the rows do not match the feature names.
     """
     if not parts:
         raise InputError("samples: there are no recordings; give at least one")
@@ -144,7 +145,7 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
 
 
 def join(*samples: Samples) -> Samples:
-    """Join the rows of several sets, sorted by recording. Raises InputError if the sets have different features."""
+    """Join several tables of feature rows, sorted by recording. Raise InputError if the tables have different features."""
     if len({one.names for one in samples}) != 1:
         raise InputError("samples: sets with different features cannot be joined; compute all with one feature set")
     columns = {name: np.concatenate([getattr(one, name) for one in samples]) for name in samples[0]._columns()}

@@ -1,7 +1,7 @@
 """Statistics of the share of correct predictions: chance levels, exact tests, 95 % confidence intervals.
 
-Each recording counts as one prediction. Exact methods: binomial test against chance, Clopper-Pearson intervals, and the McNemar test for
-two classifiers on the same recordings (paper, reconstruction ablation: paired exact test).
+Each recording counts as one prediction. The exact methods are the binomial test against chance, Clopper-Pearson intervals, and the McNemar
+test for two classifiers on the same recordings (the paired exact test in the paper's reconstruction ablation).
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from radartwin.recognize.samples import Samples
 
 
 def uniform_chance(samples: Samples) -> float:
-    """Return the expected share of correct predictions of a uniform guess among the classes of each recording's stratum."""
+    """Return the expected share of correct predictions if each class of a recording's stratum is guessed with equal probability."""
     recordings = samples.per_recording()
     counts = {stratum: np.unique(recordings.label[recordings.stratum == stratum]).size for stratum in np.unique(recordings.stratum)}
     return float(np.mean([1 / counts[stratum] for stratum in recordings.stratum]))
 
 
 def majority_share(samples: Samples) -> float:
-    """Return the share of correct predictions if every prediction is the most frequent class."""
+    """Return the share of correct predictions if every recording is assigned to the most frequent class."""
     _, counts = np.unique(samples.per_recording().label, return_counts=True)
     return float(counts.max() / counts.sum())
 
 
 def binomial_p(successes: int, n: int, chance: float) -> float:
-    """Return the exact probability of at least this many successes in n independent trials with success probability `chance`.
+    """Return the exact probability of at least `successes` successes in n independent trials with success probability `chance`.
 
     >>> binomial_p(30, 100, 0.1) < 1e-6
     True
@@ -41,7 +41,9 @@ def binomial_p(successes: int, n: int, chance: float) -> float:
 
 @dataclass(frozen=True)
 class Paired:
-    """Numbers of recordings that only the first or only the second classifier labels correctly, and the two-sided exact p-value."""
+    """Numbers of recordings that only the first or only the second classifier assigns to the right class, and the two-sided exact
+    p-value.
+    """
 
     first_only: int
     second_only: int
@@ -49,7 +51,7 @@ class Paired:
 
 
 def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
-    """Compare two classifiers on the same recordings by the exact McNemar test. Each array says whether a prediction is correct.
+    """Compare two classifiers on the same recordings by the exact McNemar test. Each array holds True where a prediction is correct.
 
     >>> paired(np.arange(40) < 23, (np.arange(40) >= 23) & (np.arange(40) < 29)).p < 0.003
     True
@@ -65,13 +67,16 @@ def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
 def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes: NDArray | None = None) -> tuple[float, float, float]:
     """Return (low, mean, high): the mean share of correct predictions over several seeds, and its 95 % confidence interval.
 
-    The interval is from a bootstrap over cells of recordings. It draws whole cells because recordings of one object at one place share a
-    simulation, so their errors are correlated. Seeds are averaged because they add no recordings.
+    A seed is the random seed of one training. The interval comes from a bootstrap over groups of recordings. The bootstrap draws whole
+    groups, because recordings of one object at one position share a simulation, so that their errors are correlated. The results of all
+    seeds are averaged before the bootstrap, because further seeds add no recordings.
 
     Args:
-        right: (seeds, N) or (N,), whether a prediction is correct; NaN if a seed did not score a recording.
-        cells: (N,) recordings with equal entries belong together.
-        classes: (N,) for balanced accuracy; cells are then drawn within each class.
+        right: (seeds, N) or (N,), 1 for a correct prediction, 0 for a wrong prediction, NaN if a seed did not test the recording.
+        cells: (N,) group of each recording; recordings with equal entries are drawn together.
+        resamples: number of bootstrap samples.
+        seed: seed of the bootstrap.
+        classes: (N,) class of each recording, to compute balanced accuracy with groups drawn within each class; None for plain accuracy.
     """
     right = np.atleast_2d(np.asarray(right, dtype=np.float64))
     scored = ~np.isnan(right).all(axis=0)
@@ -87,9 +92,9 @@ def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes
 def mean_difference(
     first: NDArray, second: NDArray, cells: tuple[NDArray, NDArray], resamples: int, seed: int
 ) -> tuple[float, float, float]:
-    """Return (low, difference, high): the difference of the means of two groups of recordings, and its 95 % confidence interval.
+    """Return (low, difference, high): the mean of the first group of values minus that of the second, and its 95 % confidence interval.
 
-    The interval is from a bootstrap over the cells of each group.
+    The interval comes from a bootstrap over the cells, which are recordings that are drawn together.
     """
     rng = np.random.default_rng([seed, 0xD1])
     (one, ones), (two, twos) = (_cell_means(v, c, resamples, rng) for v, c in zip((first, second), cells, strict=True))
@@ -98,7 +103,7 @@ def mean_difference(
 
 
 def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:
-    """Return the mean over recordings, and the means (resamples,) after resampling whole cells."""
+    """Return the mean over all recordings, and the means (resamples,) of bootstrap samples that draw whole groups of recordings."""
     _, cell = np.unique(cells, return_inverse=True)
     sums, sizes = np.bincount(cell, values), np.bincount(cell)
     drawn = rng.integers(0, len(sums), (resamples, len(sums)))
@@ -108,7 +113,7 @@ def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.
 def exact_interval(value: float, n: int) -> tuple[float, float, float]:
     """Return (low, value, high): a share of successes in n independent trials, and its 95 % Clopper-Pearson interval.
 
-    n * value need not be an integer.
+    The number of successes, n * value, need not be an integer.
 
     >>> low, _, high = exact_interval(0.0, 36)
     >>> low, round(high, 3)

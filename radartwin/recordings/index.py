@@ -1,4 +1,4 @@
-"""Read, check and write index.csv, the index of a recording set: one row per recording. Define the allowed values of its columns."""
+"""Read, check and write index.csv, which lists the recordings of a recording set. Define the allowed values of its columns."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import Any
 
 from radartwin.errors import InputError
 
-INDEX, RECORDINGS, TRAJECTORIES = "index.csv", "recordings", "trajectories"  # names of the index file and the folders in a set
+INDEX, RECORDINGS, TRAJECTORIES = "index.csv", "recordings", "trajectories"  # index file and folders within a recording set
 COLUMNS = ("recording", "object", "distance_m", "room", "motion", "repetition", "trajectory", "split")
 REQUIRED = COLUMNS[:5]
 MOTIONS = ("static", "turntable", "radial", "diagonal", "depth", "lateral", "other")
-RANGED = MOTIONS[1:-1]  # motions for which the index must give the distance, because the experimenter sets it
+RANGED = MOTIONS[1:-1]  # motions for which the index must state the distance, because the experimenter chooses the distance
 SPLITS = ("", "train", "validation", "test", "calibration")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -26,15 +26,15 @@ _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True)
 class Row:
-    """The conditions of one recording.
+    """One row of the index: the conditions of one recording.
 
     Attributes:
-        recording: name of the files recordings/NAME.bin and NAME.json.
+        recording: name of the recording, which is stored in recordings/NAME.bin and recordings/NAME.json.
         object: target in front of the radar; "none" for an empty room.
-        distance_m: distance from the radar to the vertical axis of the target at the start; None if not measured.
-        motion: static, turntable, radial and diagonal (rail), depth and lateral (rover), or other.
-        trajectory: file in trajectories/ with the poses of the radar; "" for none.
-        split: train, validation, test, calibration or "".
+        distance_m: distance in metres from the radar to the vertical axis of the target at the start; None if not measured.
+        motion: static, turntable, radial and diagonal (target on a rail), depth and lateral (radar on a rover), or other.
+        trajectory: name of a file in trajectories/ with the poses of the radar; "" for none.
+        split: use of the recording: train, validation, test, calibration or "" for none.
         extra: further columns as text. The column `start_s` is the time of the first frame on the clock of the trajectory file.
     """
 
@@ -50,15 +50,15 @@ class Row:
 
     @property
     def condition(self) -> tuple[Any, ...]:
-        """The values that identify a recording. Two recordings of a set differ in at least one of these values."""
+        """The values that identify a recording. Any two recordings in a set differ in at least one of these values."""
         return self.object, self.distance_m, self.room, self.motion, self.repetition
 
     def value(self, column: str) -> Any:
-        """Return the value of a column; "" if the column is in `extra` and empty for this row."""
+        """Return the row's value in a column; "" if the column is one of the `extra` columns and empty for this row."""
         return getattr(self, column) if column in COLUMNS else self.extra.get(column, "")
 
     def problems(self) -> list[str]:
-        """Return one line of text per invalid value."""
+        """Return one line of text for each invalid value of the row."""
         found = []
         if not _NAME.fullmatch(self.recording) or self.recording.endswith((".bin", ".json")):
             found.append(f"recording {self.recording!r} must be a file name without suffix, of letters, digits, '.', '_' and '-'")
@@ -87,12 +87,12 @@ class Row:
 
     @property
     def start_s(self) -> float:
-        """Time of the first frame on the clock of the trajectory. Raises ValueError if the column is not a number."""
+        """Time of the first frame in seconds, on the clock of the trajectory file. Raises ValueError if the column is not a number."""
         return float(self.extra.get("start_s", "") or 0.0)
 
 
 def row_of(values: Mapping[str, Any]) -> Row:
-    """Make a row from a mapping of columns to texts. Raises InputError with one line that names every problem."""
+    """Make an index row from a mapping of column names to texts. Raise InputError with one line of text that names every problem."""
     text = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
     found = [f"it has no {column}" for column in REQUIRED if column not in text]
     numbers: dict[str, Any] = {}
@@ -112,7 +112,7 @@ def row_of(values: Mapping[str, Any]) -> Row:
 
 
 def read_index(path: Path) -> tuple[list[Row], list[str]]:
-    """Read an index. Return the valid rows in order, and one line of text per problem of the file or of an invalid row."""
+    """Read an index file. Return its valid rows in order, and one line of text for each problem of the file or of an invalid row."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -155,7 +155,7 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
 
 
 def index_text(rows: Iterable[Row]) -> str:
-    """Return the text of an index file with these rows. `read_index` reads the same rows from it."""
+    """Return the text of an index file with these rows, from which `read_index` reads equal rows."""
     rows = list(rows)
     header = [*COLUMNS, *dict.fromkeys(key for row in rows for key in row.extra)]
     out = io.StringIO()
@@ -166,7 +166,7 @@ def index_text(rows: Iterable[Row]) -> str:
 
 
 def describe(row: Row) -> str:
-    """Describe the conditions of a row as text.
+    """Describe the recording conditions of an index row as text.
 
     >>> describe(Row("a", "mug", 1.5, "lab", "turntable", 2))
     'mug, 1.5 m, lab, turntable, repetition 2'

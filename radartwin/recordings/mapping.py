@@ -1,6 +1,7 @@
-"""Read mapping files, which assign recording conditions (object, distance, ...) to captures by their folders and file names.
+"""Read mapping files, which assign recording conditions (object, distance, ...) to captures by their folder and file names.
 
-A YAML mapping file holds the card of a new set, and a list of entries. A later entry overrides the values of earlier entries:
+A YAML mapping file contains the data card of a new recording set, and a list of entries. If several entries match a capture, a later entry
+overrides the values of the earlier entries:
 
     card: {name: court, licence: CC-BY-4.0, sensor: IWR1843BOOST, who: A. Researcher, when: 2026-03-01}
     captures:
@@ -11,10 +12,11 @@ A YAML mapping file holds the card of a new set, and a list of entries. A later 
       - file: mug_1m/run3_adc_data
         split: test
 
-A CSV file has the column `file` and any columns of the index; it has no card.
+A CSV mapping file has the column `file` and any columns of the index; it contains no data card.
 
-A pattern is compared with the path of a capture below the folder, with or without its suffix and the number from the capture card.
-* matches any text within a name, ** matches folders too, and {column} matches the value of a column.
+The pattern in `file` is compared with the path of a capture relative to the imported folder. The suffix of the path and the part number
+from the capture card may be left out of the pattern. In a pattern, * matches any text within a name, ** also matches folders, and {column}
+matches the value of an index column.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
 
 @dataclass(frozen=True)
 class Entry:
-    """Values of index columns, as text, for the captures that match a pattern."""
+    """One entry of a mapping file: values of index columns, as text, for the captures that match a pattern."""
 
     file: str
     columns: Mapping[str, str]
@@ -43,18 +45,18 @@ class Entry:
 
 @dataclass(frozen=True)
 class CaptureMap:
-    """The content of a mapping file: values of the card, and entries."""
+    """The content of a mapping file: values of the data card, and entries."""
 
     card: Mapping[str, Any] = field(default_factory=dict)
     entries: Sequence[Entry] = ()
 
 
 def read_mapping(path: str | Path) -> CaptureMap:
-    """Read a .yaml, .yml or .csv mapping.
+    """Read a mapping file with the suffix .yaml, .yml or .csv.
 
     Raises:
-        MissingError: the file does not exist.
-        InputError: the file is invalid; the message names the line or the entry.
+        MissingError: the mapping file does not exist.
+        InputError: the mapping file is invalid; the message names the line or the entry.
     """
     path = Path(path)
     if not path.is_file():
@@ -67,13 +69,14 @@ def read_mapping(path: str | Path) -> CaptureMap:
 
 
 def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -> list[dict[str, str] | None]:
-    """Return the index columns of every capture, from the entries that match the capture.
+    """Return for every capture the index columns from the mapping entries that match the capture.
 
-    A capture that no entry matches gives None. If there are no entries at all, every capture gives an empty dictionary.
+    The result is None for a capture that no entry matches. If there are no entries at all, the result is an empty dictionary for every
+    capture.
 
     Raises:
-        MissingError: an entry matches no capture.
-        InputError: a pattern names a column twice.
+        MissingError: an entry of the mapping file matches no capture.
+        InputError: a pattern names the same column twice.
     """
     entries = list(entries)
     if not entries:

@@ -1,4 +1,4 @@
-"""Read and write a set of recordings on disk, which experiments compare with simulations.
+"""Read and write a recording set on disk: a folder of recordings that experiments compare with simulations.
 
     SET/
       card.yaml                  name, licence, units, sensor, who, when, notes
@@ -8,9 +8,9 @@
       trajectories/FILE          poses of the radar, TUM text or CSV; times in seconds from the first frame, or from -start_s
                                  if the index has a column start_s
 
-A folder is a recording set if it has a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A recording
-belongs to the set only if the index has a row for it, and the row is written after the recording's files. A process may therefore be killed
-while it writes; adding a recording of the same name again then completes the set.
+A folder is a recording set if it contains a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A
+recording belongs to the set only if the index has a row for it. This row is written after the recording's files, so a process may be killed
+while it writes a recording. Adding a recording of the same name again then completes the set.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from radartwin.recordings.checks import difference, frame_poses, same_radar
 from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES, Row, describe, index_text, read_index
 
 LOCK = "index.lock"
-_SAME_DISTANCE_M = 1e-4  # distances this close are equal, because the index stores rounded distances
+_SAME_DISTANCE_M = 1e-4  # two distances count as equal if they differ by at most this, because the index stores rounded distances
 
 
 class RecordingSet:
-    """A set of recordings. Use `load` or `create` to make an instance.
+    """A folder of recordings with an index and a data card. Use `load` or `create` to make an instance.
 
     Attributes:
-        folder: folder of the set.
-        card: data card of the set.
+        folder: folder of the recording set.
+        card: data card of the recording set.
         rows: rows of the index, one per recording, in the order of the index.
 
     >>> mugs = RecordingSet.load("set").recordings(object="mug", distance_m=[1.0, 2.0])   # doctest: +SKIP
@@ -55,13 +55,13 @@ class RecordingSet:
 
     @classmethod
     def create(cls, folder: str | Path, card: Card) -> RecordingSet:
-        """Create a set, or open the existing set if it has the same card. The same call therefore continues an interrupted one.
+        """Create a recording set, or open an existing set with the same data card, so that an interrupted import can continue.
 
         Raises:
-            OutputError: the folder cannot be written, or it holds other files.
-            RecordingError: the card has problems, or the existing set has another card.
+            OutputError: the folder cannot be written, or it contains files that belong to no recording set.
+            RecordingError: the data card has invalid values, or the existing set has another data card.
         """
-        folder, card = Path(folder), Card.of(card.values())  # as `load` reads it
+        folder, card = Path(folder), Card.of(card.values())  # convert the values to text, as `load` does
         if (folder / CARD).exists():
             found = cls.load(folder)
             if found.card != card:
@@ -78,11 +78,11 @@ class RecordingSet:
 
     @classmethod
     def load(cls, folder: str | Path) -> RecordingSet:
-        """Open a set: read its card and its index. The recordings are read only when they are used.
+        """Open a recording set: read its data card and its index. A recording is read only when it is used.
 
         Raises:
-            MissingError: the folder is missing or not a set.
-            RecordingError: the card or the index is invalid; `radartwin doctor --data FOLDER` lists all problems.
+            MissingError: the folder does not exist or is not a recording set.
+            RecordingError: the data card or the index is invalid; `radartwin doctor --data FOLDER` lists all problems.
         """
         folder = Path(folder)
         if not folder.is_dir():
@@ -106,27 +106,27 @@ class RecordingSet:
 
     @property
     def columns(self) -> list[str]:
-        """Names of the index columns; columns beyond the standard columns come last."""
+        """Names of the index columns: first the standard columns, then the further columns."""
         return [*COLUMNS, *dict.fromkeys(key for row in self.rows for key in row.extra)]
 
     @property
     def radar(self) -> Radar:
-        """The radar of all recordings of the set. Raises MissingError if the set has no recordings."""
+        """The radar of all recordings in the set. Raises MissingError if the set contains no recordings."""
         if not self.rows:
             raise MissingError(f"{self.folder}: the set has no recordings yet; add some with radartwin import")
         return read_radar_of(self.path(self.rows[0]))
 
     def path(self, row: Row) -> Path:
-        """Return the path of a recording's files, without the suffix .bin or .json."""
+        """Return the path of the files of a row's recording, without the suffix .bin or .json."""
         return self.folder / RECORDINGS / row.recording
 
     def select(self, **conditions: Any) -> list[Row]:
-        """Return the rows with the given values; a collection lists alternatives.
+        """Return the index rows that have the given value in each given column; a list of values allows each of them.
 
         Example: select(object="mug", distance_m=[0.5, 1.0], split="test").
 
         Raises:
-            InputError: a column that the index does not have.
+            InputError: the index does not have one of the columns.
         """
         for column in conditions:
             if column not in self.columns:
@@ -134,10 +134,10 @@ class RecordingSet:
         return [row for row in self.rows if all(_matches(row.value(column), value) for column, value in conditions.items())]
 
     def recordings(self, **conditions: Any) -> Iterator[tuple[Row, Recording]]:
-        """Yield each selected row with its recording, which is read when the iteration reaches it. Raises errors as `select` and `read`.
+        """Yield each selected row with its recording, which is read only when the loop reaches it. Raise the errors of `select` and `read`.
 
         Raises:
-            MissingError: no recording has these values.
+            MissingError: no recording has the given values.
         """
         rows = self.select(**conditions)
         if conditions and not rows:
@@ -146,10 +146,10 @@ class RecordingSet:
         return ((row, self.read(row)) for row in rows)
 
     def read(self, row: Row) -> Recording:
-        """Read the recording of a row. If the recording's file has no sensor poses, they come from the row's trajectory file.
+        """Read the recording of an index row. If its files contain no sensor poses, the poses come from the row's trajectory file.
 
         Raises:
-            MissingError, RecordingError: files are missing or do not belong together.
+            MissingError, RecordingError: files of the recording are missing or do not belong together.
         """
         recording = Recording.load(self.path(row))
         if recording.sensor_poses is None and row.trajectory:
@@ -158,7 +158,7 @@ class RecordingSet:
         return recording
 
     def digest(self, row: Row) -> str:
-        """Return 32 hexadecimal digits that change with the content of the recording. The run keys include them."""
+        """Return 32 hexadecimal digits that change with the content of the recording. Keys of stored results include these digits."""
         total = hashlib.sha256()
         for path in recording_files(self.path(row)):
             with path.open("rb") as stream:
@@ -166,9 +166,9 @@ class RecordingSet:
         return total.hexdigest()[:32]
 
     def course(self, row: Row) -> tuple[Radar, int, NDArray[np.float64] | None]:
-        """Return the radar, the number of frames, and the radar's poses (F, 4, 4), without reading the samples.
+        """Return the radar, the number of frames, and the radar's poses (F, 4, 4) of a recording, without reading its samples.
 
-        The poses are None for a radar at rest. Raises errors as `read`.
+        The poses are None for a radar at rest. The method raises the same errors as `read`.
         """
         radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
         if not samples.is_file():
@@ -180,15 +180,17 @@ class RecordingSet:
         return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
 
     def add(self, recording: Recording, row: Row, trajectory: str | Path | None = None) -> Row:
-        """Add a recording and its row in the index, completely or not at all. Several processes may add to one set.
+        """Add a recording and its index row to the set, completely or not at all. Several processes may add to one set at the same time.
 
         Args:
-            trajectory: a file with the poses of the radar, which is copied to trajectories/NAME.suffix.
+            recording: the recording to add.
+            row: conditions of the recording.
+            trajectory: file with the poses of the radar, which is copied to trajectories/NAME.suffix; None for no file.
         Returns:
-            The row as the index stores it.
+            The index row of the recording as index.csv stores it.
         Raises:
-            InputError: the row is invalid, the set already has its name or its conditions, or the radar differs.
-            OutputError: the set cannot be written.
+            InputError: the row is invalid, another recording of the set has the same name or conditions, or the radar differs.
+            OutputError: the recording set cannot be written.
         """
         if trajectory is not None:
             trajectory = Path(trajectory)
@@ -219,7 +221,7 @@ class RecordingSet:
 
 
 def read_radar_of(path: Path) -> Radar:
-    """Read the radar of a recording, without reading the samples. Raises MissingError or RecordingError."""
+    """Read the radar of a recording without reading the samples. Raise MissingError or RecordingError if its file is missing or invalid."""
     described = recording_files(path)[1]
     if not described.is_file():
         raise MissingError(f"{described}: no such file; a recording needs a .bin and a .json of the same name")

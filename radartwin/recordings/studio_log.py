@@ -1,11 +1,11 @@
 """Read the LogFile.csv that mmWave Studio and the DCA1000 command-line tool write beside a raw capture.
 
-The log has lines "key - value" or "key : value": settings first, then one section per data type ("Raw Data :"). This package does not
-read logs with several sections, which exist if the capture card separates data types. The card writes zeros for lost packets into the
-.bin. Only the log and the zeros show the loss, because the file size does not change.
+The log contains lines "key - value" or "key : value": first settings, then one section per data type ("Raw Data :"). This package cannot
+read logs with several sections, which exist if the capture card separates data types. The capture card writes zeros for lost packets into
+the .bin file. Only the log and the zeros show that packets were lost, because the file size does not change.
 
-References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode; a log with 143473 packets for 100
-frames of 2088960 bytes (../shared/data/radar/iwr6843_static_room) agrees with the guide's payload of 1456 bytes per packet.
+References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode, states a payload of 1456 bytes per packet. A log with 143473
+packets for 100 frames of 2088960 bytes (../shared/data/radar/iwr6843_static_room) agrees with this payload.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from pathlib import Path
 
 from radartwin.errors import MissingError, RecordingError
 
-PACKET_BYTES = 1456  # bytes of samples in one packet
+PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
 _PART = re.compile(r"(.+)_Raw_(\d+)")
 
 
 @dataclass(frozen=True)
 class StudioLog:
-    """The values of a LogFile.csv.
+    """The values of a LogFile.csv of the DCA1000 capture card.
 
     Attributes:
         lanes: number of LVDS lanes; None if the log does not state it.
-        received, lost, out_of_sequence: numbers of packets; lost packets are zeros in the .bin.
-        lost_bytes: number of zero bytes for lost packets.
-        started, ended: local time of the recording computer, ISO 8601 without zone; None for an interrupted capture.
+        received, lost, out_of_sequence: numbers of packets; the .bin file contains zeros for lost packets.
+        lost_bytes: number of bytes in the .bin file that are zero because packets were lost.
+        started, ended: local time of the recording computer, ISO 8601 without time zone; None for an interrupted capture.
     """
 
     lanes: int | None
@@ -42,16 +42,19 @@ class StudioLog:
     ended: str | None
 
     def frames(self, frame_bytes: int) -> int:
-        """Return the number of whole frames in the .bin. If the last packet was padded, this may be one more than the radar sent."""
+        """Return the number of whole frames in the .bin file.
+
+        If the last packet was padded, it may exceed the frames that were sent by one.
+        """
         return (self.received + self.lost) * PACKET_BYTES // frame_bytes
 
 
 def read_log(path: str | Path) -> StudioLog:
-    """Read a LogFile.csv.
+    """Read a LogFile.csv of the DCA1000 capture card.
 
     Raises:
-        MissingError: the file does not exist.
-        RecordingError: the file is not such a log, or the capture mode has another sample layout.
+        MissingError: the log file does not exist.
+        RecordingError: the file is not a log of the DCA1000, or its capture mode has another sample layout.
     """
     path = Path(path)
     if not path.is_file():
@@ -80,9 +83,9 @@ def read_log(path: str | Path) -> StudioLog:
 
 
 def find_log(capture: Path) -> Path | None:
-    """Find the log of a .bin: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv.
+    """Find the log file of a .bin capture: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv in the same folder.
 
-    If neither exists and the folder has one capture and one log, that log is returned. Otherwise None is returned.
+    If neither file exists and the folder contains only one capture and one log, this log is returned. Otherwise None is returned.
     """
     prefix = capture_prefix(capture)
     for name in (f"{prefix}_Raw_LogFile.csv", f"{prefix}_LogFile.csv"):
@@ -94,7 +97,7 @@ def find_log(capture: Path) -> Path | None:
 
 
 def capture_prefix(capture: Path) -> str:
-    """Return the name of a capture without the suffix _Raw_0, _Raw_1, ... The capture card starts a new file after at most 1 GB.
+    """Return a capture's name without the part number _Raw_0, _Raw_1, ... The capture card starts a new file after at most 1 GB.
 
     >>> capture_prefix(Path("mug_Raw_0.bin"))
     'mug'
@@ -103,15 +106,15 @@ def capture_prefix(capture: Path) -> str:
 
 
 def is_part(capture: Path) -> bool:
-    """Return whether the file name has a part number from the capture card."""
+    """Return whether the file name of a capture ends with a part number from the capture card."""
     return _PART.fullmatch(capture.stem) is not None
 
 
 def parts(capture: Path) -> list[Path]:
-    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without a part number is returned alone.
+    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without part number is one file.
 
     Raises:
-        MissingError: a part is missing.
+        MissingError: a file of the capture is missing.
     """
     if not is_part(capture):
         return [capture]
@@ -136,6 +139,6 @@ def _time(path: Path, text: str | None) -> str | None:
     if not text:
         return None
     try:
-        return datetime.strptime(text, "%a %b %d %H:%M:%S %Y").isoformat()  # Python's names are English unless the process sets a locale
+        return datetime.strptime(text, "%a %b %d %H:%M:%S %Y").isoformat()  # English day and month names, unless a locale is set
     except ValueError:
         raise RecordingError(f"{path}: {text!r} is not a time such as 'Tue Nov 19 20:02:23 2024'") from None
