@@ -1,1 +1,1 @@
-"""Model the radar: waveform and array, TI files, DCA1000 recordings, range/Doppler/angle processing, detection, pictures."""
+"""Describe radars, read and write radar files and recordings, and process recordings to range, Doppler, angle and detected echoes."""

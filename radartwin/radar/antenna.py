@@ -1,13 +1,14 @@
-"""Compute the far-field pattern of one antenna of the radar.
+"""Compute the far-field pattern of a single antenna of the radar.
 
-Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna section: peak gain above 10.5 dBi from
-76 to 81 GHz; one-way beamwidths in azimuth +-28 degrees (3 dB) and +-50 degrees (6 dB), in elevation +-14 degrees
-(3 dB) and +-20 degrees (6 dB).
+Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna section. It gives a peak gain above 10.5 dBi from 76 to 81 GHz.
+The one-way beamwidths in azimuth are +-28 degrees (3 dB) and +-50 degrees (6 dB). In elevation they are +-14 degrees (3 dB) and +-20
+degrees (6 dB).
 
-The pattern is the product of an azimuth and an elevation cut. With psi the azimuth atan2(y, x) or the elevation
-asin(z), each cut loses a (sqrt(1 + (s/b)^2) - 1) dB, s = 2 sin(psi/2). This hyperbola passes through both published
-points, is smooth, and is quadratic near boresight. The factor 1 - (1 - cos psi)^16 on the azimuth cut models the ground plane:
-the gain falls to zero in the plane of the board. The factor changes the gain by less than 0.01 dB inside 50 degrees.
+The pattern is the product of an azimuth cut and an elevation cut. The angle psi is the azimuth atan2(y, x) or the elevation asin(z). In
+each cut, the gain at the angle psi is a (sqrt(1 + (s/b)^2) - 1) dB below the peak gain, with s = 2 sin(psi/2). The constants a and b of
+this hyperbola are chosen so that it passes through the 3 dB and the 6 dB beamwidth. The hyperbola is smooth and is quadratic near
+boresight. In the azimuth cut, the amplitude gain has the additional factor 1 - (1 - cos psi)^16, which models the ground plane: the gain
+falls to zero in the plane of the board. This factor changes the gain by less than 0.01 dB at azimuths up to 50 degrees.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ from radartwin.errors import InputError
 ELEMENTS = ("iwr1843", "isotropic")
 
 PEAK_GAIN_DBI = 10.5
-_AZIMUTH_DEG = (28.0, 50.0)  # 3 and 6 dB
-_ELEVATION_DEG = (14.0, 20.0)
+_AZIMUTH_DEG = (28.0, 50.0)  # azimuths at which the gain is 3 dB and 6 dB below the peak gain
+_ELEVATION_DEG = (14.0, 20.0)  # elevations at which the gain is 3 dB and 6 dB below the peak gain
 
 
 def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
     """Compute the amplitude gain (square root of the power gain) of one antenna.
 
     Args:
-        element: "iwr1843" or "isotropic".
-        directions: vectors in the sensor frame away from the radar, of any length above zero, shape (..., 3).
+        element: antenna pattern, "iwr1843" or "isotropic".
+        directions: vectors (..., 3) in the sensor frame that point away from the radar, of any length above zero.
     Returns:
-        gain, shape (...,). "isotropic" gives 1 in all directions; "iwr1843" gives 0 in and behind the plane of the board.
+        Amplitude gain (...,). "isotropic" gives 1 in all directions; "iwr1843" gives 0 in the plane of the board and behind it.
     Raises:
-        InputError: an unknown element, or directions that are not (..., 3).
+        InputError: the element is unknown, or the shape of `directions` is not (..., 3).
 
     >>> float(np.round(20 * np.log10(element_gain("iwr1843", [1.0, 0.0, 0.0])), 2))
     10.5
@@ -48,7 +49,7 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
     x, y, z = np.moveaxis(directions, -1, 0)
     across = x * x + y * y
     length = np.sqrt(across + z * z)
-    # Cosines of azimuth and elevation. A vector straight up has no azimuth and lies in the plane of the board.
+    # `azimuth` and `elevation` are the cosines of these angles. A vector straight up has no azimuth and lies in the plane of the board.
     azimuth = np.divide(x, np.sqrt(across), out=np.zeros_like(x), where=across > 0)
     elevation = np.divide(np.sqrt(across), length, out=np.zeros_like(x), where=length > 0)
     loss_db = _loss_db(azimuth, *_AZIMUTH_DEG) + _loss_db(elevation, *_ELEVATION_DEG)
@@ -58,12 +59,12 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
 
 
 def _loss_db(cosine: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
-    """Compute the power loss in dB from the cosine of an angle. The loss is 3 dB at the first given angle and 6 dB at the second.
+    """Compute how many dB the antenna gain is below its peak, from the cosine of the azimuth or of the elevation.
 
-    The second angle must be less than twice the first.
+    The loss is 3 dB at `half_power_deg` and 6 dB at `quarter_power_deg`, which must be less than twice `half_power_deg`.
     """
     near, far = (2 * (1 - np.cos(np.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
-    # The loss doubles from near to far if sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
+    # The loss is 3 dB at `near` and 6 dB at `far` if sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
     ratio = far / near
     at_near = ratio / (4 - ratio)
     return 3.0 * (np.sqrt(1 + (at_near**2 - 1) * 2 / near * (1 - cosine)) - 1) / (at_near - 1)

@@ -1,10 +1,10 @@
-"""Read captures of other tools as recordings: mmWave Studio .bin with its .mmwave.json, and .npy cubes.
+"""Read raw radar data (captures) of other tools as recordings: mmWave Studio .bin files with .mmwave.json, and sample arrays in .npy files.
 
-A capture of another tool (a foreign capture) has no amplitude calibration, so its iq is in ADC counts and its scale is 1.
-Unless the caller states whether I or Q comes first, the noise spectrum shows the sample order. The receive filter passes beat
-frequencies from 0 to 0.9 fs (complex 1x mode), so the noise is lower just below fs, which in the sampled spectrum is just
-below zero. If I and Q are exchanged, the spectrum is mirrored. The echoes do not show the sample order, because with complex
-sampling they may fill the whole band.
+A capture of another tool has no amplitude calibration, so the samples of its recording are in ADC counts and its scale is 1. If the caller
+does not state whether I or Q comes first, this module finds the sample order from the noise spectrum. The receive filter passes beat
+frequencies from 0 to 0.9 fs (complex 1x mode), where fs is the sample rate. The noise is therefore lower just below fs, which appears just
+below zero in the sampled spectrum. If I and Q are exchanged, the spectrum is mirrored. The echoes do not show the sample order, because
+with complex sampling they may fill the whole band.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording, read_counts, recording_files
 
-EDGE_DB = 2.0  # smallest band_edge_db that shows the sample order; real captures have 2.7 to 9.9 dB
+EDGE_DB = 2.0  # smallest magnitude of band_edge_db that determines the sample order; real captures have 2.7 to 9.9 dB
 
 
 def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None) -> Recording:
-    """Read a recording of this package, a mmWave Studio capture or a .npy cube.
+    """Read a recording of this package, a mmWave Studio capture, or an array of samples in a .npy file.
 
     Args:
-        path: a recording (stem, .bin or .json); a raw .bin with one .mmwave.json in its folder; or a .npy
-            cube shaped [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
-            [frame, chirp, tx, rx, sample], channels transmitter-major.
-        radar: a Radar or the path of a radar file. A .npy cube requires `radar`; for a .bin, `radar` replaces the .mmwave.json.
-        iq_swapped: whether Q comes before I in a foreign capture; None detects the sample order from the noise. For
-            recordings of this package the .json holds the sample order.
+        path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file with one
+            .mmwave.json in its folder, or of a .npy file. The array in a .npy file has the shape [chirp, sample], [chirp, channel, sample],
+            [frame, chirp, channel, sample] or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
+        radar: a Radar or the path of a radar file. A .npy file requires `radar`; for a .bin file, `radar` replaces the .mmwave.json.
+        iq_swapped: whether Q comes before I in a capture of another tool. None detects the sample order from the noise. For a recording of
+            this package, the .json file gives the sample order.
     Raises:
         MissingError: the capture or its radar description is missing.
         RecordingError: the size of the capture does not fit the radar.
@@ -55,49 +55,55 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
 
 
 def capture_name(path: str | Path) -> str:
-    """Return the file name of a capture without .bin, .json or .npy. Raises RecordingError for a path without a file name."""
+    """Return the file name of a capture without its suffix .bin, .json or .npy. Raise RecordingError if the path has no file name."""
     path = Path(path)
     return path.stem if path.suffix == ".npy" else recording_files(path)[0].stem
 
 
 def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
-    """Compute the ratio of noise just above to noise just below zero beat frequency, in decibels.
+    """Compute the ratio of the noise just above zero beat frequency to the noise just below zero beat frequency, in decibels.
 
-    The ratio is positive if I comes first, negative if Q comes first, and about zero for a receiver without a filter. With fewer
-    than eight chirps the function returns zero, because noise and echoes cannot be separated.
+    The ratio is positive if I comes first, negative if Q comes first, and about zero for a receiver without a filter. With fewer than eight
+    chirps or 64 samples per chirp, the function returns zero, because it cannot separate noise from echoes.
 
     Args:
-        iq: one frame, (chirp, tx, rx, sample).
+        iq: samples (chirp, tx, rx, sample) of one frame.
     """
     chirps, samples = iq.shape[0], iq.shape[-1]
     if chirps < 8 or samples < 64:
         return 0.0
     windowed = iq * np.blackman(samples)
-    # Echoes fill few Doppler bins, so the median over Doppler estimates the noise.
+    # Echoes fill only a few Doppler bins, so the median over the Doppler bins estimates the noise.
     noise = np.median(np.abs(np.fft.fft2(windowed, axes=(0, -1))) ** 2, axis=0).mean(axis=(0, 1))
     low, high = (noise[round(a * samples) : round(b * samples)].mean() for a, b in ((0.03, 0.07), (0.93, 0.97)))
     return float(10 * np.log10(low / high)) if low > 0 and high > 0 else 0.0
 
 
 def from_counts(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bool | None) -> Recording:
-    """Make a recording in ADC counts from samples that were read as if I came first.
+    """Make a recording in ADC counts from the samples of another tool.
 
     Args:
-        path: the source file, for the provenance.
-        iq_swapped: whether Q comes first in the source; None detects the sample order from the noise.
+        path: path of the source file, which the provenance of the recording names.
+        iq: samples [frame, chirp, tx, rx, sample] in ADC counts, read under the assumption that I comes first.
+        radar: radar that recorded the samples.
+        iq_swapped: whether Q comes first in the source file; None detects the sample order from the noise.
     """
     edge = 0.0 if radar.real_sampling else band_edge_db(iq[0])
     if iq_swapped is None:
         iq_swapped = edge < -EDGE_DB
     if iq_swapped:
-        # Samples Q + jI equal j conj(I + jQ), so multiplying their conjugate by j restores I + jQ exactly.
+        # The samples Q + jI equal j conj(I + jQ), so the multiplication of their conjugate by j restores I + jQ exactly.
         iq = 1j * iq.conj()
     provenance: dict[str, Any] = {"source": path.name, "unit": "counts", "band_edge_db": round(edge, 1)}
     return Recording(iq, radar, scale=1.0, iq_swapped=bool(iq_swapped), provenance=provenance)
 
 
 def description_beside(path: Path) -> Path:
-    """Find the .mmwave.json of a .bin: the only such file in its folder, or the file of the same name. Raises MissingError."""
+    """Find the .mmwave.json file of a .bin file: the only .mmwave.json in its folder, or the .mmwave.json of the same name.
+
+    Raises:
+        MissingError: the folder has no such file, or several .mmwave.json files with different names.
+    """
     found = sorted(path.parent.glob("*.mmwave.json"))
     same = [p for p in found if p.name.removesuffix(".mmwave.json") == path.stem]
     if len(found) == 1 or same:
@@ -119,7 +125,7 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     if not np.iscomplexobj(cube):
         raise RecordingError(f"{path}: expected complex samples, not {cube.dtype}")
     if cube.ndim == 2:
-        # The cube has one channel, but its chirps repeat at the loop interval of all transmitters.
+        # The array has one channel, but its chirps repeat at the loop interval of all transmitters.
         radar = replace(
             radar,
             tx_positions_m=radar.tx_positions_m[:1],
@@ -138,7 +144,7 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
 
 
 def _signed(cube: NDArray[np.complexfloating]) -> NDArray[np.complex64]:
-    """Reinterpret unsigned 16-bit counts as signed counts, if all real and imaginary parts of the cube are unsigned 16-bit integers."""
+    """Reinterpret unsigned 16-bit counts as signed counts, if all real and imaginary parts are whole numbers from 0 to 65535."""
     parts = np.stack([cube.real, cube.imag])
     if parts.min() >= 0 and 32767 < parts.max() <= 65535 and np.array_equal(parts, np.rint(parts)):
         parts = parts.astype(np.uint16).view(np.int16)

@@ -1,11 +1,12 @@
 """Describe the waveform, array and timing of a TDM-MIMO FMCW radar, and derive its resolution and limits.
 
-Symbols: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples, Tc -> chirp_interval,
-B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
-Sensor frame: x forward, y left, z up; positions in metres about its origin.
+Symbols and their names in the code: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples,
+Tc -> chirp_interval, B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
+The axes of the sensor frame are x forward, y left and z up, and positions are in metres from the origin of this frame.
 
-References: the paper's radar configuration table (77 GHz, 70 MHz/us, 5.21 Msps, 256 samples, 16 chirps, 10 Hz;
-B = 3.44 GHz, range resolution 0.044 m); S. Rao, Introduction to mmWave sensing: FMCW radars (TI), for the relations.
+References: the default values are those of the radar configuration table in the RadarTwin paper (77 GHz, 70 MHz/us, 5.21 Msps, 256 samples,
+16 chirps, 10 Hz; B = 3.44 GHz, range resolution 0.044 m). The relations between waveform and resolution are those of S. Rao, Introduction
+to mmWave sensing: FMCW radars (TI).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 
 _PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise}
-_MAX_COUNT = 1_000_000  # refuses a count that is far above any real chirp or frame, before a typing error fills the memory
+_MAX_COUNT = 1_000_000  # largest number of samples or chirps; the limit keeps a typing error from filling the memory
 
 
 @dataclass(frozen=True)
@@ -38,13 +39,15 @@ class Radar:
 
     Attributes:
         num_chirps: number of chirp loops per frame; in each loop every transmitter sends one chirp.
-        tx_positions_m, rx_positions_m: phase centres in metres, transmitters in firing order.
+        tx_positions_m: positions (x, y, z) of the transmit antennas' phase centres in metres, in firing order.
+        rx_positions_m: positions (x, y, z) of the receive antennas' phase centres in metres.
         chirp_interval: seconds between the starts of successive chirps. The transmitters alternate: in loop c, the chirp of
             transmitter t starts (c * num_tx + t) * chirp_interval after the start of the frame.
-        element: antenna pattern, "iwr1843" or "isotropic" (radartwin.radar.antenna).
-        real_sampling: whether the ADC samples one real channel only, which halves the unambiguous range.
-        if_filter: gain of the receiver over beat frequency; None passes all frequencies, so that far echoes fold.
-        phase_noise: phase noise of the oscillator; None for an ideal oscillator.
+        element: antenna pattern, "iwr1843" or "isotropic" (see radartwin.radar.antenna).
+        real_sampling: whether the ADC samples only one real channel per receiver, which halves the unambiguous range.
+        if_filter: gain of the receiver as a function of the beat frequency. None passes all beat frequencies, so that echoes beyond the
+            unambiguous range fold to shorter ranges.
+        phase_noise: phase noise of the local oscillator; None for an ideal oscillator.
 
     >>> round(Radar.iwr1843().range_resolution_m, 4)
     0.0436
@@ -115,22 +118,25 @@ class Radar:
 
     @property
     def tx_positions(self) -> NDArray[np.float64]:
-        """Transmit phase centres in firing order, metres, shape (num_tx, 3)."""
+        """Return the phase centres (num_tx, 3) of the transmit antennas in firing order, in metres."""
         return np.array(self.tx_positions_m, dtype=np.float64)
 
     @property
     def rx_positions(self) -> NDArray[np.float64]:
-        """Receive phase centres, metres, shape (num_rx, 3)."""
+        """Return the phase centres (num_rx, 3) of the receive antennas, in metres."""
         return np.array(self.rx_positions_m, dtype=np.float64)
 
     @property
     def virtual_positions(self) -> NDArray[np.float64]:
-        """Sum of transmit and receive position of every channel, transmitter-major, metres, shape (num_tx * num_rx, 3)."""
+        """Return the virtual antenna positions (num_tx * num_rx, 3) in metres, ordered by transmitter first.
+
+        A virtual position is the sum of the transmit position and the receive position of a channel.
+        """
         return (self.tx_positions[:, None] + self.rx_positions[None]).reshape(-1, 3)
 
     @property
     def wavelength_m(self) -> float:
-        """Wavelength at the start of the chirp."""
+        """Return the wavelength at the start frequency of the chirp, in metres."""
         return SPEED_OF_LIGHT / self.start_frequency_hz
 
     @property
@@ -139,7 +145,7 @@ class Radar:
 
     @property
     def center_frequency_hz(self) -> float:
-        """Middle of the sampled sweep, which sets the phase of a range bin over motion and angle."""
+        """Return the middle frequency of the sampled sweep in Hz, which sets how the phase of a range bin depends on motion and angle."""
         return self.start_frequency_hz + 0.5 * self.sampled_bandwidth_hz
 
     @property
@@ -148,42 +154,45 @@ class Radar:
 
     @property
     def band_hz(self) -> float:
-        """Width of the unambiguous band of beat frequencies: the sample rate, or half of it for real sampling."""
+        """Return the width of the unambiguous band of beat frequencies in Hz: the sample rate, or half of it for real sampling."""
         return self.sample_rate_hz / 2 if self.real_sampling else self.sample_rate_hz
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range at which the beat frequency folds, that is at fs for complex sampling and at fs/2 for real sampling."""
+        """Return the range in metres at which the beat frequency folds.
+
+        The beat frequency folds at the sample rate for complex sampling, and at half the sample rate for real sampling.
+        """
         return self.band_hz * SPEED_OF_LIGHT / (2 * self.slope_hz_per_s)
 
     @property
     def loop_interval_s(self) -> float:
-        """Seconds between successive chirps of one transmitter."""
+        """Return the time between the starts of successive chirps of one transmitter, in seconds."""
         return self.num_tx * self.chirp_interval
 
     @property
     def frame_duration_s(self) -> float:
-        """Seconds from the first chirp of a frame to the end of its last chirp."""
+        """Return the time from the start of a frame's first chirp to the end of its last chirp interval, in seconds."""
         return self.num_chirps * self.loop_interval_s
 
     @property
     def max_velocity_mps(self) -> float:
-        """Speed at which Doppler folds: lambda / (4 num_tx Tc), with lambda at the middle of the sweep."""
+        """Return the speed in m/s at which the Doppler frequency folds: lambda / (4 num_tx Tc), with lambda at the middle of the sweep."""
         return SPEED_OF_LIGHT / (4 * self.center_frequency_hz * self.loop_interval_s)
 
     @property
     def velocity_resolution_mps(self) -> float:
-        """Width of one Doppler bin of a frame."""
+        """Return the width of one Doppler bin of a frame in m/s."""
         return 2 * self.max_velocity_mps / self.num_chirps
 
     def chirp_times(self) -> NDArray[np.float64]:
-        """Return the start of every chirp in seconds from the start of its frame, shape (num_chirps, num_tx)."""
+        """Return the start times (num_chirps, num_tx) of all chirps of a frame, in seconds from the start of the frame."""
         loop, tx = np.arange(self.num_chirps)[:, None], np.arange(self.num_tx)[None]
         return (loop * self.num_tx + tx).astype(np.float64) * self.chirp_interval
 
     @classmethod
     def iwr1843(cls, element: str = "iwr1843") -> Radar:
-        """Return the paper's IWR1843BOOST: two alternating azimuth transmitters and four receivers.
+        """Return the radar of the RadarTwin paper, an IWR1843BOOST with two alternating azimuth transmitters and four receivers.
 
         The chirp interval of 64 us is an assumption of this project. The noise figure of 15 dB and the transmit power of
         12 dBm are typical values of the IWR1843 data sheet (TI SWRS228, RF specification).
@@ -206,7 +215,7 @@ class Radar:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Radar:
-        """Read a mmWave SDK .cfg, a mmWave Studio .mmwave.json, or a .yaml or .json with the fields of this class.
+        """Read a radar from a file: a mmWave SDK .cfg, a mmWave Studio .mmwave.json, or a .yaml or .json with the fields of this class.
 
         Raises:
             MissingError: the file does not exist.
@@ -222,7 +231,7 @@ class Radar:
             raise RecordingError(f"{path}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields as plain values for JSON or YAML, without if_filter or phase_noise if they are None."""
+        """Return the fields of the radar as plain values for JSON or YAML. The fields if_filter and phase_noise are left out if None."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tx_positions_m", "rx_positions_m"):
             values[name] = [list(position) for position in values[name]]
@@ -233,7 +242,7 @@ class Radar:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Radar:
-        """Build a radar from the result of to_dict. Raises InputError for an unknown, missing or invalid field."""
+        """Build a radar from the mapping that `to_dict` returns. Raise InputError if a field is unknown, missing or invalid."""
         return from_mapping(cls, "radar description", values)
 
 

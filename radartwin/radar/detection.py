@@ -1,9 +1,9 @@
-"""Detect the point cloud of a recording: CFAR in range and Doppler, local maxima, sub-bin positions and azimuths.
+"""Detect echoes in a recording: CFAR in range and Doppler, local maxima, positions between bins, and azimuths.
 
-Powers are averaged over channels and frames before detection. A local maximum is dropped if it may be a window sidelobe of a
-stronger peak. A parabola through the levels (dB) of three neighbouring bins refines range, Doppler and azimuth. With complex
-sampling, range is circular like Doppler: energy just below zero range, such as the edge of the leakage from transmitter to
-receiver, appears at the unambiguous range.
+The detector averages the power over channels and frames before it applies the CFAR threshold. It drops a local maximum that may be a window
+sidelobe of a stronger peak. To find the position of a peak between bins, it fits a parabola to the levels (dB) of three neighbouring bins
+in range, Doppler and azimuth. With complex sampling, the range axis is circular like the Doppler axis. Energy just below zero range, such
+as the edge of the leakage from transmitter to receiver, therefore appears at the unambiguous range.
 """
 
 from __future__ import annotations
@@ -27,24 +27,28 @@ Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
-GUARD, TRAINING = (3, 3), (4, 4)  # unpadded bins on each side along (Doppler, range); reduced if a frame has too few chirps
-FALSE_ALARM = 1e-7  # false-alarm probability per cell: one false peak in about a hundred frames
-# Minimum ratio of a peak to the mean of its training cells. With many frames the noise estimate is so exact that FALSE_ALARM alone would
-# detect every small variation of the clutter.
+# Number of guard bins and of training bins on each side of the cell under test, along (Doppler, range), counted without zero padding. The
+# detector uses fewer bins if a frame has too few chirps.
+GUARD, TRAINING = (3, 3), (4, 4)
+FALSE_ALARM = 1e-7  # probability of a false alarm per cell, which gives one false peak in about a hundred frames
+# Smallest ratio of a detected peak's power to the mean power of its training cells. With many frames, the noise estimate is so exact that
+# FALSE_ALARM alone would detect every small variation of the clutter.
 MIN_CONTRAST_DB = 3.0
-# Peaks weaker than the strongest cell by more are ignored, because they may be rounding errors. Single precision covers 140 dB below the
-# strongest echo, which may be a static echo that was removed before the detection.
+# The detector ignores peaks that are weaker than the strongest cell by more than this level, because they may be rounding errors. Single
+# precision covers 140 dB below the strongest echo, but this echo may be a static echo that was removed before the detection.
 DYNAMIC_RANGE_DB = 100.0
-MIN_RANGE_M = 0.2  # peaks at shorter range are leakage from transmitter to receiver
-_SIDELOBE_MARGIN = 4.0  # power factor (6 dB) above the window's sidelobe, because noise and other sidelobes add to a sidelobe
+MIN_RANGE_M = 0.2  # peaks at a shorter range are leakage from transmitter to receiver and are ignored
+# Factor by which the power of a peak must exceed the window sidelobe of a stronger peak (6 dB), because noise and sidelobes of further
+# peaks add to a sidelobe.
+_SIDELOBE_MARGIN = 4.0
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """Hold detected echoes, strongest first, as arrays (N,).
+    """Hold N detected echoes as arrays (N,), sorted from the strongest to the weakest echo.
 
-    Azimuth is atan2(y, x), positive to the left, and NaN if the radar has a single channel. Velocity is positive for receding
-    echoes, and NaN if a frame has one chirp. Power is in the square of the unit of the samples.
+    The azimuth is atan2(y, x) in the sensor frame, positive to the left. It is NaN if the radar has a single channel. The radial velocity
+    is positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power is the squared unit of the IQ samples.
     """
 
     range_m: Real
@@ -73,9 +77,10 @@ def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: Pow
     """Detect the peaks of a recording.
 
     Args:
-        iq: (frame, chirp, tx, rx, sample); powers are averaged over frames.
-        static_removed: as for power_maps.
-        maps: the result of power_maps for the same arguments, if it is already computed.
+        iq: samples (frame, chirp, tx, rx, sample); the detector averages the power over all frames.
+        radar: radar that recorded the samples.
+        static_removed: whether to subtract the echoes at rest before the detection, as in `power_maps`.
+        maps: result of `power_maps` for the same arguments; None computes it.
     """
     maps = maps or power_maps(iq, radar, static_removed)
     power = maps.range_doppler
@@ -103,7 +108,7 @@ def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: Pow
 
 
 def _candidates(power: Real, radar: Radar, frames: int) -> NDArray[np.intp]:
-    """Return the (doppler, range) indices of local maxima above the CFAR threshold, (N, 2)."""
+    """Return the (Doppler, range) bin indices of the N local power maxima above the CFAR threshold, (N, 2)."""
     from scipy.ndimage import maximum_filter1d
 
     guard, training = [], []
@@ -132,7 +137,7 @@ def _candidates(power: Real, radar: Radar, frames: int) -> NDArray[np.intp]:
 
 
 def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar) -> NDArray[np.intp]:
-    """Return the cells that are not sidelobes of a stronger cell, the strongest first, (N, 2)."""
+    """Return the (Doppler, range) indices (N, 2) of the cells that are not sidelobes of a stronger cell, sorted by descending power."""
     order = np.argsort(-power[tuple(cells.T)], kind="stable")
     doppler_skirt, range_skirt = (
         _skirt(size, bins) for size, bins in ((radar.num_chirps, len(power)), (radar.num_samples, power.shape[1]))
@@ -157,7 +162,10 @@ def _neighbour(cell: NDArray[np.intp], step: int, size: int, radar: Radar) -> ND
 
 
 def _skirt(size: int, bins: int) -> Real:
-    """Return, for each distance in bins, the highest sidelobe of the window at or beyond it, as power over the main peak, (bins,)."""
+    """Return the highest window sidelobe at or beyond each distance of 0 to bins - 1 bins from a peak, (bins,).
+
+    The sidelobes are given as power divided by the power of the peak.
+    """
     fine = 8
     response = np.abs(np.fft.fft(hann(size), PADDING * size * fine)) ** 2
     response = response[: response.size // 2 + 1]
@@ -183,10 +191,17 @@ def _parabola(decibels: list[Real]) -> tuple[Real, Real]:
 
 
 def _azimuths(iq: Complex, radar: Radar, static_removed: bool, cells: NDArray[np.intp], residual_mps: Real) -> Real:
-    """Estimate the azimuth of each cell from the maximum of its Bartlett spectrum over all frames; NaN for a single channel.
+    """Estimate the azimuth of each detected cell in radians, from the maximum of its Bartlett spectrum averaged over all frames.
+
+    The azimuth is NaN for a radar with a single channel.
 
     Args:
-        residual_mps: velocity of the peak minus velocity of its Doppler bin; the TDM phase of this difference is not yet compensated.
+        iq: samples (frame, chirp, tx, rx, sample).
+        radar: radar that recorded the samples.
+        static_removed: whether to subtract the echoes at rest.
+        cells: (Doppler, range) indices (N, 2) of the detected cells.
+        residual_mps: velocity of each peak minus the velocity of its Doppler bin, in m/s. `doppler_fft` has compensated the TDM phase only
+            for the velocity of the bin, so this function compensates the phase of the difference.
     """
     if radar.num_tx * radar.num_rx == 1:
         return np.full(len(cells), np.nan)

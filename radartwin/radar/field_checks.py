@@ -15,7 +15,7 @@ from radartwin.errors import InputError, PoseError
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is a finite real number. Booleans and integers beyond the range of a float are refused."""
+    """Return whether a value is a finite real number. The result is False for booleans and for integers beyond the range of a float."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return False
     try:
@@ -28,10 +28,11 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
     """Build an instance of a dataclass from a mapping of its fields.
 
     Args:
-        kind: the dataclass.
-        name: the name of the mapping in error messages.
+        kind: the dataclass to instantiate.
+        name: name of the mapping in error messages.
+        values: mapping from field names to field values.
     Raises:
-        InputError: `values` is not a mapping, or a field is unknown, missing or invalid.
+        InputError: `values` is not a mapping, or it has an unknown, missing or invalid field.
     """
     if not isinstance(values, Mapping):
         raise InputError(f"{name}: expected a mapping of fields, not {reprlib.repr(values)}")
@@ -45,13 +46,13 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
 
 
 def check_rigid(poses: NDArray[np.float64], what: str) -> None:
-    """Raise PoseError, which names `what` and the frame, unless all poses (F, 4, 4) are finite and rigid.
+    """Raise PoseError unless all poses (F, 4, 4) are finite and rigid. The error message gives the name `what` and the frame.
 
-    A rigid pose has a right-handed rotation and the last row 0 0 0 1. Rotations may have errors up to 1e-4, because text and float32 are
-    rounded.
+    A rigid pose has a right-handed rotation matrix and the last row 0 0 0 1. The product of the rotation matrix and its transpose may
+    differ from the identity by up to 1e-4 per entry, because poses from text files and float32 arrays are rounded.
     """
     finite = np.isfinite(poses).all(axis=(1, 2))
-    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # avoids overflow; a rotation has no entry beyond 1
+    rotation = np.nan_to_num(poses[:, :3, :3]).clip(-2, 2)  # the limits avoid overflow; no entry of a rotation matrix exceeds 1
     straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
     rigid = finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
     if not rigid.all():

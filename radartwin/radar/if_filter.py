@@ -1,14 +1,16 @@
 """Compute the gain of the receiver's intermediate-frequency (IF) chain over the beat frequency of an echo.
 
-The chain has first-order high-pass stages, which attenuate the leakage between the antennas, and the low-pass of the decimation, which
-keeps echoes beyond the unambiguous range from folding back. The band ends at the sample rate (at half of it for real samples). Higher beat
-frequencies fold into the band, so the stop band begins at the band edge. The gain falls from `pass_share` times the edge to the edge.
+The IF chain has first-order high-pass stages, which attenuate the leakage between the antennas. It also has the low-pass filter of the
+decimation, which keeps echoes beyond the unambiguous range from folding back. The band of beat frequencies ends at the sample rate, or at
+half the sample rate for real samples. Higher beat frequencies fold into this band, so the stop band of the low-pass filter begins at the
+upper edge of the band. The gain falls between `pass_share` times the edge frequency and the edge frequency.
 
-Sources: The stages have corner frequencies of 175, 235, 350 or 700 kHz and 350, 700, 1400 or 2800 kHz, as numbered in rlProfileCfg_t
-(hpfCornerFreq1 and hpfCornerFreq2) of TI's mmWaveLink; comments of public mmWave Studio scripts repeat these values. The AWR2944P data
-sheet (SWRS330) calls both stages together a second-order high-pass filter and names -6 dB corners, which two equal first-order stages
-have. TI states that nine tenths of the band are usable (SWRA553, from memory); in two public captures the noise falls over the last tenth
-of the band, by 8 to 10 dB at its middle. The depth of the stop band and the shape of the transition are assumptions.
+Sources: the first high-pass stage has a corner frequency of 175, 235, 350 or 700 kHz, and the second stage 350, 700, 1400 or 2800 kHz.
+These values are those of the fields hpfCornerFreq1 and hpfCornerFreq2 of rlProfileCfg_t in TI's mmWaveLink, and comments in public mmWave
+Studio scripts repeat them. The AWR2944P data sheet (SWRS330) describes both stages together as a second-order high-pass filter with a
+corner at -6 dB, as two equal first-order stages have. TI states that nine tenths of the band are usable (SWRA553, from memory). In two
+public captures, the noise falls over the last tenth of the band, by 8 to 10 dB in the middle of this tenth. The depth of the stop band and
+the shape of the transition are assumptions of this module.
 """
 
 from __future__ import annotations
@@ -28,11 +30,12 @@ class IfFilter:
     """Describe the IF filter of a radar.
 
     Attributes:
-        high_pass_hz: corner frequency of each first-order high-pass stage; (175e3, 350e3) are the lowest corners of the chip's two stages.
-        pass_share: fraction of the band that the low-pass does not attenuate.
-        stop_db: attenuation at and beyond the edge of the band.
-        zero_phase: whether the high-pass has no phase, as in a calibrated radar. Otherwise each stage advances the phase of an echo at the
-            beat frequency f by atan(corner/f).
+        high_pass_hz: corner frequencies of the first-order high-pass stages in Hz. The lowest corners of the IWR1843's two stages are
+            (175e3, 350e3).
+        pass_share: fraction of the band of beat frequencies that the low-pass filter does not attenuate.
+        stop_db: attenuation of the low-pass filter at the upper edge of the band and beyond it, in dB.
+        zero_phase: True for high-pass stages without phase shift, as in a calibrated radar. With False, each stage advances the phase of an
+            echo at the beat frequency f by atan(corner/f).
 
     >>> bool(abs(IfFilter().gain(5.6e6, 5.21e6)) < 0.0011)
     True
@@ -56,11 +59,11 @@ class IfFilter:
             raise InputError(f"if_filter: zero_phase must be true or false, not {self.zero_phase!r}")
 
     def gain(self, beat_hz: ArrayLike, band_hz: float) -> NDArray[np.complex128]:
-        """Compute the complex gain of echoes at their beat frequency before folding.
+        """Compute the complex gain of the IF filter for echoes, from their beat frequency before folding.
 
         Args:
-            beat_hz: slope times delay, shape (...,).
-            band_hz: width of the sampled band: the sample rate, or half of it for real samples.
+            beat_hz: beat frequencies (...,) in Hz, which are chirp slope times echo delay.
+            band_hz: width of the sampled band in Hz: the sample rate, or half the sample rate for real samples.
         """
         beat_hz = np.asarray(beat_hz, dtype=np.float64)
         high = np.ones(beat_hz.shape, np.complex128)

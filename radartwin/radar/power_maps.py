@@ -1,4 +1,7 @@
-"""Compute the power of a recording over range and time, Doppler or azimuth, in blocks of frames to limit memory."""
+"""Compute the echo power of a recording over range and time, over range and Doppler, and over range and azimuth.
+
+The computation processes blocks of frames one after another to limit its memory.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +17,8 @@ from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_axi
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
-PADDING = 2  # length of a transform divided by the number of samples or chirps
-_BLOCK_BYTES = 128 << 20  # padded spectra in memory at once
+PADDING = 2  # zero-padding factor: length of a Fourier transform divided by the number of samples or chirps
+_BLOCK_BYTES = 128 << 20  # size of the zero-padded spectra of one block of frames in memory, in bytes
 
 
 def range_bins(radar: Radar) -> int:
@@ -23,16 +26,17 @@ def range_bins(radar: Radar) -> int:
 
 
 def doppler_bins(radar: Radar) -> int:
-    """Return the number of Doppler bins. A frame with a single chirp has one bin, at zero velocity."""
+    """Return the number of Doppler bins of a frame. A frame with a single chirp has one Doppler bin, at zero velocity."""
     return PADDING * radar.num_chirps if radar.num_chirps > 1 else 1
 
 
 @dataclass(frozen=True)
 class PowerMaps:
-    """Hold power maps, averaged over channels and frames, with their axes; power is in the square of the unit of the samples.
+    """Hold three power maps of a recording with their axes. The unit of the power is the squared unit of the samples.
 
-    range_time is (time, range), range_doppler (doppler, range), range_azimuth (azimuth, range). The time axis has one entry per
-    frame, or per chirp if there is one frame. A constant echo of amplitude a at rest has the power a^2 in each map.
+    The map range_time (time, range) is averaged over channels. The map range_doppler (Doppler, range) is averaged over channels and frames,
+    and the map range_azimuth (azimuth, range) over frames. The time axis has one entry per frame, or one entry per chirp if the recording
+    has a single frame. A constant echo of amplitude a at rest has the power a^2 in each map.
     """
 
     range_m: Real
@@ -45,7 +49,11 @@ class PowerMaps:
 
 
 def spectra(iq: Complex, radar: Radar, static_removed: bool) -> Iterator[tuple[slice, Complex, Complex]]:
-    """Yield for each block its slice of frames, profiles (frame, chirp, tx, rx, range) and spectra (frame, doppler, tx, rx, range)."""
+    """Compute range profiles and Doppler spectra of a recording in blocks of frames.
+
+    For each block, the function yields the slice of its frames, the range profiles (frame, chirp, tx, rx, range) and the Doppler spectra
+    (frame, Doppler, tx, rx, range).
+    """
     frame_bytes = 8 * PADDING**2 * int(np.prod(iq.shape[1:]))
     step = max(1, _BLOCK_BYTES // frame_bytes)
     static = _static(iq) if static_removed else None
@@ -61,8 +69,9 @@ def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> Power
     """Compute the three power maps of a recording, with azimuth in steps of one degree.
 
     Args:
-        iq: (frame, chirp, tx, rx, sample).
-        static_removed: whether the mean of each channel over all frames and chirps is subtracted, so that only moving echoes remain.
+        iq: samples (frame, chirp, tx, rx, sample).
+        radar: radar that recorded the samples.
+        static_removed: whether to subtract the mean of each channel over all frames and chirps, so that only moving echoes remain.
     """
     azimuth_rad = np.radians(np.arange(-90.0, 91.0))
     range_m = range_axis(radar, range_bins(radar))
@@ -79,12 +88,12 @@ def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> Power
         else:
             range_time[frames] = power.mean(axis=1)
         range_doppler += _power(block).mean(axis=(2, 3)).sum(axis=0)
-        # Bartlett power is a quadratic form of the channels' covariance, so the covariance suffices for every direction.
+        # The Bartlett power in any direction is a quadratic form of the covariance matrix of the channels, so only this matrix is summed.
         channels = block.reshape(-1, radar.num_tx * radar.num_rx, len(range_m))[:, row].transpose(2, 1, 0)
         covariance += channels @ channels.conj().transpose(0, 2, 1)
     weights = steering(radar, azimuth_rad)
     range_azimuth = np.einsum("ca,rcd,da->ar", weights, covariance, weights.conj(), optimize=True).real
-    # By Parseval's theorem over the Doppler bins, a constant echo has its power in this map too.
+    # The division by this number gives a constant echo its power in the range-azimuth map, by Parseval's theorem over the Doppler bins.
     bins_of_energy = len(iq) * len(velocity_mps) * float((hann(radar.num_chirps) ** 2).sum())
     return PowerMaps(
         range_m=range_m,
@@ -102,7 +111,7 @@ def _power(values: Complex) -> Real:
 
 
 def _static(iq: Complex) -> Complex:
-    """Average each channel and sample over frames and chirps, (tx, rx, sample)."""
+    """Return the mean (tx, rx, sample) of each channel and sample over all frames and chirps."""
     # The sum runs frame by frame, because a float64 copy of a long recording does not fit into memory.
     total = np.zeros(iq.shape[2:], dtype=np.complex128)
     for frame in iq:

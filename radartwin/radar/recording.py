@@ -1,8 +1,8 @@
-"""Store a recording, IQ samples with their radar, as a DCA1000 .bin and a .json of the same name.
+"""Store a recording (IQ samples and their radar) as a .bin file in the DCA1000 format and a .json file of the same name.
 
-The .json holds the radar, the amplitude per count (scale), the poses and the provenance. Loaded samples are counts times
-scale, so saving a loaded recording writes the same .bin. `save` first writes both files under temporary names and then renames
-them, the .json last. A .bin without its .json is therefore the result of an interrupted save.
+The .json file holds the radar, the amplitude per ADC count (scale), the sensor poses and the provenance. `load` multiplies the counts by
+the scale, so saving a loaded recording writes the same .bin file. `save` first writes both files under temporary names and then renames
+them, the .json file last. A .bin file without its .json file is therefore the result of an interrupted save.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from radartwin.radar.description_files import read_json
 from radartwin.radar.field_checks import check_rigid
 
 _FORMAT = "radartwin recording 1"
-# If the recording has no scale, the peak is saved at half of full scale, 6 dB below clipping.
+# If the recording has no scale, `save` writes its largest value as this ADC count, which is 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
-_SCALES = (1e-37, 1e33)  # limits of scale, within which counts times scale are finite, normal float32 numbers
+_SCALES = (1e-37, 1e33)  # limits of the scale, within which all counts times scale are finite, normal float32 numbers
 
 
 @dataclass
@@ -39,13 +39,15 @@ class Recording:
     """Hold the IQ samples of one radar over a number of frames.
 
     Attributes:
-        iq: complex64 [frame, chirp, tx, rx, sample] in amplitude units (|iq|^2 is received over transmitted power). In a
-            capture of another tool, iq is in ADC counts and scale is 1.
-        sensor_poses: sensor-to-world (F, 4, 4), or (1, 4, 4) for a radar at rest, or None if unknown.
-        scale: amplitude per ADC count; None until the receiver simulation or `save` sets it.
-        iq_swapped: whether the .bin holds Q before I.
-        saturated: number of int16 values that were clipped on saving.
-        provenance: origin of the recording, as plain JSON values.
+        iq: complex64 samples [frame, chirp, tx, rx, sample] in amplitude units, so that |iq|^2 is received over transmitted power. In a
+            recording that another tool captured, iq is in ADC counts and scale is 1.
+        radar: radar that recorded the samples.
+        sensor_poses: transformations from the sensor frame to the world, (F, 4, 4) for F frames, or (1, 4, 4) for a radar at rest. None
+            means that the poses are unknown.
+        scale: amplitude per ADC count; None until the receiver simulation or `save` sets the scale.
+        iq_swapped: whether the .bin file holds Q before I.
+        saturated: number of int16 values that `save` clipped.
+        provenance: description of how the recording was made, as plain JSON values.
     """
 
     iq: NDArray[np.complex64]
@@ -88,24 +90,24 @@ class Recording:
         return self.iq.shape[0]
 
     def frame_blocks(self) -> Iterator[slice]:
-        """Yield slices of frames, each with about 64 MiB of samples."""
+        """Yield slices of consecutive frames, each with about 64 MiB of samples."""
         step = max(1, _BLOCK_BYTES // max(1, self.iq[:1].nbytes))
         for start in range(0, self.num_frames, step):
             yield slice(start, min(start + step, self.num_frames))
 
     def save(self, path: str | Path, *, iq_swapped: bool | None = None) -> int:
-        """Write path.bin and path.json, and set `iq_swapped` and `saturated`.
+        """Write the files path.bin and path.json, and set the fields `scale`, `iq_swapped` and `saturated` of the recording.
 
-        If `scale` is None, it is set so that the peak is near half of full scale.
+        If `scale` is None, the method chooses a scale with which the largest sample is near half of the ADC's full scale.
 
         Args:
-            path: without suffix; .bin or .json at its end is ignored.
+            path: path of the recording without suffix; a suffix .bin or .json is ignored.
             iq_swapped: whether to write Q before I; None keeps the sample order of the recording.
         Returns:
-            The number of int16 values that were clipped to the 16-bit range.
+            Number of int16 values that the method clipped to the 16-bit range.
         Raises:
             RecordingError: samples are NaN or infinite.
-            OutputError: the folder cannot be written; no temporary file remains.
+            OutputError: the folder cannot be written. No temporary file remains in this case.
         """
         bin_path, json_path = recording_files(path)
         swapped = self.iq_swapped if iq_swapped is None else iq_swapped
@@ -124,7 +126,7 @@ class Recording:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
                 stream.write("\n")
                 _flush(stream)
-            # Delete the old .json first, so that it never describes a newer .bin.
+            # Delete the old .json file first, so that it never describes the new .bin file.
             json_path.unlink(missing_ok=True)
             temporary[bin_path].replace(bin_path)
             temporary[json_path].replace(json_path)
@@ -139,11 +141,11 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Read path.bin and path.json. The samples are counts times scale.
+        """Read a recording from the files path.bin and path.json. The loaded samples are ADC counts times scale.
 
         Raises:
-            MissingError: either file is missing.
-            RecordingError: the .json is malformed or does not match the .bin, or the .bin is truncated or empty.
+            MissingError: one of the two files is missing.
+            RecordingError: the .json file is malformed or does not match the .bin file, or the .bin file is truncated or empty.
         """
         bin_path, json_path = recording_files(path)
         for needed in (bin_path, json_path):
@@ -204,7 +206,7 @@ class Recording:
 
 
 def recording_files(path: str | Path) -> tuple[Path, Path]:
-    """Return the .bin and the .json path of a recording; `path` may have either suffix or none.
+    """Return the paths of a recording's .bin file and .json file. The argument `path` may end with .bin, with .json or without suffix.
 
     Raises:
         RecordingError: `path` has no file name.

@@ -1,10 +1,11 @@
 """Convert TI's radar descriptions, mmWave SDK .cfg and mmWave Studio .mmwave.json, to the fields of `radartwin.radar.chirp.Radar`.
 
-Both formats describe a profile (one chirp), the chirps with their transmitters, and the frame. The sampled sweep starts
-at the first ADC sample: start_frequency_hz = startFreq + slope * adcStart; chirp_interval = idle + rampEnd.
+Both formats describe a profile (the waveform of a chirp), the chirps with their transmitters, and the frame. The sampled part of the
+frequency sweep starts at the first ADC sample, so that start_frequency_hz = startFreq + slope * adcStart. The time between chirps is
+chirp_interval = idle + rampEnd.
 
-References: mmWave SDK user's guide (TI), section "Configuration (.cfg) file format"; rlProfileCfg_t, rlChirpCfg_t,
-rlFrameCfg_t and rlChanCfg_t of the mmWaveLink interface, which mmWave Studio writes under the same names.
+References: mmWave SDK user's guide (TI), section "Configuration (.cfg) file format"; rlProfileCfg_t, rlChirpCfg_t, rlFrameCfg_t and
+rlChanCfg_t of the mmWaveLink interface. mmWave Studio writes the values of these structures under the same names.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from typing import Any, NamedTuple
 from radartwin.errors import RecordingError
 from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, IWR6843ISK
 
-_MAX_POWER_DBM = 12.0  # one transmitter without back-off: IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219) data sheets
-_NOISE_FIGURE_DB = 15.0  # the same data sheets give 12 to 15 dB
+# Transmit power of one transmitter without back-off in dBm, from the data sheets of IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219).
+_MAX_POWER_DBM = 12.0
+_NOISE_FIGURE_DB = 15.0  # receiver noise figure in dB; the data sheets of IWR1843 and IWR6843 give 12 to 15 dB
 
 # Commands of a .cfg that define the waveform, with the smallest number of arguments of each.
 _CFG_COMMANDS = {"channelCfg": 2, "profileCfg": 11, "chirpCfg": 8, "frameCfg": 5, "adcCfg": 2}
@@ -39,7 +41,7 @@ class _Profile(NamedTuple):
     idle_us: float
     adc_start_us: float
     ramp_end_us: float
-    power_backoff: int  # dB, one byte per transmitter
+    power_backoff: int  # reduction of the transmit power in dB, one byte per transmitter
     slope_mhz_us: float
     num_samples: int
     rate_ksps: float
@@ -55,7 +57,7 @@ class _Chirp(NamedTuple):
     first: int
     last: int
     profile: int
-    variations: Sequence[float]  # of start frequency, slope, idle time and ADC start time
+    variations: Sequence[float]  # differences of start frequency, slope, idle time and ADC start time from the profile
     tx_mask: int
 
     @classmethod
@@ -65,7 +67,7 @@ class _Chirp(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """Hold the values of a radar description that both formats contain."""
+    """Hold the values of a radar description that a .cfg file and a .mmwave.json file have in common."""
 
     rx_mask: int
     tx_mask: int
@@ -79,7 +81,7 @@ class Setup(NamedTuple):
 
 
 def parse_cfg(text: str) -> Setup:
-    """Parse a mmWave SDK .cfg. Raises RecordingError for malformed text; the message names the line."""
+    """Parse the text of a mmWave SDK .cfg file. Raise RecordingError if the text is malformed; the message names the line."""
     commands: dict[str, list[tuple[str, list[float]]]] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         command, *words = line.split("%", 1)[0].split() or [""]
@@ -113,7 +115,7 @@ def parse_cfg(text: str) -> Setup:
 
 
 def parse_studio(values: Mapping[str, Any]) -> Setup:
-    """Parse the first device of a mmWave Studio .mmwave.json. Raises RecordingError for malformed values."""
+    """Parse the first device in the content of a mmWave Studio .mmwave.json file. Raise RecordingError if a value is malformed."""
     device = _get(values, "mmWaveDevices", 0)
     rf = _section(device, "rfConfig", dict)
     if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
@@ -147,7 +149,11 @@ def parse_studio(values: Mapping[str, Any]) -> Setup:
 
 
 def _fired_chirps(setup: Setup) -> list[_Chirp]:
-    """Return the chirps of one loop in firing order. Raises RecordingError for any mode but time-division chirps of one profile."""
+    """Return the chirps of one loop in firing order.
+
+    Raises:
+        RecordingError: the frame does not consist of chirps of a single profile with one transmitter at a time (time division).
+    """
     fired = []
     for index in range(setup.first, setup.last + 1):
         matching = [chirp for chirp in setup.chirps if chirp.first <= index <= chirp.last]
@@ -171,13 +177,16 @@ def _fired_chirps(setup: Setup) -> list[_Chirp]:
 
 
 def radar_fields(name: str, setup: Setup) -> dict[str, Any]:
-    """Return the fields of `Radar`.
+    """Convert a parsed TI radar description to the fields of `Radar`.
 
-    The files do not name their board. Below 70 GHz the function assumes the IWR6843ISK. Above, it assumes the xWR1642BOOST if only
-    TX1 and TX2 are enabled, and otherwise the xWR1843BOOST.
+    TI's files do not name their board. Below 70 GHz, the function assumes the IWR6843ISK. At 70 GHz and above, it assumes the xWR1642BOOST
+    if only TX1 and TX2 are enabled, and otherwise the xWR1843BOOST.
 
+    Args:
+        name: name of the radar.
+        setup: result of `parse_cfg` or `parse_studio`.
     Raises:
-        RecordingError: the description has a mode other than time-division chirps of one profile.
+        RecordingError: the frame does not consist of chirps of a single profile with one transmitter at a time (time division).
     """
     fired = _fired_chirps(setup)
     transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
