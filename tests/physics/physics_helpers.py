@@ -17,32 +17,34 @@ def db(power_ratio):
 
 
 def coherent(hits, keep: Any = slice(None)):
-    """Sum of the hits' fields at 77 GHz."""
+    """Return the complex sum of the fields of ray hits at 77 GHz."""
     return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[keep].sum()
 
 
 def relative_error(ours, exact):
-    """Norm of the difference over the norm of `exact`."""
+    """Return the norm of the difference between `ours` and `exact`, divided by the norm of `exact`."""
     return float(np.linalg.norm(ours - exact) / np.linalg.norm(exact))
 
 
 def at(x, y=0.0, z=0.0):
-    """(4, 4) pose at a point, with the axes of the world."""
+    """Return the pose (4, 4) of a body at this point, with its axes along the world axes."""
     return trajectory.pose([x, y, z])
 
 
 def mie_backscatter(radius):
-    """Cross-section of a metal sphere, as the limit of a very large refractive index."""
+    """Return the cross-section of a metal sphere from the Mie series with a very large refractive index."""
     import miepython
 
     return miepython.efficiencies_mx(1e4 - 1e4j, 2 * np.pi * radius / WAVELENGTH)[2] * np.pi * radius**2
 
 
 def geometric_optics_of_a_sphere(centre, radius, source, target, wavelength=WAVELENGTH):
-    """(amplitude, length, reflection point) of the reflection of a metal sphere, source and target anywhere outside; no polarisation.
+    """Return (amplitude, path length, reflection point) of the wave that a metal sphere reflects. Source and target may be anywhere outside
+    the sphere; the polarisation is ignored.
 
-    The wave leaves the reflection point with the curvatures 1/r + 2/(a cos t) in the plane of incidence and 1/r + 2 cos t/a across.
-    Ref: J. Keller, J. Opt. Soc. Am. 52 (1962) 116, section on reflection.
+    The wave leaves the reflection point with the curvature 1/r + 2/(a cos t) in the plane of incidence and 1/r + 2 cos t/a at right angles
+    to it. Here r is the distance from the source, a the radius of the sphere and t the angle of incidence. Ref: J. Keller, J. Opt. Soc. Am.
+    52 (1962) 116, section on reflection.
     """
     out, back = source - centre, target - centre
     # the point of shortest way: by bisection on the great circle between the two directions

@@ -1,4 +1,6 @@
-"""Interpolation of a turning target between aspects: exact for harmonics, within the stated error for traced targets."""
+"""Interpolate the echo of a rotating target between traced rotation angles (aspects): exact for harmonics, and within the stated error for
+traced targets.
+"""
 
 from dataclasses import replace
 
@@ -13,7 +15,9 @@ K = 2 * np.pi * 77e9 / 299792458.0
 
 
 def largest_error(reach_m, count=ASPECTS):
-    """Largest error between aspects for a point that circles at `reach_m` in front of a far sensor: its phase is 2 k R cos."""
+    """Return the largest interpolation error for a point that circles with radius `reach_m` in front of a distant sensor; the phase of its
+    echo is 2 k R cos(angle).
+    """
     wave = lambda angle: np.exp(2j * K * reach_m * np.cos(angle + 0.3))  # noqa: E731
     aspects = Aspects.traced(lambda angle: np.tile(wave(angle)[:, None, None, None], (1, 2, 1, 1)), count)
     angles = np.random.default_rng(0).uniform(-20, 20, (50, 3, 2))
@@ -26,7 +30,9 @@ def test_circling_point_matches_its_exact_phase():
 
 @pytest.mark.parametrize(("reach_m", "expected"), [(0.01, MIN_ASPECTS), (0.075, 832), (0.12, 1280)])
 def test_number_of_aspects_follows_the_reach(reach_m, expected):
-    """With this number, a point at the reach is accurate to 0.01, the error of the window."""
+    """With the computed number of angles, the echo of a point at the largest radius has an error of at most 0.01, which is the error of the
+    interpolation window.
+    """
     assert needed([rt.Surface(objects.sphere(reach_m), "metal")]) == expected
     assert largest_error(reach_m, expected) < 0.01
 
@@ -47,7 +53,9 @@ def test_symmetric_target_repeats_within_a_turn():
 
 
 def test_traced_trihedral_is_within_the_stated_error():
-    """Between aspects, and for a frame in motion by angles per chirp against a frame traced in motion."""
+    """A traced trihedral is interpolated between rotation angles. For a frame in motion, interpolation at the angle of each chirp is
+    compared with tracing in motion.
+    """
     radar = replace(rt.Radar.iwr1843("isotropic"), num_chirps=4)
     scene = rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "target", role="object")])
 
@@ -59,7 +67,7 @@ def test_traced_trihedral_is_within_the_stated_error():
         return poses
 
     def chirp(angle):
-        """At rest: frames so far apart that nothing moves within one."""
+        """Trace a frame with the target at rest: the frames follow so slowly that the target does not move within a frame."""
         slow = replace(radar, num_chirps=1, frame_rate_hz=1e-6)
         return rt.simulate(scene, slow, np.eye(4)[None], motion={"target": turned(angle)}).iq[:, 0]
 

@@ -1,4 +1,6 @@
-"""Known results of the baselines: the naive tracer as in its published program, and point scatterers by the radar equation."""
+"""Known results of the baseline simulators: the naive tracer behaves like its published program, and point scatterers follow the radar
+equation.
+"""
 
 import time
 
@@ -22,7 +24,9 @@ HERE = np.eye(4)[None]
 
 
 def test_shipped_trihedral_is_below_the_sphere_instead_of_29_db_above():
-    """The published program returns -11.6 dB at 2 m. The result depends on how 1.8 cm pixels fall on a 10 cm target."""
+    """The published program returns -11.6 dB for a trihedral at 2 m. This level depends on how pixels of 1.8 cm fall on the target of 10
+    cm.
+    """
     ratio = baselines.trihedral_over_sphere_db(backend("rfgenesis"), np.linspace(1.9, 2.1, 11))
     assert pytest.approx(29.4, abs=0.05) == baselines.CLOSED_FORM_RATIO_DB
     assert np.median(ratio) == pytest.approx(-11.6, abs=2)
@@ -38,25 +42,27 @@ def test_levels_follow_the_range_law_of_each_version(version, low, high):
 
 @pytest.mark.parametrize(("version", "levels_db"), [("shipped", (-143, -105)), ("corrected", (-103, -86))])
 def test_level_grows_with_the_number_of_rays(version, levels_db):
-    """As rays^2 if every ray keeps its weight, and as rays if each ray has its share of the power."""
+    """The power grows as rays^2 if every ray keeps its weight, and as rays if each ray carries an equal share of the power."""
     assert baselines.plate_levels_db(version, (128, 1024)) == pytest.approx(levels_db, abs=1.5)
 
 
 @pytest.mark.parametrize(("version", "speed"), [("shipped", 0.743), ("columns", 0.743), ("corrected", 0.2 * 79.106 / 77)])
 def test_speed_error_of_the_published_radar(version, speed):
-    """The published program uses the wavelength at 77 GHz, but its chirps are at about 79.1 GHz."""
+    """The published program computes speeds with the wavelength at 77 GHz, but its chirps are at about 79.1 GHz."""
     assert baselines.speed_read_mps(backend("rfgenesis", version=version), baselines.published_radar()) == pytest.approx(speed, rel=0.005)
 
 
 def test_closed_form_plate_level_of_the_table_matches_tubes():
-    """At 1 and 3 m."""
+    """The plate level that the table takes from a closed form agrees with ray tubes at 1 m and at 3 m."""
     for distance in (1.0, 3.0):
         traced = baselines.level_db(objects.plate(0.1, 0.1), distance, backend("mitsuba"))
         assert traced == pytest.approx(baselines.plate_db(distance), abs=0.2)
 
 
 def test_direct_signal_and_shared_synthesis_agree():
-    """At rest: a single hit agrees to 0.001 after removal of the residual video phase; a whole plate agrees in level."""
+    """With a target at rest, the signal of a single hit agrees to 0.001 after removal of the residual video phase, and the signal of a
+    whole plate agrees in level.
+    """
     point = np.array([[2.0, 0.3, 0.1]])
     distance = float(np.linalg.norm(point))
     signal = direct_frame(point, point, np.array([distance]), RADAR)[0]
@@ -76,7 +82,9 @@ def test_direct_signal_and_shared_synthesis_agree():
 
 
 def test_hits_have_exact_directions_and_distances():
-    """Rows start at the top and columns at the left. Distances on a plane are exact; the nearer of two surfaces counts."""
+    """The pixel rows of the ray grid start at the top and the columns at the left. Hit distances on a plane are exact, and of two surfaces
+    the nearer surface is hit.
+    """
     back = rt.Surface(objects.plate(6, 6).apply_transform(at(3.0)), "metal", "back")
     front = rt.Surface(objects.plate(0.5, 0.5), "metal", "front")
     settings = rfgenesis.RFGenesisSettings("corrected", 32)
@@ -89,7 +97,9 @@ def test_hits_have_exact_directions_and_distances():
 
 
 def test_corrected_power_matches_a_diffuse_sphere():
-    """Without phases, a Lambert sphere returns 8/3 times the cross-section of a mirror sphere, here within 5 % (pixels)."""
+    """Without phases, a Lambert sphere returns 8/3 times the cross-section of a mirror sphere. The pixels of the ray grid limit the
+    agreement to 5 %.
+    """
     scene = rt.Scene([rt.Surface(objects.sphere(0.2).apply_transform(at(3.0)), "metal", "ball")])
     (paths,) = backend("rfgenesis", version="corrected", grid=512).paths(scene, RADAR, HERE)
     wavelength = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -98,7 +108,7 @@ def test_corrected_power_matches_a_diffuse_sphere():
 
 
 def test_shipped_hits_remain_where_a_target_was():
-    """The published interpolation fills a missing pixel from the previous frame, permanently."""
+    """The published program fills a pixel without a hit from the previous frame, so that hits remain after the target has moved away."""
     poses = np.array([at(1.5, y) for y in (0.0, 0.3, 0.6)])
     scene = rt.Scene([rt.Surface(objects.plate(0.2, 0.2), "metal", "plate")])
     counts = {}
@@ -109,7 +119,9 @@ def test_shipped_hits_remain_where_a_target_was():
 
 
 def test_point_levels_follow_the_radar_equation_and_miss_the_near_field():
-    """At 0.5 m, a 10 cm plate returns 17.6 dB less than its far-field cross-section, which the table uses."""
+    """At 0.5 m, a plate of 10 cm returns 17.6 dB less than its far-field cross-section, but the table of point scatterers uses the
+    far-field cross-section.
+    """
     plate = objects.plate(0.1, 0.1)
     far = baselines.level_db(plate, 4.0, backend("points")) - baselines.level_db(plate, 2.0, backend("points"))
     assert far == pytest.approx(-40 * np.log10(2), abs=0.05)
@@ -143,7 +155,7 @@ def test_table_holds_far_field_cross_sections():
 @pytest.mark.slow
 @pytest.mark.parametrize(("room", "most_s"), [(False, 24), (True, 65)])
 def test_whole_frame_is_no_slower_than_the_published_program(room, most_s):
-    """The published program takes 24 s for 1,200 hits (a plate at 1 m) and 65 s for 16,384 hits (a room) on two cores."""
+    """On two cores, the published program takes 24 s for 1,200 hits (a plate at 1 m) and 65 s for 16,384 hits (a room)."""
     plate = rt.Scene([rt.Surface(objects.plate(0.3, 0.3).apply_transform(at(1.0)), "metal", "plate")])
     scene, pose = (rooms.lab(), rooms.lab_bench().sensor_pose[None]) if room else (plate, HERE)
     part = Part("frame", scene, pose, {}, 1, RADAR, lambda: np.zeros(0))

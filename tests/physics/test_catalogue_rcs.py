@@ -1,4 +1,6 @@
-"""Cross-sections of catalogue objects: cans match cylinders of their straight wall from all sides, bottles vary as they turn."""
+"""Cross-sections of catalogue objects: cans agree with cylinders of their straight wall at all angles, and the level of bottles varies
+while they rotate.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ ASPECTS = np.radians([0.0, 7.0, 15.0, 31.0, 45.0, 60.0, 77.0, 90.0])
 
 
 def around(name):
-    """RCS in dBm^2 of the body about the height it is aimed at, level, at ASPECTS."""
+    """Return the RCS in dBm^2 of an object at the angles ASPECTS, seen horizontally from the height at which the radar aims."""
     body = objects.make(name)[0]
     mesh = body.mesh.copy().apply_translation([0, 0, -objects.entry(name).aim_m])
     return np.array([db(rt.rcs(mesh, [np.cos(a), np.sin(a), 0.0], material=body.material)) for a in ASPECTS])
@@ -19,14 +21,16 @@ def around(name):
 
 @pytest.mark.parametrize(("name", "radius", "straight"), [("can_211_400", 0.03295, 0.0940), ("drink_can_355", 0.03305, 0.0862)])
 def test_cans_match_cylinders_of_their_straight_wall(name, radius, straight):
-    """2 pi r h^2 / lambda at broadside. Seams, neck and base may add 1 dB."""
+    """The broadside cross-section of a cylinder is 2 pi r h^2 / lambda. Seams, neck and base of a can may add 1 dB."""
     level = around(name)
     assert level.mean() == pytest.approx(db(2 * np.pi * radius * straight**2 / WAVELENGTH), abs=1.0)
     assert np.ptp(level) < 0.2  # no facet ripple
 
 
 def test_mug_is_round_and_weaker_than_metal():
-    """A metal wall of 87 mm would have -4.7 dBm^2; 4 mm of ceramic returns 2 to 8 dB less in the middle of the sweep."""
+    """A metal wall of 87 mm height would have -4.7 dBm^2. The ceramic wall of 4 mm thickness returns 2 to 8 dB less at the centre frequency
+    of the chirp.
+    """
     level = around("mug")
     assert np.ptp(level) < 0.3
     assert -4.7 - 8 < level.mean() < -4.7 - 2

@@ -1,4 +1,4 @@
-"""Paths between objects and a room against image sources, geometric optics, exact geometry and finite differences."""
+"""Compare paths between objects and a room with image sources, geometric optics, exact geometry and finite differences."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def at(position, rotation=None):
 
 
 def near(parts, length, within=0.07):
-    """(field, length of the amplitude's phase centre) of paths about a length."""
+    """Return (field, path length of the amplitude's phase centre) of the paths whose length is near the given length."""
     chosen = [p.where(np.abs(p.length_m - length) < within) for p in parts]
     return traced.field(chosen, RADAR.center_frequency_hz), chosen
 
@@ -58,7 +58,9 @@ def db(ratio):
 
 @pytest.mark.parametrize("height", [0.3, 0.5, 0.7])
 def test_sphere_over_a_metal_floor_matches_geometric_optics(height):
-    """Direct, floor - sphere in both directions, and floor - sphere - floor: within 0.3 dB and 8 degrees."""
+    """The direct echo, the two echoes over floor and sphere, and the echo floor - sphere - floor agree with geometric optics within 0.3 dB
+    and 8 degrees.
+    """
     centre = np.array([1.2, 0.0, height])
     parts = paths_of(rt.Scene([floor(), ball(centre)]), at(SENSOR))[1:]
     for source, target, ways in ((SENSOR, SENSOR, 1), (SENSOR, MIRRORED, 2), (MIRRORED, MIRRORED, 1)):
@@ -72,7 +74,9 @@ def test_sphere_over_a_metal_floor_matches_geometric_optics(height):
 
 @pytest.mark.parametrize("material", ["concrete", "glass"])
 def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
-    """With the Fresnel coefficient (TM, because the field is vertical) once and twice."""
+    """The echo over the floor has the Fresnel coefficient once, and the echo floor - sphere - floor has it twice. The coefficient is TM,
+    because the field is vertical.
+    """
     centre = np.array([1.2, 0.0, 0.35])
     parts = paths_of(rt.Scene([floor(material), ball(centre)]), at(SENSOR), rays_per_wavelength2=9.0)[1:]
     eps = stack.permittivity(material, RADAR.center_frequency_hz)
@@ -93,13 +97,15 @@ def test_without_coupling_only_the_direct_echo_remains():
 
 
 def table_top(edge):
-    """A metal top 3 m wide across the view whose near or far edge is at x = edge[0] or edge[1]."""
+    """Return a metal table top from x = edge[0] (near edge) to x = edge[1] (far edge) that is 3 m wide along y."""
     mesh = rooms.rectangle([edge[0], -1.5, 0.0], np.eye(3)[0], np.eye(3)[1], (edge[1] - edge[0], 3.0))
     return rt.Surface(mesh, "metal", "top", role="room")
 
 
 def test_table_edge_under_the_object_matches_the_half_plane_factor():
-    """The echo table - sphere fades as the table moves away, as the half-plane Fresnel factor predicts (to 0.093)."""
+    """The echo over table and sphere becomes weaker as the table moves away. The half-plane Fresnel factor predicts this decrease with an
+    error of 0.093.
+    """
     centre = np.array([1.2, 0.0, 0.3])
     level, length, place = sphere_echo(centre, SENSOR, MIRRORED)
     mirror_point = place[0] * (1.0 / (1.0 + place[2]))
@@ -116,7 +122,9 @@ def test_table_edge_under_the_object_matches_the_half_plane_factor():
 
 
 def test_object_behind_a_screen_is_seen_over_a_wall():
-    """The direct echo and both mixed echoes vanish; wall - sphere - wall keeps its level."""
+    """Behind a screen, the direct echo and the two echoes with one reflection on the wall vanish, and the echo wall - sphere - wall keeps
+    its level.
+    """
     centre = np.array([1.6, 0.0, 1.0])
     wall = rt.Surface(rooms.rectangle([-1, 1.0, -0.5], np.eye(3)[0], np.eye(3)[2], (4.5, 3.0)), "metal", "wall", role="room")
     screen = rt.Surface(rooms.rectangle([0.8, -0.35, 0.5], np.eye(3)[1], np.eye(3)[2], (0.7, 1.0)), "metal", "screen", role="room")
@@ -134,13 +142,13 @@ def test_object_behind_a_screen_is_seen_over_a_wall():
 
 
 def legs(position):
-    """Lengths of the three echoes of a small sphere's nearest points, by image geometry."""
+    """Return the path lengths of the three echoes from the nearest points of a small sphere, by image geometry."""
     return [sphere_echo(position, s, t)[1] for s, t in ((SENSOR, SENSOR), (SENSOR, MIRRORED), (MIRRORED, MIRRORED))]
 
 
 @pytest.mark.parametrize("kind", ["slide", "sensor", "turn"])
 def test_doppler_of_every_leg_pair_matches_path_differences(kind):
-    """Amplitude-weighted rates of each echo against differences of exact path lengths."""
+    """The amplitude-weighted range rate of each echo agrees with differences of exact path lengths."""
     frames, step = 3, 0.004
     offset = np.array([1.2, 0.05, 0.35])
     motion, sensors = np.tile(np.eye(4), (frames, 1, 1)), np.tile(at(SENSOR), (frames, 1, 1))
@@ -174,7 +182,7 @@ def test_doppler_of_every_leg_pair_matches_path_differences(kind):
 
 
 def test_phase_follows_the_path_length_between_frames():
-    """The phase of each echo follows k times its change of length to 2 degrees."""
+    """Between two frames, the phase of each echo changes by k times the change of its path length, within 2 degrees."""
     frames = 6
     motion = np.tile(np.eye(4), (frames, 1, 1))
     motion[:, :3, 3] = np.array([1.2, 0.05, 0.35]) + np.arange(frames)[:, None] * 3e-4 * np.array([0.5, 0.3, 0.8])
@@ -187,7 +195,9 @@ def test_phase_follows_the_path_length_between_frames():
 
 
 def test_channels_of_image_paths_match_image_geometry():
-    """Phase of every channel, for floor - sphere - floor and the mixed pair, against the sphere's echo between mirrored elements."""
+    """For the echo floor - sphere - floor and for the echoes with one floor reflection, the phase of each channel agrees with the sphere's
+    echo between mirrored antenna elements.
+    """
     turn = np.linalg.qr(np.array([[0.9, -0.1, 0.3], [0.15, 0.95, -0.25], [-0.3, 0.2, 0.9]]))[0]
     turn *= np.sign(np.diag(turn))
     turn[:, 2] *= np.linalg.det(turn)
@@ -217,7 +227,9 @@ def test_channels_of_image_paths_match_image_geometry():
 
 
 def static_and_named(sensors):
-    """Paths of a can in the lab as a static surface, and named in `motion` at rest: (room, group) fields over the sweep of each."""
+    """Return the paths of a can in the laboratory as fields (room, group) over the chirp, first with the can as a static surface and then
+    with the can named in `motion` but at rest.
+    """
     can, pose = objects.cylinder(0.033, 0.12), np.eye(4)
     pose[:3, 3] = [2.3, 0.1, 1.0]
     lab = rooms.lab(detail="furnished")
@@ -234,7 +246,9 @@ def static_and_named(sensors):
 
 @pytest.mark.parametrize("moving", [False, True])
 def test_static_object_and_resting_moving_object_have_equal_paths(moving):
-    """In a furnished lab, for a resting and a moving sensor, the object's paths agree to 1e-4 of all paths."""
+    """In a furnished laboratory with a resting or moving sensor, the two ways to describe the object give the same paths within 1e-4 of the
+    total field.
+    """
     sensors = np.array([traced.pose((1.0, y, 1.0)) for y in ((0.0, 0.02) if moving else (0.0,))])
     (room, echo), (_, named) = static_and_named(sensors)
     assert np.linalg.norm(echo - named) < 1e-4 * np.linalg.norm(room + echo)
@@ -249,8 +263,10 @@ def test_static_object_and_resting_moving_object_have_equal_signals():
 
 @pytest.mark.slow
 def test_coupled_echoes_match_tubes():
-    """Sphere over a floor, tubes from the sensor only. The direct echo agrees to 0.3 dB. The mixed echo agrees to 0.8 dB (0.38 measured),
-    because wide tubes of the floor bring half of it to the sphere (panels are within 0.08 dB of geometric optics, tubes 0.45 dB).
+    """A sphere over a floor is compared with ray tubes that start at the sensor only.
+
+    The direct echoes agree to 0.3 dB. The echoes over floor and sphere agree to 0.8 dB (0.38 dB measured), because wide tubes of the floor
+    carry half of this echo to the sphere. Panels are within 0.08 dB of geometric optics, tubes within 0.45 dB.
     """
     centre = np.array([1.2, 0.0, 0.35])
     scene = rt.Scene([floor(), ball(centre)])
@@ -284,15 +300,18 @@ def test_objects_that_touch_overlap_or_leave_the_room_stay_finite():
 
 
 def field_of(parts, low=0.0, high=np.inf):
-    """Level in decibels of all paths whose length lies between two."""
+    """Return the level in decibels of the sum of all paths whose length is between `low` and `high`."""
     chosen = [p.where((p.length_m > low) & (p.length_m < high)) for p in parts]
     return 20 * np.log10(abs(traced.field(chosen, RADAR.center_frequency_hz)))
 
 
 @pytest.mark.parametrize(("height", "within"), [(0.06, 1.0), (0.08, 2.6), (0.12, 1.0), (0.2, 1.0)])
 def test_box_on_the_floor_matches_the_box_as_panels(height, within):
-    """The dihedral of floor and front against the same box as panels, whose apertures share the corner. Paths over the floor use
-    currents on its front only, but panels use the mean with currents on the floor: 2.3 dB at most.
+    """The right-angled corner of the floor and the front of a box is compared with the same box as panels, whose apertures share the
+    corner.
+
+    Paths over the floor use currents on the box front only, but panels use the mean with currents on the floor. The two levels differ by at
+    most 2.3 dB.
     """
     box = objects.box((1.15, -0.075, 0.0), (1.25, 0.075, height))
     pose = at((0, 0, 0.6))
@@ -307,7 +326,7 @@ def test_box_on_the_floor_matches_the_box_as_panels(height, within):
 
 
 def mirror_facing(centre, towards, size=0.3):
-    """A metal plate whose face looks along `towards`."""
+    """Return a square metal plate at `centre` whose face points towards `towards`."""
     plate = objects.box((-0.01, -size / 2, -size / 2), (0.0, size / 2, size / 2))
     x = towards / np.linalg.norm(towards)
     y = np.cross([0, 0, 1.0], x)
@@ -319,7 +338,9 @@ def mirror_facing(centre, towards, size=0.3):
 
 
 def test_paths_between_two_small_mirrors_count_once():
-    """A triangular path over two plates has twice the image at its length, whether both plates are static or one is named in motion."""
+    """A triangular path over two plates occurs in two directions, so the field at its path length is twice the image. This holds whether
+    both plates are static or one is named in `motion`.
+    """
     sensor, a, b = np.array([0, 0, 1.5]), np.array([3.0, 1, 1.5]), np.array([3.0, -1, 1.5])
 
     def unit(v):
@@ -339,7 +360,7 @@ def test_paths_between_two_small_mirrors_count_once():
 
 @pytest.mark.parametrize("room", ["auto", "tubes"])
 def test_object_moves_beside_curved_surfaces_without_panels(room):
-    """A ball and a floor bent by a scan have no panels."""
+    """The room consists of a ball and a floor that scan errors have bent; neither is flat enough to become a panel."""
     bent = rooms.rectangle([0.5, -0.5, 0], np.eye(3)[0], np.eye(3)[1], (1, 1)).subdivide_loop(4)
     bent.vertices[:, 2] += 2e-3 * np.random.default_rng(0).standard_normal(len(bent.vertices))
     for static in (ball((1.5, 0.5, 1.0)), rt.Surface(bent, "concrete", "floor", role="room")):

@@ -1,4 +1,6 @@
-"""Large objects seen from near: tubes that meet nothing are skipped, in blocks that fit in memory, and no hit is lost."""
+"""For large objects at short range, the tracer skips ray tubes that hit nothing and divides the others into blocks that fit in memory,
+without losing a hit.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from radartwin.simulation.curved.hits import TraceOptions
 
 
 def slanted_frame() -> Any:
-    """A bent bar that runs away from the radar, and a ball at its end."""
+    """Return a bent bar that extends away from the radar, and a ball at the end of the bar."""
     bar = trimesh.creation.box((2.0, 0.03, 0.03))
     bar.apply_transform(trimesh.transformations.rotation_matrix(0.9, [0, 0, 1]))
     post = trimesh.creation.box((0.03, 0.03, 1.2))
@@ -52,7 +54,7 @@ def test_object_partly_behind_the_source_needs_all_cells() -> None:
 
 
 def test_corner_beside_the_source_needs_all_cells() -> None:
-    """A depth of one rounding error does not count as depth: 0.1 + 0.2 is not 0.3."""
+    """An extent in depth of one rounding error does not count as depth; for example, 0.1 + 0.2 differs from 0.3."""
     grid = tube_grid.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
     corners = np.array([[[0.1 + 0.2, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
     assert tube_grid.covered(grid, 0, corners) is None

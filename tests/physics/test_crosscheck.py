@@ -1,4 +1,6 @@
-"""The tools of the cross-check (image sources of furnished boxes, Fresnel zones, matching) and its result."""
+"""Test the tools of the comparison with Sionna (image sources of furnished boxes, Fresnel zones, matching of paths) and the result of this
+comparison.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ def walls(material: str | rt.Layered = "concrete") -> rt.Surface:
 
 
 def images(*surfaces: rt.Surface, bounces: int = 3) -> dict[tuple[float, ...], tuple[complex, bool]]:
-    """Amplitude and clearance by length and departure."""
+    """Return amplitude and clearance of the image paths, by path length and departure direction."""
     found = Room(rt.Scene([walls(), *surfaces]), FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], bounces)
     return {(round(i.length_m, 6), *np.round(i.departure, 6) + 0.0): (i.amplitude, i.clear) for i in found}
 
@@ -47,8 +49,9 @@ def test_an_empty_box_has_all_its_images() -> None:
 
 
 def test_screen_removes_images_and_cuts_fresnel_zones() -> None:
-    """A screen covers the front wall except for a slot around the mirror point, then also the slot. At a quarter of the path, the zone is
-    two thirds as wide as on the wall.
+    """A screen covers the front wall except for a slot around the mirror point; a second screen covers the slot as well.
+
+    At a quarter of the path, the Fresnel zone is two thirds as wide as on the wall.
     """
     ahead = (round(2 * (SIZE[0] - SENSOR[0]), 6), 1.0, 0.0, 0.0)
     zone = np.sqrt(299_792_458.0 / FREQUENCY_HZ * ahead[0]) / 2
@@ -112,7 +115,9 @@ def test_reference_is_scored_by_its_matched_paths() -> None:
 
 @pytest.mark.slow
 def test_the_cross_check_holds_in_every_room() -> None:
-    """Our paths contain every image within 40 dB at its length, and every path of Sionna at a single pose."""
+    """Our paths contain, at its length, every image within 40 dB of the strongest image, and every path that Sionna
+    finds at a single pose.
+    """
     from radartwin.config.compose import compose
     from radartwin.io.progress import Progress
     from radartwin.runs.experiment import check_rows

@@ -1,4 +1,6 @@
-"""The diffuse cloud against quadratures and closed forms: energy, fixed points, density, shadows and motion."""
+"""Compare the diffuse point cloud of rough walls with quadratures and closed forms: energy, fixed points, point density, shadows and
+motion.
+"""
 
 from dataclasses import replace
 
@@ -21,7 +23,7 @@ SIGMA = 0.3e-3
 
 
 def rectangle(distance: float, low: tuple[float, float], high: tuple[float, float]) -> trimesh.Trimesh:
-    """Facing -x at x = distance, y and z between two corners."""
+    """Return a rectangle in the plane x = distance that faces -x, between two corners (y, z)."""
     (y0, z0), (y1, z1) = low, high
     corners = np.array([[distance, y, z] for y, z in ((y0, z0), (y0, z1), (y1, z1), (y1, z0))])
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
@@ -46,13 +48,13 @@ def traced(surfaces, poses, radar=ISOTROPIC, count=None, velocity=None, unit=Fal
 
 
 def fresnel(cosine, eta):
-    """Power reflection (te, tm) of a half-space."""
+    """Return the power reflection coefficients (te, tm) of a half-space with permittivity eta."""
     inside = np.sqrt(eta - 1 + cosine**2)
     return np.abs((cosine - inside) / (cosine + inside)) ** 2, np.abs((eta * cosine - inside) / (eta * cosine + inside)) ** 2
 
 
 def wall_power(distance: float, low: tuple[float, float], high: tuple[float, float], steps: int = 400) -> float:
-    """Mean diffuse power of a concrete wall by the midpoint rule, isotropic elements along z, every factor written out."""
+    """Return the mean diffuse power of a concrete wall by the midpoint rule, for isotropic antenna elements along z."""
     (y0, z0), (y1, z1) = low, high
     y = y0 + (y1 - y0) * (np.arange(steps)[:, None] + 0.5) / steps
     z = z0 + (z1 - z0) * (np.arange(steps)[None, :] + 0.5) / steps
@@ -68,7 +70,9 @@ def wall_power(distance: float, low: tuple[float, float], high: tuple[float, flo
 @pytest.mark.parametrize("angle_deg", [0.0, 40.0, 75.0])
 @pytest.mark.parametrize("material", ["concrete", Layered([("plasterboard", 0.0125)])])
 def test_patch_scatters_the_power_that_roughness_removes(material, angle_deg):
-    """Received power over a hemisphere of receivers (Gauss-Legendre in the cosine) is (1 - rho^2) |Gamma|^2 of the incident power."""
+    """A hemisphere of receivers collects the fraction (1 - rho^2) |Gamma|^2 of the incident power (Gauss-Legendre quadrature over the
+    cosine).
+    """
     cosine, f = np.cos(np.radians(angle_deg)), np.linspace(77e9, 80e9, 5)
     nodes, weights = np.polynomial.legendre.leggauss(24)
     cos_out = (nodes + 1) / 2
@@ -84,7 +88,9 @@ def test_patch_scatters_the_power_that_roughness_removes(material, angle_deg):
 
 
 def test_specular_and_diffuse_add_up_to_fresnel():
-    """Tabulated strengths of a half-space plus its squared rough reflection are Fresnel's power at every angle."""
+    """For a half-space, the tabulated diffuse strength plus the squared specular reflection of the rough surface equals Fresnel's power
+    reflection at every angle.
+    """
     cosine = np.linspace(0, 1, diffuse.COSINES)[1::37]
     table = diffuse.strengths([WALL], ISOTROPIC)
     f = ISOTROPIC.start_frequency_hz + ISOTROPIC.sampled_bandwidth_hz * np.linspace(0, 1, 5)
@@ -96,7 +102,7 @@ def test_specular_and_diffuse_add_up_to_fresnel():
 
 @pytest.mark.parametrize("count", [1_000, 50_000])
 def test_mean_power_is_the_integral_for_any_number_of_points(count):
-    """Tolerance: the share of the near-field limit, 1.5 x = 1.5 A/(pi r^2), and 1 %."""
+    """The tolerance is 1 % plus the share of power that the near-field limit of a point removes, 1.5 x = 1.5 A/(pi r^2)."""
     mean = (np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude) ** 2).sum()
     expected = wall_power(2.0, (-1.5, -1.0), (1.5, 1.5))
     bias = 1.5 * 7.5 / count / (np.pi * 2.0**2)
@@ -104,7 +110,9 @@ def test_mean_power_is_the_integral_for_any_number_of_points(count):
 
 
 def test_speckle_is_exponential_about_the_same_mean():
-    """Sums of |field|^2 are within four standard deviations of the mean; |field|^2 has the moments of an exponential distribution."""
+    """Sums of |field|^2 over the points are within four standard deviations of their mean, and |field|^2 has the moments of an exponential
+    distribution.
+    """
     count = 10_000
     mean = np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude[:, 0]) ** 2
     drawn = np.abs(traced([WALL], at((0, 0, 0)), count=count).amplitude[:, 0]) ** 2
@@ -115,7 +123,9 @@ def test_speckle_is_exponential_about_the_same_mean():
 
 
 def test_close_points_return_no_more_than_their_cell():
-    """At 15 cm from a wall, the mean power of the cloud is below the integral by at most 1 dB; no point exceeds its own disc."""
+    """At 15 cm from a wall, the mean power of the point cloud is at most 1 dB below the integral, and no point returns more than the disc
+    of wall that it represents.
+    """
     sensor = at((1.85, 0.05, 0.03))
     mean = (np.abs(traced([WALL], sensor, count=20_000, unit=True).amplitude) ** 2).sum()
     expected = wall_power(0.15, (-1.55, -1.03), (1.45, 1.47), steps=2000)
@@ -126,7 +136,7 @@ def test_close_points_return_no_more_than_their_cell():
 
 
 def test_static_scene_vanishes_after_background_subtraction():
-    """Points, fields and samples are equal in every frame; another seed gives another scene of equal power."""
+    """In a static scene, points, fields and samples are equal in every frame. Another random seed gives another scene with equal power."""
     iq = synthesize(traced([WALL], at((0, 0, 0), (0, 0, 0)), count=2_000), ISOTROPIC)
     assert np.abs(iq).max() > 0
     assert np.array_equal(iq[0], iq[1])
@@ -148,7 +158,7 @@ def test_smooth_surfaces_have_no_cloud():
 
 
 def test_points_are_distributed_by_scattered_power():
-    """A wall with four times the scattered share has four times the points; each point represents its part of its wall."""
+    """A wall that scatters four times the power gets four times the points, and each point represents its part of the wall."""
     k = 2 * np.pi * 77e9 / C
     quiet = WALL.replaced(roughness_m=float(np.sqrt(-np.log(1 - 0.1) / 4) / k), name="quiet")
     loud = WALL.replaced(roughness_m=float(np.sqrt(-np.log(1 - 0.4) / 4) / k), name="loud", mesh=rectangle(3.0, (-1.5, -1.0), (1.5, 1.5)))
@@ -159,7 +169,7 @@ def test_points_are_distributed_by_scattered_power():
 
 
 def test_path_rate_is_the_change_of_length():
-    """Against differences between poses one millimetre apart: -2 v.u."""
+    """The range rate of each path agrees with the difference of path lengths between poses one millimetre apart, which is -2 v.u."""
     velocity, step = np.array([0.3, -0.2, 0.1]), 1e-3
     poses = at((0, 0, 0), tuple(velocity * step))
     found = traced([WALL], poses, count=500, velocity=np.tile(velocity, (2, 1)))
@@ -170,7 +180,9 @@ def test_path_rate_is_the_change_of_length():
 
 
 def test_shadowed_points_vanish():
-    """A plate at half the distance hides twice its size on the wall only; a turned sensor sees the same points in its own frame."""
+    """A plate at half the distance hides an area of twice its size on the wall, and nothing else. A rotated sensor sees the same points in
+    its own frame.
+    """
     plate = Surface(rectangle(1.0, (-0.3, -0.2), (0.3, 0.2)), "metal", "plate")
     open_wall = traced([WALL], at((0, 0, 0)), count=4_000)
     found = traced([WALL, plate], at((0, 0, 0)), count=4_000)

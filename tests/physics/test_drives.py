@@ -1,4 +1,4 @@
-"""Drives along one track: shared paths against tracing each drive separately."""
+"""Drives along one nominal track share traced paths; the shared paths are compared with paths that are traced for each drive separately."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,9 @@ NEAR = slice(22, 26)  # of a drive's 50 frames
 
 @pytest.fixture(scope="module")
 def drive():
-    """A nominal piece of a lateral drive through the empty lab, and where a rover with its errors is."""
+    """Return a part of a nominal drive past the object through the empty laboratory, and the actual poses of a rover with its motion
+    errors.
+    """
     nominal = trajectory.lateral_sweep(rooms.bench("lab").sensor_pose)
     actual = rover(nominal, RoverErrors(), np.random.default_rng(1))[NEAR]
     return list(rooms.room("lab", detail="shell")), nominal[NEAR], actual
@@ -54,7 +56,7 @@ def test_moved_paths_over_the_room_match_separate_tracing(drive):
 
 
 def test_moved_paths_keep_their_first_and_last_points():
-    """Lengths, directions and rates from a driving sensor, moved by 3 cm and turned by 2 degrees."""
+    """Paths from a driving sensor are moved by 3 cm and rotated by 2 degrees; their lengths, directions and range rates stay correct."""
     place, there = np.eye(4), trajectory.look_at([0.01, -0.02, 0.015], [1.01, -0.02 + np.tan(np.radians(2)), 0.015])
     first, last = np.array([2.0, 0.3, 0.1]), np.array([1.5, -0.4, 0.2])
     between, velocity = 0.7, np.array([0.2, 0.1, 0.0])

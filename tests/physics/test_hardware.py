@@ -1,4 +1,6 @@
-"""Each imperfection of the radar against its closed form, and the defaults against published values of the real radar."""
+"""Compare each modelled imperfection of the radar hardware with its closed form, and the default values with published values of the real
+radar.
+"""
 
 import dataclasses
 
@@ -29,7 +31,7 @@ TIME = np.arange(256) / RADAR.sample_rate_hz
 
 
 def echo(range_m):
-    """A tone by the definition of the beat signal, the same on all chirps and channels."""
+    """Return the beat signal of a point echo by its definition, equal for all chirps and channels."""
     return np.exp(2j * np.pi * (RADAR.start_frequency_hz + RADAR.slope_hz_per_s * TIME) * 2 * range_m / C) * np.ones(SHAPE)
 
 
@@ -39,8 +41,10 @@ def spectrum(iq):
 
 @pytest.mark.parametrize("level", [-93.0, -60.0])
 def test_phase_noise_on_samples_matches_the_phase_noise_of_each_echo(level):
-    """The oracle sums phi(t) - phi(t - tau) of the same oscillator over echoes of unequal strength from 0.5 to 9 m. Under a Hann window
-    the noise agrees within 5 % of its amplitude and 0.1 dB of its energy."""
+    """The reference sums the phase difference phi(t) - phi(t - tau) of the same oscillator over echoes of unequal strength from 0.5 to 9 m.
+
+    Under a Hann window, the noise agrees with this reference within 5 % of its amplitude and 0.1 dB of its energy.
+    """
     noise = PhaseNoise(level)
     hardware = dataclasses.replace(IDEAL, phase_noise=noise)
     ranges, amplitudes = np.array([0.5, 1.3, 2.0, 3.7, 5.1, 9.0]), np.array([1.0, 0.3, 0.8, 0.5, 0.4, 0.2])
@@ -67,7 +71,9 @@ def test_samples_are_unchanged_without_phase_noise_and_late_chirps():
 
 
 def test_late_chirp_rotates_an_echo_by_its_beat_frequency():
-    """The beat frequency at 2 m is 934 kHz, so 1.1 ns are 0.37 degrees (TI SPRACV2: 0.4 degrees at 1 MHz). Half of the chirps are late."""
+    """The beat frequency at 2 m is 934 kHz, so a chirp that is 1.1 ns late rotates the echo by 0.37 degrees (TI SPRACV2: 0.4 degrees at 1
+    MHz). Half of the chirps are late.
+    """
     hardware = dataclasses.replace(IDEAL, chirp_late_s=1.1e-9)
     turned = hardware.echoes(echo(2.0).astype(np.complex64), RADAR, np.random.default_rng(1))
     degrees = np.degrees(np.angle((turned / echo(2.0))[..., 64:192].mean(axis=-1)))[0]
@@ -79,8 +85,10 @@ def test_late_chirp_rotates_an_echo_by_its_beat_frequency():
 
 
 def test_leakage_is_at_zero_range_at_the_level_of_real_captures():
-    """Public captures with the same filter codes have leakage 12.6 dB (60 GHz) and 15.2 dB (77 GHz) above the noise of a sample.
-    Boards and slopes differ, so the tolerance is 6 dB."""
+    """Public captures with the same filter codes have a leakage 12.6 dB (60 GHz) and 15.2 dB (77 GHz) above the noise of a sample.
+
+    The captures use other boards and chirp slopes, so the tolerance is 6 dB.
+    """
     noisy = received(Recording(np.zeros(SHAPE, np.complex64), RADAR), dataclasses.replace(Hardware(), offset_dbfs=-np.inf), 0).iq
     power = (np.abs(spectrum(noisy)) ** 2).mean(axis=(0, 1, 2, 3))
     assert np.argmax(power) <= 2  # within 9 cm
@@ -104,7 +112,9 @@ def test_line_loss_reduces_the_power_of_an_echo_once():
 
 
 def test_image_of_a_tone_matches_the_closed_form_and_is_filtered():
-    """The image ratio is |1 - g exp(-j phi)| / |1 + g exp(j phi)|, -24.5 dB at 1 dB and 2 degrees. Complex 1x keeps near images only."""
+    """The image ratio of an I/Q mixer is |1 - g exp(-j phi)| / |1 + g exp(j phi)|, which is -24.5 dB at 1 dB gain error and 2 degrees phase
+    error. A receiver in the mode Complex 1x keeps only images at short range.
+    """
     hardware = dataclasses.replace(IDEAL, gain_imbalance_db=1.0, phase_imbalance_deg=2.0)
     tone = (np.exp(2j * np.pi * 30 * np.arange(256) / 256) * np.ones(SHAPE)).astype(np.complex64)
     gain = 10 ** (1 / 20) * np.exp(1j * np.radians(2))
@@ -142,7 +152,9 @@ def test_saved_recording_holds_the_counts_of_the_adc(tmp_path):
 
 
 def test_channel_gains_have_the_published_spread_over_boards():
-    """The standard deviations over boards are 0.6 dB and 5 degrees, half of the variance from transmitters and half from receivers."""
+    """The standard deviations of the channel gains between boards are 0.6 dB and 5 degrees. Transmitters and receivers each contribute half
+    of the variance.
+    """
     gains = np.stack([dataclasses.replace(Hardware(), board=b).channels(RADAR) for b in range(2000)])
     assert np.std(20 * np.log10(np.abs(gains))) == pytest.approx(0.6, rel=0.05)
     assert np.degrees(np.std(np.angle(gains))) == pytest.approx(5.0, rel=0.05)
@@ -186,8 +198,10 @@ def test_real_samples_with_phase_noise_stay_real():
 
 @pytest.mark.parametrize("distance_m", [0.5, 4.0])
 def test_trihedral_on_the_bench_does_not_saturate_and_uses_a_fair_part_of_the_adc(distance_m):
-    """A real 77 GHz board in front of a corner reflector, farther away, uses 4 % of the range (AWR1243BOOST, TI E2E 703739: 1396 of 32768).
-    The testbed's radar uses between 1 % and half.
+    """With a corner reflector at a longer distance, a real 77 GHz board uses 4 % of the ADC range (AWR1243BOOST, TI E2E 703739: 1396 of
+    32768).
+
+    The radar of the testbed uses between 1 % and half of the range.
     """
     motion = {"reflector": trajectory.pose([distance_m, 0.0, 0.0], np.diag([-1.0, -1.0, 1.0]))[None]}
     radar = Radar.iwr1843()
@@ -198,8 +212,10 @@ def test_trihedral_on_the_bench_does_not_saturate_and_uses_a_fair_part_of_the_ad
 
 
 def test_noise_of_a_sample_is_that_of_real_captures():
-    """A 77 GHz capture at 2.5 Msps has 7.3 counts of noise. Scaled by the square root of the sample rate, the noise agrees within 3 dB.
-    It is exactly -174 dBm/Hz + 15 dB over 5.21 MHz, -91.8 dBm received.
+    """A 77 GHz capture at 2.5 Msps has a noise of 7.3 counts. Scaled by the square root of the sample rate, this noise agrees with the
+    simulated noise within 3 dB.
+
+    The simulated noise is exactly -174 dBm/Hz + 15 dB over 5.21 MHz, which is -91.8 dBm at the receiver input.
     """
     hardware = dataclasses.replace(IDEAL, full_scale_db=Hardware().full_scale_db)
     recording = received(Recording(np.zeros((4, *SHAPE[1:]), np.complex64), RADAR), hardware, 0)
@@ -210,9 +226,11 @@ def test_noise_of_a_sample_is_that_of_real_captures():
 
 @pytest.mark.slow
 def test_most_energy_of_the_lab_at_2_m_arrives_from_beyond_the_target_at_most_aspects():
-    """The paper has about 75 % beyond a reflector that turns once at 2 m, but does not state how its average weighs the few aspects with a
-    strong flash of the reflector. The median over the frames is above one half. The flashes dominate the mean power, so the mean only has a
-    lower bound.
+    """In the paper, about 75 % of the energy arrives from beyond a corner reflector that rotates once at 2 m. The paper does not state how
+    its average weighs the few angles with a strong flash of the reflector.
+
+    In this test, the median over the frames is above one half. The flashes dominate the mean power, so the test sets only a lower bound for
+    the mean.
     """
     bench = rooms.lab_bench()
     place = bench.target_position(2.0)

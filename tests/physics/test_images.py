@@ -1,4 +1,4 @@
-"""Fresnel factors of polygons against quadrature of the same integrals, and images over panels."""
+"""Compare the Fresnel factors of polygons with quadrature of the same integrals, and test image paths over several panels."""
 
 import itertools
 from dataclasses import replace
@@ -29,13 +29,15 @@ SHAPES = {
 
 
 def lifted(shape):
-    """Corners (n, 3) of a shape in the plane x = 0."""
+    """Return the corners (n, 3) of a polygon in the plane x = 0."""
     flat = np.array(shape, float)
     return np.column_stack([np.zeros(len(flat)), flat])
 
 
 def factor(shape, source, receiver=None, along=0):
-    """Our factor of a shape in the plane x = 0, seen from x > 0; the polygon's first corner turned by `along`."""
+    """Return our Fresnel factor of a polygon in the plane x = 0, seen from x > 0. The polygon's list of corners is rotated by `along`
+    entries.
+    """
     receiver = np.array(source if receiver is None else receiver, float)
     image = np.array(source, float) * (-1, 1, 1)
     way = receiver - image
@@ -49,7 +51,9 @@ def factor(shape, source, receiver=None, along=0):
 
 
 def exact(shape, source, receiver=None):
-    """The same by quadrature: received over the infinite mirror's; of a bistatic pair the mean of both ways round, which is reciprocal."""
+    """Return the Fresnel factor by quadrature: the field from the polygon over the field from an infinite mirror. For separate antennas, it
+    is the mean of both propagation directions, which is reciprocal.
+    """
     other = np.array(source if receiver is None else receiver, float)
     corners, source = lifted(shape), np.array(source, float)
     received = [panel_quadrature(corners, source, WAVELENGTH, receiver=other)]
@@ -60,7 +64,9 @@ def exact(shape, source, receiver=None):
 
 
 def half_plane(distance, beyond):
-    """A half plane's factor, the sensor `beyond` its edge; by Fresnel integrals of the exact excess."""
+    """Return the Fresnel factor of a half-plane by Fresnel integrals of the exact excess path, with the sensor `beyond` metres past the
+    edge.
+    """
     excess = 2 * (np.hypot(distance, beyond) - distance)
     s, c = fresnel(np.sqrt(2 * K * excess / np.pi))
     dark = (1 - (1 - 1j) * (c + 1j * s)) / 2
@@ -90,7 +96,7 @@ def test_edge_wave_over_a_whole_line_matches_the_half_plane():
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_factor_of_a_polygon_matches_quadrature(name):
-    """The sensor is in front of the middle, the edges, and up to a width beyond."""
+    """The sensor is in front of the polygon's middle, in front of its edges, and up to one polygon width beyond them."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     places = [(d, share * width, z) for d in (0.5, 1.0, 2.0, 4.0) for share in (0.0, 0.25, 0.5, 1.0, 1.5) for z in (0.01, 0.13)]
@@ -101,7 +107,9 @@ def test_factor_of_a_polygon_matches_quadrature(name):
 
 @pytest.mark.parametrize(("distance", "limit"), [(0.01, 0.08), (0.05, 0.015)])
 def test_factor_close_to_a_panel_matches_quadrature(distance, limit):
-    """At a few wavelengths the excess is not quadratic: errors are 0.07 of the image at 1 cm and 0.012 at 5 cm."""
+    """At a distance of a few wavelengths the excess path is not quadratic, so the error of the factor is 0.07 of the image at 1 cm and
+    0.012 at 5 cm.
+    """
     shape = np.array([(0, 0), (0.6, 0), (0.6, 0.6), (0, 0.6)])
     for place in ((0.3, 0.3), (distance, 0.3), (distance, distance), (0.05, 0.1), (-distance, 0.3)):
         assert abs(factor(shape, (distance, *place)) - exact(shape, (distance, *place))) < limit
@@ -109,7 +117,7 @@ def test_factor_close_to_a_panel_matches_quadrature(distance, limit):
 
 @pytest.mark.parametrize("name", ["triangle", "trapezium"])
 def test_factor_at_oblique_incidence_matches_quadrature(name):
-    """Separate transmitter and receiver, up to 55 degrees off the normal."""
+    """The transmitter and the receiver are at different positions, up to 55 degrees off the normal of the polygon."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     errors = []
@@ -170,7 +178,7 @@ def test_cuts_through_corners_preserve_the_area():
 
 
 def pieces_of(shape, *others):
-    """A shape less others, by `subtract`: list of rings."""
+    """Return the pieces of a polygon that remain after `subtract` removes other polygons, as a list of rings."""
     pieces = np.zeros((aperture.MAX_PIECES, aperture.MAX_CORNERS, 2))
     counts = np.zeros(aperture.MAX_PIECES, np.int64)
     pieces[0, : len(shape)], counts[0], number = shape, len(shape), 1
@@ -243,14 +251,16 @@ def test_repeated_and_straight_corners_change_nothing():
 
 @pytest.mark.parametrize("off", [0.0, 1e-9, -1e-9, 1e-7, 1e-5])
 def test_factor_above_an_edge_is_one_half(off):
-    """A plate of 9 m is a half-plane near the middle of its edge."""
+    """Near the middle of its edge, a plate of 9 m has the Fresnel factor of a half-plane."""
     plate = 30 * np.array(SHAPES["square"])
     assert factor(plate, (1.0, 4.5 + off, 0.3)) == pytest.approx(0.5, abs=2e-3)
 
 
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 90.0, 120.0, 150.0])
 def test_factor_above_a_corner_is_its_share_of_the_angle(degrees):
-    """One micrometre from the corner, on all sides; `evaluate` never uses the corner itself, because it offsets the receiver."""
+    """The sensor is one micrometre from the corner, on all sides. The function `evaluate` never uses the corner itself, because it offsets
+    the receiver.
+    """
     angle = np.radians(degrees)
     wedge = [(0.0, 0.0), (6.0, 0.0), (6 * np.cos(angle), 6 * np.sin(angle))]
     for turn in np.linspace(0, 2 * np.pi, 9):
@@ -259,7 +269,7 @@ def test_factor_above_a_corner_is_its_share_of_the_angle(degrees):
 
 
 def test_factor_is_continuous_across_an_edge():
-    """For any sampling of the specular point."""
+    """The Fresnel factor is continuous for any sampling of the specular point."""
     for shape in SHAPES.values():
         corner, following = (np.array(shape[i]) for i in (0, 1))
         middle, normal = 0.6 * corner + 0.4 * following, np.array([following[1] - corner[1], corner[0] - following[0]])
@@ -273,7 +283,7 @@ def test_factor_is_continuous_across_an_edge():
 
 
 def flat_panels(*polygons):
-    """Panels with these rings as they are (corners (n, 3)), each by itself."""
+    """Return panels with exactly these rings (corners (n, 3)), each on a surface of its own."""
     rings = [np.array(p, float) for p in polygons]
     corners = np.zeros((len(rings), panels.MAX_SIDES, 3))
     normal = np.zeros((len(rings), 3))
@@ -293,7 +303,7 @@ def metal():
 
 
 def received(found, chains, sensor, axis=(0.0, 0, 1), others=()):
-    """Sum of image paths over panel sequences, one sensor."""
+    """Return the sum of the image paths over the given sequences of panels, for one sensor that transmits and receives."""
     sensor, axis = np.array(sensor, float)[None], np.array(axis, float)[None]
     things = images.obstacles(found, others)
     ready = images.prepare(found, things, chains, sensor, sensor)
@@ -307,7 +317,7 @@ def received(found, chains, sensor, axis=(0.0, 0, 1), others=()):
 
 
 def rectangle(centre, u, v):
-    """Ring of a rectangle by its centre and half sides."""
+    """Return the ring of a rectangle from its centre and its two half sides."""
     centre, u, v = (np.array(x, float) for x in (centre, u, v))
     return [centre - u - v, centre + u - v, centre + u + v, centre - u + v]
 
@@ -327,7 +337,7 @@ def test_panel_reflects_on_both_sides(side):
 
 @pytest.mark.parametrize("sensor", [(1.0, 0.8, 0.02), (0.4, 1.5, 0.1), (1.2, 1.2, -0.2), (0.25, 0.25, 0.3)])
 def test_two_panels_at_a_right_angle_match_quadrature(sensor):
-    """Both orders of a fold of 0.5 m panels, relative to the double image."""
+    """For two panels of 0.5 m at a right angle, both orders of reflection agree with quadrature, relative to the double image."""
     first = rectangle((0.2505, 0, 0), (0.2495, 0, 0), (0, 0, 0.25))
     second = rectangle((0, 0.2505, 0), (0, 0.2495, 0), (0, 0, 0.25))
     exact_ = sum(chain_quadrature(order, sensor, WAVELENGTH) for order in ((first, second), (second, first)))
@@ -336,7 +346,9 @@ def test_two_panels_at_a_right_angle_match_quadrature(sensor):
 
 
 def test_trihedral_of_squares_matches_its_three_bounces():
-    """0.3 m squares seen from 1.2 m: six orders, each with its own share."""
+    """Three squares of 0.3 m at right angles are seen from 1.2 m. The triple reflection has six orders, each with its own share of the
+    field.
+    """
     low, high = 5e-4, 0.3
     square = [(low, low), (high, low), (high, high), (low, high)]
     rings = [[np.insert(p, axis, 0.0) for p in np.array(square)] for axis in range(3)]
@@ -349,7 +361,9 @@ def test_trihedral_of_squares_matches_its_three_bounces():
 
 @pytest.mark.parametrize("centre", [(0.5, 0.0, 0.0), (0.5, 0.08, 0.03), (0.3, 0.2, 0.0), (0.9, 0.5, 0.1)])
 def test_plate_in_front_of_a_panel_removes_its_shadow(centre):
-    """Geometric shadow in both directions: the panel minus the plate seen from the sensor, by quadrature."""
+    """The plate hides the wall behind it by its geometric shadow in both directions. The reference is the quadrature over the panel minus
+    the plate's shadow as seen from the sensor.
+    """
     wall = rectangle((0, 0, 0), (0, 0.5, 0), (0, 0, 0.4))
     plate = rectangle(centre, (0, 0.06, 0), (0, 0, 0.05))
     sensor = np.array([1.2, 0.02, -0.01])
@@ -363,7 +377,7 @@ def test_plate_in_front_of_a_panel_removes_its_shadow(centre):
 
 
 def common_shadow(wall, shadow):
-    """The part of an upright rectangle in the plane x = 0 on a wall, as a ring; None if there is none."""
+    """Return, as a ring, the part of an upright rectangle in the plane x = 0 that lies on a wall; None if there is no such part."""
     low = np.maximum(np.min(wall, axis=0), np.min(shadow, axis=0))
     high = np.minimum(np.max(wall, axis=0), np.max(shadow, axis=0))
     if (high[1:] <= low[1:]).any():
@@ -381,7 +395,7 @@ def test_plate_behind_a_panel_or_the_sensor_hides_nothing():
 
 
 def test_plate_in_a_fold_hides_the_double_bounce():
-    """The plate cuts the leg between the panels, in either order."""
+    """The plate interrupts the path between the two panels, in both orders of reflection."""
     first = rectangle((0.2505, 0, 0), (0.2495, 0, 0), (0, 0, 0.25))
     second = rectangle((0, 0.2505, 0), (0, 0.2495, 0), (0, 0, 0.25))
     sensor = (1.0, 0.8, 0.02)
@@ -394,8 +408,10 @@ def test_plate_in_a_fold_hides_the_double_bounce():
 
 @pytest.mark.parametrize(("corners", "limit"), [(4, 0.01), (12, 0.01), (48, 0.1)])
 def test_column_in_front_of_a_wall_removes_its_outline(corners, limit):
-    """Geometric shadow of an upright prism. Up to 24 points it is exact; a round prism keeps its outermost points, and its outline shrinks
-    by a few millimetres.
+    """The shadow of an upright prism is the geometric shadow.
+
+    The shadow is exact for an outline of up to 24 points. A round prism keeps only its outermost points, so that its outline shrinks by a
+    few millimetres.
     """
     wall = rectangle((0, 0, 0), (0, 0.6, 0), (0, 0, 0.2))
     turn = 0.1 + np.linspace(0, 2 * np.pi, corners, endpoint=False)

@@ -1,4 +1,4 @@
-"""Reflection and transmission against transfer matrices, published values and reference tables."""
+"""Compare reflection and transmission of materials with transfer matrices, published values and reference tables."""
 
 import csv
 import subprocess
@@ -19,7 +19,9 @@ C = 299_792_458.0
 
 
 def transfer_matrix(layers, backing, angle, frequency, parallel):
-    """Reflection and transmission by Abeles' characteristic matrices, an independent method (Born & Wolf, section 1.6)."""
+    """Return reflection and transmission of a layer stack from Abeles' characteristic matrices, a method that does not share code with the
+    package (Born & Wolf, section 1.6).
+    """
     k0 = 2 * np.pi * frequency / C
     sine = np.sin(angle)
 
@@ -62,7 +64,7 @@ SHELLS = [
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0, 89.0])
 @pytest.mark.parametrize("stack", SHELLS)
 def test_transmission_matches_characteristic_matrices(stack, angle_deg):
-    """The ratio of the tangential fields equals that of the parallel components because both sides are air."""
+    """The ratio of the tangential fields equals the ratio of the parallel field components, because both sides of the stack are air."""
     f = 78e9
     layers = [(complex(permittivity(name, f)), d) for name, d in stack]
     te, tm = transmission(Layered(stack), np.cos(np.radians(angle_deg)), np.array(f))
@@ -71,7 +73,7 @@ def test_transmission_matches_characteristic_matrices(stack, angle_deg):
 
 
 def test_lossless_stacks_conserve_power():
-    """|R|^2 + |T|^2 is 1 at every angle in both polarisations, and less than 1 for lossy stacks."""
+    """For lossless stacks, |R|^2 + |T|^2 is 1 at every angle in both polarisations. For lossy stacks the sum is less than 1."""
     cosine, f = np.cos(np.radians(np.linspace(0, 89.9, 181)))[:, None], np.linspace(77e9, 80.44e9, 7)
     for layers in ([(3.0, 1.1e-3)], [(6.31, 0.004), (1.0, 0.016), (6.31, 0.004)], [(2.9, 5e-4), (9.0, 2e-3), (2.31, 1e-3)]):
         eta, depth = [np.array(e + 0j) for e, _ in layers], [d for _, d in layers]
@@ -85,7 +87,9 @@ def test_lossless_stacks_conserve_power():
 
 
 def test_slab_matches_the_airy_closed_form():
-    """The sum over the passes through one slab: r (1 - q^2)/(1 - r^2 q^2) and (1 - r^2) q/(1 - r^2 q^2)."""
+    """The closed form sums the passes of the wave through a single slab: R = r (1 - q^2)/(1 - r^2 q^2) and T = (1 -
+    r^2) q/(1 - r^2 q^2).
+    """
     f, depth, eta, cosine = 77e9, 0.9e-3, complex(permittivity("pet", 77e9)), np.cos(np.radians(40.0))
     inside = np.sqrt(eta - 1 + cosine**2)
     q = np.exp(-2j * np.pi * f / C * depth * inside)
@@ -118,7 +122,7 @@ def test_metal_is_a_mirror_in_both_polarisations():
 
 
 def test_slabs_match_the_reference_table(shared_data):
-    """Normal incidence: slabs within 0.05 dB of the independent table, half-spaces within 0.02 dB."""
+    """At normal incidence, slabs agree with the independent reference table within 0.05 dB, and half-spaces within 0.02 dB."""
     path = shared_data.parent / "reference" / "slab_reflection_77GHz.csv"
     checked = 0
     for row in csv.DictReader(path.read_text().splitlines()):
@@ -134,7 +138,9 @@ def test_slabs_match_the_reference_table(shared_data):
 
 
 def test_bottle_walls_match_published_levels():
-    """A 1 mm PET wall over the sweep: -15 dB empty, -3.6 dB before water; 0.5 mm: -6.4 and -11.3."""
+    """Averaged over the chirp, a PET wall of 1 mm reflects -15 dB if the bottle is empty and -3.6 dB in front of water. A wall of 0.5 mm
+    reflects -6.4 dB and -11.3 dB.
+    """
     f = np.linspace(77e9, 80.44e9, 64)
     for thickness, backing, expected in ((1e-3, "air", -15.0), (1e-3, "water", -3.6), (5e-4, "air", -6.4), (5e-4, "water", -11.3)):
         te, _ = reflection(Layered([("pet", thickness)], backing), np.array(1.0), f)
@@ -149,7 +155,9 @@ def test_ament_loss_matches_reference(shared_data):
 
 
 def test_ament_factor_is_the_mean_over_gaussian_heights():
-    """Up to a sixteenth of a wavelength other height distributions agree to 0.25 dB; at the Rayleigh criterion the loss is 10.7 dB."""
+    """Up to an rms height of a sixteenth of a wavelength, other height distributions agree with the Gaussian distribution to 0.25 dB. At
+    the Rayleigh criterion the loss is 10.7 dB.
+    """
     k = 2 * np.pi * 77e9 / C
     wavelength = C / 77e9
     for share, tolerance_db in ((1 / 32, 0.02), (1 / 16, 0.25)):
@@ -168,7 +176,9 @@ def test_ament_factor_is_the_mean_over_gaussian_heights():
 
 @pytest.mark.parametrize("angle_deg", [0.0, 40.0, 70.0])
 def test_rough_transmission_is_the_mean_over_gaussian_heights(angle_deg):
-    """A height moves the boundary, so a path inside, refracted by Snell's law, replaces a path outside."""
+    """A height deviation of the surface moves the boundary, so that a path in air is replaced by a path inside the material, refracted by
+    Snell's law.
+    """
     k, sigma, index = 2 * np.pi * 77e9 / C, 0.3e-3, 2.0
     outside = np.radians(angle_deg)
     inside = np.arcsin(np.sin(outside) / index)
@@ -194,7 +204,9 @@ def test_every_material_has_a_roughness_class_with_a_source():
 
 
 def test_tabulated_rows_are_those_of_the_recommendation():
-    """Real part and conductivity of table 3 at the ends of its rows."""
+    """Real part of the permittivity and conductivity agree with table 3 of the recommendation at both ends of the frequency range of each
+    row.
+    """
     for name, ghz, real, conductivity in (
         ("concrete", 1, 5.24, 0.0462), ("brick", 10, 3.91, 0.0344), ("glass", 77, 6.31, 1.211), ("plasterboard", 100, 2.73, 0.6433),
         ("wood", 10, 1.99, 0.0555), ("metal", 77, 1.0, 1e7), ("marble", 60, 7.074, 0.2439), ("floorboard", 77, 3.66, 1.560),
@@ -217,7 +229,9 @@ def test_material_outside_its_fit_warns_with_both_names(name, stand_in):
 
 
 def test_stand_ins_are_the_closest_rows():
-    """No row with values at 77 GHz is closer to the material's reflection at the ends of its own fits."""
+    """If the data of a material end below 77 GHz, a substitute material is used. No other material with values at 77 GHz has a closer
+    reflection at the ends of the frequency range of the data.
+    """
 
     def fresnel(eta):
         return abs((1 - np.sqrt(eta)) / (1 + np.sqrt(eta)))
@@ -237,7 +251,7 @@ def test_stand_ins_are_the_closest_rows():
 
 
 def test_stand_in_warns_once_per_process():
-    """The calling line, the frequency and changes of the warning filters make no difference."""
+    """The warning about the substitute material appears once, whatever the calling line, the frequency and the warning filters are."""
     code = (
         "import warnings, numpy as np\n"
         "from radartwin.materials import reflection, permittivity\n"
@@ -295,7 +309,7 @@ def test_no_tabulated_surface_reflects_more_than_all_power():
 
 
 def test_sweep_nodes_interpolate_a_double_wall_to_50_db():
-    """A half-space needs one node over the 3.44 GHz sweep."""
+    """A half-space needs only one frequency node for the interpolation over the chirp of 3.44 GHz."""
     wall = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
     table = build([(wall, 0.0)], 77e9, 80.44e9)
     f = np.linspace(77e9, 80.44e9, 101)

@@ -1,4 +1,4 @@
-"""Rooms by image sources: levels of all images of boxes, furniture, moving sensors and damaged input."""
+"""Rooms simulated by image sources: levels of all images of box rooms, furniture, moving sensors, and damaged input meshes."""
 
 from dataclasses import replace
 
@@ -38,7 +38,7 @@ def paths_of(scene, poses, **values):
 
 
 def fields(parts, frames, frequency=FREQUENCY):
-    """(frames,) sum of all paths at one frequency."""
+    """Return the complex sum of all paths at one frequency, shape (frames,)."""
     return np.array([traced.field([p.frames(i, i + 1) if p.poses > 1 else p for p in parts], frequency) for i in range(frames)])
 
 
@@ -55,7 +55,9 @@ def sampled(parts):
 
 
 def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
-    """(error over the image's own level, level over the strongest, bounces) of every distinct path length of a box."""
+    """Return, for every distinct path length of a box, the error relative to the image's own level, the level relative to the strongest
+    image, and the number of bounces.
+    """
     part = paths_of(room_oracles.room_scene(size, material), looking(sensor, rotation), max_bounces=bounces, **values)[0]
     ours = amplitudes(part)
     together = {}
@@ -77,8 +79,10 @@ def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
 @pytest.mark.parametrize("attitude", ATTITUDES)
 @pytest.mark.parametrize(("name", "worst", "rms"), [("court", 0.04, 0.015), ("office", 0.04, 0.015), ("corridor", 0.08, 0.025)])
 def test_every_image_of_a_metal_box_has_its_level(name, worst, rms, attitude):
-    """Images of up to four bounces relative to the infinite mirror. In a corridor 2 m wide, the end wall's edges are at most 5 Fresnel
-    zones away, and physical optics itself has 0.05 there. An edge or corner image is the sum of its orders.
+    """The images of up to four bounces are compared with images of infinite mirrors.
+
+    In a corridor 2 m wide, the edges of the end wall are at most 5 Fresnel zones away, so that physical optics itself has an error of 0.05
+    there. An image at an edge or corner is the sum of its orders of reflection.
     """
     _, size, sensor = room_oracles.ROOMS[name]
     errors, levels, _ = by_image(size, sensor, ATTITUDES[attitude])
@@ -91,7 +95,7 @@ def test_every_image_of_a_metal_box_has_its_level(name, worst, rms, attitude):
 @pytest.mark.parametrize("material", ["concrete", "glass"])
 @pytest.mark.parametrize("name", list(room_oracles.ROOMS))
 def test_every_image_of_a_dielectric_box_has_its_level(name, material):
-    """No image above the pruning level is missing or extra, and the signal matches."""
+    """The tracer finds all images above the pruning level and no others, and the signal agrees with the sum of the images."""
     _, size, sensor = room_oracles.ROOMS[name]
     errors, _, _ = by_image(size, sensor, ATTITUDES["tilted"], material)
     assert errors.max() < 0.05
@@ -115,7 +119,9 @@ def test_images_match_at_any_place_and_attitude(seed):
 
 
 def wall_factor(distance, low, high):
-    """Factor of a rectangle by the product of Fresnel integrals of the exact excess; low, high: (2,) edges about the sensor."""
+    """Return the Fresnel factor of a rectangle as a product of Fresnel integrals of the exact excess path. low, high: (2,) edges relative
+    to the sensor in metres.
+    """
 
     def one(a, b):
         u = [np.sign(x) * np.sqrt(4 * K * (np.hypot(distance, x) - distance) / np.pi) for x in (a, b)]
@@ -131,7 +137,9 @@ def wall_factor(distance, low, high):
     ids=["free", "1 cm from a wall", "in an edge", "in a corner", "far wall", "upper corner"],
 )
 def test_single_bounces_match_fresnel_integrals(sensor):
-    """Against products of Fresnel integrals, valid beyond 0.25 m from a wall; test_images covers smaller distances by quadrature."""
+    """The reference is the product of Fresnel integrals, which is valid beyond 0.25 m from a wall. test_images.py covers smaller distances
+    by quadrature.
+    """
     size, sensor = np.array([5.0, 4.0, 2.5]), np.array(sensor)
     part = paths_of(room_oracles.room_scene(tuple(size), "metal"), looking(sensor, ATTITUDES["tilted"]), max_bounces=1)[0]
     assert np.isfinite(part.amplitude).all()
@@ -156,7 +164,9 @@ CLOSE = [(0.01, 1.7, 1.1), (0.02, 0.015, 1.1), (0.01, 0.02, 0.03)]
 
 @pytest.mark.parametrize("sensor", CLOSE)
 def test_signal_close_to_walls_is_accurate(sensor):
-    """A centimetre from a wall, its own echo dominates; the error is that of a panel's factor."""
+    """At one centimetre from a wall, the echo of this wall dominates the signal, so the error of the signal is the error of the panel's
+    Fresnel factor.
+    """
     size = (5.0, 4.0, 2.5)
     turn = ATTITUDES["tilted"]
     exact = image_sum(np.array(size), np.array(sensor), turn[:, 2], room_oracles.wall_reflection("metal"), 3, traced.frequencies(RADAR))
@@ -173,7 +183,7 @@ def test_every_image_close_to_walls_has_its_level(sensor):
 
 
 def test_plate_removes_its_shadow_from_the_wall():
-    """By quadrature; the plate itself is another path."""
+    """The reference is a quadrature over the wall without the plate's shadow; the echo of the plate is a separate path."""
     wall = rt.Surface(objects.plate(1.2, 0.8), "metal", "wall", role="room")
     plate = rt.Surface(objects.plate(0.3, 0.2).apply_translation([-0.7, 0.05, 0.02]), "metal", "plate", role="room")
     place = np.array([-1.5, 0.03, -0.02])
@@ -191,7 +201,7 @@ def test_plate_removes_its_shadow_from_the_wall():
 
 
 def test_box_over_the_floor_removes_its_shadow():
-    """A box 1 cm above the floor, straight below the sensor."""
+    """The box is 1 cm above the floor, exactly below the sensor."""
     floor = rt.Surface(rooms.rectangle([-2, -2, 0], np.eye(3)[0], np.eye(3)[1], (4, 4)), "metal", "floor", role="room")
     box = rt.Surface(objects.box([-0.3, -0.25, 0.01], [0.3, 0.25, 0.41]), "metal", "box", role="room")
     place = np.array([0.1, 0.05, 1.6])
@@ -211,7 +221,7 @@ def test_box_over_the_floor_removes_its_shadow():
 
 @pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
 def test_first_order_echoes_are_at_the_walls(name):
-    """The sensor is 0.4 m above the floor. The metal plate in front of the court's front wall is 45 mm thick."""
+    """The sensor is 0.4 m above the floor. The metal plate in front of the squash court's front wall is 45 mm thick."""
     scene, pose = rooms.room(name, detail="shell"), rooms.bench(name, 0.4).sensor_pose
     length, width, height = scene.provenance["size_m"]
     front = length - pose[0, 3] - (0.045 if name == "squash_court" else 0.0)
@@ -231,7 +241,9 @@ def along(start, stop, frames):
 
 @pytest.mark.parametrize("speed", [0.3, -0.3])
 def test_motion_towards_a_wall_changes_each_path_length(speed):
-    """At 0.3 m/s towards the front wall, its path shortens by 0.6 m/s, that of the back wall grows, those of the side walls stay."""
+    """At 0.3 m/s towards the front wall, the path to the front wall shortens by 0.6 m/s and the path to the back wall grows by 0.6 m/s. The
+    path lengths to the side walls stay constant.
+    """
     poses = along((2.0, 1.7, 1.1), (2.0 + speed / RADAR.frame_rate_hz * 9, 1.7, 1.1), 10)
     part = paths_of(room_oracles.room_scene((6.0, 4.0, 2.5), "metal"), poses, max_bounces=2)[0]
     one = part.bounces == 1
@@ -242,7 +254,7 @@ def test_motion_towards_a_wall_changes_each_path_length(speed):
 
 
 def test_rates_match_length_differences():
-    """Rate of every path against its length two frames later, for four bounces and an oblique motion."""
+    """For up to four bounces and an oblique motion, the range rate of every path agrees with its change of length two frames later."""
     frames, step = 3, np.array([0.004, -0.003, 0.002])
     poses = along(np.array([2.0, 1.7, 1.1]), np.array([2.0, 1.7, 1.1]) + 2 * step, frames)
     poses[:, :3, :3] = ATTITUDES["tilted"]
@@ -262,7 +274,9 @@ def test_rates_match_length_differences():
 
 
 def steps_about(edges):
-    """Furnished lab, the sensor 0.7 m along x: second differences of the signal over its rms, in steps of 20 um about some places."""
+    """Return second differences of the signal over its rms value, for a sensor that moves 0.7 m along x in the furnished laboratory. The
+    differences are taken over steps of 20 um at the positions `edges`.
+    """
     fine = np.concatenate([np.arange(0, 0.7, 0.02), *(edge + 2e-5 * np.arange(-4, 5) for edge in edges)])
     where = np.unique(np.round(fine, 7))
     poses = np.tile(np.eye(4), (len(where), 1, 1))
@@ -276,12 +290,14 @@ def steps_about(edges):
 
 @pytest.mark.parametrize("edges", [(0.05, 0.15, 0.25, 0.45, 0.55), (0.3, 0.32, 0.6, 0.64)], ids=["between", "where key places hand over"])
 def test_signal_is_smooth_along_a_motion(edges):
-    """Phases alone explain 0.008: (2 k 20 um)^2 is 0.004, times the crest factor."""
+    """The change of the phases alone explains a second difference of 0.008, because (2 k 20 um)^2 is 0.004 and the crest factor is about
+    two.
+    """
     assert steps_about(edges).max() < 0.015
 
 
 def test_poses_are_nearly_independent():
-    """Sequences found at other poses can only add paths."""
+    """Reflection sequences that are found at one pose can add paths at other poses, but cannot remove any."""
     poses = along((1.0, -0.6, 1.0), (1.0, 0.6, 1.0), 13)
     scene = rooms.lab(detail="furnished")
     parts = paths_of(scene, poses)[:1]
@@ -293,7 +309,7 @@ def test_poses_are_nearly_independent():
 
 @pytest.mark.parametrize("rotation", list(ATTITUDES))
 def test_channels_match_images_seen_by_each_element(rotation):
-    """Signals of the real array against image sources of every transmitter at every receiver."""
+    """The signals of the real antenna array agree with image sources from every transmitter to every receiver."""
     size, sensor = np.array([6.0, 4.0, 2.6]), np.array([2.2, 1.7, 1.1])
     turn = ATTITUDES[rotation]
     radar = replace(rt.Radar.iwr1843(element="isotropic"), num_chirps=1, num_samples=4 * 256, sample_rate_hz=4 * RADAR.sample_rate_hz)
@@ -319,7 +335,7 @@ def test_channels_match_images_seen_by_each_element(rotation):
 
 
 def fuzzed(seed):
-    """A box with furniture that overlaps, touches, doubles and degenerates."""
+    """Return a box room with furniture that overlaps, touches, coincides and degenerates, drawn from this seed."""
     rng = np.random.default_rng(seed)
     walls = objects.box((0, 0, 0), (5.0, 4.0, 2.5))
     walls.invert()
@@ -366,7 +382,9 @@ def test_fuzzed_rooms_stay_finite_and_passive(seed):
 
 
 def test_sensor_above_edges_and_corners_sees_partial_images():
-    """Straight above an edge half of the image returns, above a corner a quarter; a small offset changes nothing."""
+    """Exactly above an edge, half of the image returns, and above a corner a quarter. A small offset of the sensor does not change this
+    result.
+    """
     panel = rt.Scene([rt.Surface(objects.plate(6.0, 6.0), "metal", "wall", role="room")])
     level = WAVELENGTH / (8 * np.pi * 1.0)
     for y, z, share in ((3.0, 0.0, 0.5), (0.0, -3.0, 0.5), (3.0, 3.0, 0.25), (-3.0, 3.0, 0.25), (0.0, 0.0, 1.0)):
@@ -389,7 +407,9 @@ def test_single_bounces_of_the_furnished_lab_match_tubes():
 
 @pytest.mark.slow
 def test_two_bounces_of_the_lab_shell_match_images():
-    """The shell is a box except for door and window, whose seams close. With one material all images are known."""
+    """The walls of the laboratory form a box except for door and window, which close the openings without a gap. With a single material,
+    all images are known.
+    """
     scene = rt.Scene([s.replaced(material="concrete", roughness_m=0.0) for s in rooms.lab(detail="shell")])
     place = np.array([1.0, 0.1, 1.1])
     exact = image_sum(
@@ -402,7 +422,9 @@ def test_two_bounces_of_the_lab_shell_match_images():
 
 @pytest.mark.parametrize(("count", "expected"), [(2, 0.73), (4, 0.66), (6, 0.68), (8, 0.61)])
 def test_wall_behind_many_boxes_matches_fresnel_sums(count, expected):
-    """Echo relative to the free wall; boxes of 2 cm every 12 cm at 2.2 m in front of a wall at 3 m, against paraxial Fresnel sums."""
+    """Boxes of 2 cm stand every 12 cm at 2.2 m in front of a wall at 3 m. The echo of the wall relative to the free wall agrees with
+    paraxial Fresnel sums.
+    """
     wall = rt.Surface(rooms.rectangle([3, 3, -3], -np.eye(3)[1], np.eye(3)[2], (6, 6)), "metal", "wall", role="room")
     places = (np.arange(count) - (count - 1) / 2) * 0.12
     boxes = [
@@ -418,7 +440,7 @@ def test_wall_behind_many_boxes_matches_fresnel_sums(count, expected):
 
 @pytest.mark.parametrize("height", [1.2, 2.7])
 def test_round_pillar_in_a_flat_room_loses_no_face(height):
-    """Every face belongs to a panel or to the tubes."""
+    """Every mesh face of the pillar belongs to a flat panel or to the ray tubes."""
     pillar = trimesh.creation.cylinder(0.15, height, sections=64).apply_translation([2.5, 0, height / 2 + 0.01])
     scene = rt.Scene([*rooms.lab(), rt.Surface(pillar, "metal", "pillar")])
     levels = []

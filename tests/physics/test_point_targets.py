@@ -1,4 +1,4 @@
-"""Processing against point targets in closed form: a path of length L has the signal exp(+j 2 pi (f0 + slope n/fs) L/c)."""
+"""Process point targets in closed form: a path of length L has the signal exp(+j 2 pi (f0 + slope n/fs) L/c) at sample n."""
 
 import dataclasses
 
@@ -26,7 +26,7 @@ def echo(
     frames: int = 1,
     radar: Radar = RADAR,
 ) -> np.ndarray:
-    """Exact two-way paths from every transmitter over the moving point to every receiver."""
+    """Return the signal of a moving point from the exact two-way paths between every transmitter and every receiver."""
     direction = np.array([np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0])
     frame, chirp, tx = np.ogrid[:frames, : radar.num_chirps, : radar.num_tx]
     start = frame / radar.frame_rate_hz + (radar.num_tx * chirp + tx) * radar.chirp_interval
@@ -71,7 +71,7 @@ def test_azimuth_is_positive_to_the_left_at_any_speed(azimuth, velocity):
 
 
 def test_uncompensated_motion_shifts_the_angle():
-    """A TDM phase of a fifth of a turn between the transmitters steers the beam unless it is compensated."""
+    """A TDM phase of a fifth of a cycle between the two transmitters would steer the beam if the processing did not compensate it."""
     profiles, _ = range_fft(echo(5.0, 6.0), RADAR)
     cell = np.argmax(np.abs(profiles[0, 0, 0, 0]))
     angles = np.radians(np.arange(-90, 91))
@@ -174,7 +174,7 @@ def test_invalid_shapes_are_refused():
 
 
 def synthesized(range_m: float, velocity_mps: float = 0.0, azimuth_deg: float = 0.0, elements: str = "exact") -> np.ndarray:
-    """The same point through the synthesis, as the one path that a tracer returns."""
+    """Return the same point target through the synthesis, which receives the single path that a ray tracer would return."""
     direction = np.array([[np.cos(np.radians(azimuth_deg)), np.sin(np.radians(azimuth_deg)), 0.0]])
     length, rate = np.array([range_m]), np.array([2 * velocity_mps])
     amplitude, frequency = np.ones((1, 1), complex), np.array([RADAR.center_frequency_hz])
@@ -185,7 +185,9 @@ def synthesized(range_m: float, velocity_mps: float = 0.0, azimuth_deg: float = 
 @pytest.mark.parametrize("velocity", [0.2, -5.0])
 @pytest.mark.parametrize("elements", ["exact", "planar"])
 def test_synthesis_of_a_moving_point_matches_its_exact_signal(velocity, elements):
-    """The point on the axis moves within the chirps too, by at most 1 cm per frame, so that one range rate is valid for all elements."""
+    """The point on the boresight also moves within the chirps, by at most 1 cm per frame, so that one range rate is valid for all antenna
+    elements.
+    """
     t = np.arange(256) / RADAR.sample_rate_hz
     place = np.zeros((16, 2, 1, 256, 3))
     place[..., 0] = 4.0 + velocity * (64e-6 * np.arange(32).reshape(16, 2, 1, 1) + t)

@@ -1,4 +1,4 @@
-"""Radar cross-sections against closed forms and invariances. The cases of the validation card (test_validation) cover more targets."""
+"""Compare radar cross-sections with closed forms, and check changes that must not affect them. test_validation.py covers more targets."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,9 @@ from radartwin.scene import objects
 @pytest.mark.parametrize("density", [1.0, 16.0])
 @pytest.mark.parametrize("angle_deg", [0.0, 1.6, 10.0, 40.0])
 def test_plate_pattern_matches_its_sinc(angle_deg, density):
-    """Main lobe, first sidelobe and far angles, where only the plate's edges return power, in the horizontal plane."""
+    """The pattern in the horizontal plane is tested in the main lobe, in the first sidelobe and at large angles, where only the plate's
+    edges return power.
+    """
     side, theta = 0.1, np.radians(angle_deg)
     x = K * side * np.sin(theta)
     expected = 4 * np.pi * side**4 / WAVELENGTH**2 * np.sinc(x / np.pi) ** 2 * np.cos(theta) ** 2
@@ -27,7 +29,9 @@ def test_trihedral_needs_three_bounces():
 
 
 def test_dihedral_matches_closed_form_and_turns_polarisation():
-    """Vertical fold: 8 pi a^2 b^2 / lambda^2 co-polarised; a fold at 45 degrees returns only cross-polarised power."""
+    """A vertical dihedral returns 8 pi a^2 b^2 / lambda^2 in the transmitted polarisation. A dihedral tilted by 45 degrees returns only
+    cross-polarised power.
+    """
     expected = db(8 * np.pi * 0.05**2 * 0.1**2 / WAVELENGTH**2)
     mesh = objects.dihedral(0.05, 0.1)
     assert db(rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)) == pytest.approx(expected, abs=0.25)
@@ -37,7 +41,9 @@ def test_dihedral_matches_closed_form_and_turns_polarisation():
 
 
 def test_sphere_matches_mie():
-    """From one tube per square wavelength; physical optics itself is within 0.15 dB of Mie at this size."""
+    """The test uses one or more ray tubes per square wavelength. At this sphere size, physical optics itself is within 0.15 dB of the Mie
+    series.
+    """
     radius = 0.033
     mesh = objects.sphere(radius, 4)
     for density in (1.0, 4.0, 16.0):
@@ -46,7 +52,7 @@ def test_sphere_matches_mie():
 
 
 def test_no_ray_passes_between_two_facets():
-    """A row of rays runs exactly along an edge between facets of a can."""
+    """A row of rays hits a can exactly along an edge between two of its facets."""
     can = objects.cylinder(0.02, 0.08, 256)
     turn = np.asarray(trimesh.transformations.rotation_matrix(np.pi / 4, [1, 0, 0]))[:3, :3]
     tilted = trimesh.Trimesh(can.vertices @ turn.T, can.faces, vertex_normals=can.vertex_normals @ turn.T, process=False)
@@ -62,7 +68,7 @@ def test_far_field_is_the_limit_of_distance():
 
 @pytest.mark.parametrize("distance", [10.0, 50.0])
 def test_multiple_bounces_do_not_fade_with_distance(distance):
-    """Float32 rounding of a far source must not put hits below their own facets."""
+    """The float32 rounding of a distant source position must not put hits behind the facet that the ray hits."""
     for mesh in (objects.dihedral(0.05, 0.1), objects.trihedral(0.1)):
         far = rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)
         assert db(rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=4) / far) == pytest.approx(0, abs=0.15)

@@ -1,4 +1,6 @@
-"""IF filter and phase noise of the receiver, which depend on the delay of an echo before folding."""
+"""Test the IF filter and the phase noise of the receiver, which depend on the delay of an echo before its beat frequency is folded by
+sampling.
+"""
 
 import dataclasses
 
@@ -27,7 +29,7 @@ def target(*ranges_m, amplitude=1.0):
 
 
 def profile(iq):
-    """Zero-padded Hann spectrum of one chirp and channel, over range in metres."""
+    """Return the zero-padded Hann spectrum of one chirp and one channel, over the range in metres."""
     spectrum = np.fft.fft(iq[0, 0, 0, 0] * np.hanning(256), 8192) / np.hanning(256).sum()
     return np.arange(8192) / 8192 * RADAR.sample_rate_hz * C / (2 * RADAR.slope_hz_per_s), spectrum
 
@@ -50,7 +52,9 @@ def test_filter_removes_a_target_beyond_the_band(range_m, least_db):
     [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)],
 )
 def test_target_at_3_m_has_the_loss_and_phase_lead_of_the_high_pass(corners, loss_db, lead_deg):
-    """The beat frequency is 1.401 MHz. One stage loses 10 log10(1 + (fc/f)^2) = 0.067 dB and leads by atan(fc/f) = 7.1 degrees."""
+    """The beat frequency of a target at 3 m is 1.401 MHz. A single high-pass stage attenuates it by 10 log10(1 + (fc/f)^2) = 0.067 dB and
+    advances its phase by atan(fc/f) = 7.1 degrees.
+    """
     plain = synthesize(target(3.0), RADAR)[0, 0, 0, 0]
     magnitude, complete = (
         synthesize(target(3.0), dataclasses.replace(RADAR, if_filter=IfFilter(corners, zero_phase=z)))[0, 0, 0, 0] / plain
@@ -94,7 +98,9 @@ def test_invalid_filter_or_phase_noise_is_named(change, words):
 
 
 def residual(range_m, noise, sample_rate_hz, samples):
-    """Standard deviation of phi(t) - phi(t - tau), the integral of S(f) 4 sin^2(pi f tau) over the offsets that the samples resolve."""
+    """Return the standard deviation of phi(t) - phi(t - tau) as the integral of S(f) 4 sin^2(pi f tau) over the offset frequencies that the
+    samples resolve.
+    """
     f = np.linspace(0.5, 2 * samples + 0.5, 400_001)[1:] * sample_rate_hz / (4 * samples)
     plateau = 2 * 10 ** (noise.level_dbc_hz / 10) * (1 + (1e6 / noise.corner_hz) ** 2)
     density = plateau / (1 + (f / noise.corner_hz) ** 2) * 4 * np.sin(np.pi * f * 2 * range_m / C) ** 2
@@ -103,7 +109,7 @@ def residual(range_m, noise, sample_rate_hz, samples):
 
 @pytest.mark.parametrize("range_m", [0.1, 1.0, 10.0])
 def test_phase_noise_of_an_echo_matches_its_range_correlated_density(range_m):
-    """Each echo has the phase noise of its own delay; the level spans 40 dB between 0.1 and 10 m."""
+    """The phase noise of an echo depends on its delay, and its level changes by 40 dB between 0.1 m and 10 m."""
     noise = PhaseNoise(-93.0)
     radar = dataclasses.replace(RADAR, phase_noise=noise)
     longest = 2 * 10.0 / C
@@ -121,7 +127,7 @@ def test_phase_noise_of_an_echo_matches_its_range_correlated_density(range_m):
 
 
 def test_many_echoes_have_the_phase_noise_of_their_own_delays():
-    """The synthesis groups echoes in bands of delay; the error is within its bound of a twentieth of the noise."""
+    """The synthesis groups echoes in bands of similar delay. The resulting error is below its bound, a twentieth of the noise."""
     noise = PhaseNoise(-60.0)
     radar = dataclasses.replace(RADAR, phase_noise=noise)
     echoes = [target(range_m) for range_m in np.linspace(2.0, 6.0, 97)]

@@ -1,4 +1,4 @@
-"""Meshes and poses that break tracers: every result is finite, and each case has the behaviour in this table.
+"""For meshes and poses that make ray tracers fail, every result is finite and agrees with this table.
 
 | case | behaviour |
 |---|---|
@@ -30,7 +30,7 @@ FIELDS = ("amplitude", "length_in_m", "length_out_m", "departure", "arrival", "f
 
 
 def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
-    """Hits of a mesh from a phase centre: over its bounding box, or over the sphere with `rays` tubes."""
+    """Return the ray hits of a mesh from a phase centre: over the bounding box of the mesh, or over the full sphere with `rays` tubes."""
     variant.activate()
     built = geometry.build([mesh])
     table = reflection_table.build([("metal", 0.0)], 77e9)
@@ -68,7 +68,7 @@ def test_faces_without_area_return_nothing():
 
 
 def test_slivers_return_the_power_of_their_area():
-    """A plate cut into 400 strips of a sixteenth of a wavelength equals the whole plate."""
+    """A plate that is cut into 400 strips, each a sixteenth of a wavelength wide, returns the same power as the whole plate."""
     strips = [objects.plate(0.1 / 400, 0.1).apply_translation([0, (i + 0.5) * 0.1 / 400 - 0.05, 0]) for i in range(400)]
     whole = rt.rcs(objects.plate(0.1, 0.1), [1, 0.02, 0])
     assert db(rt.rcs(objects.joined(strips), [1, 0.02, 0]) / whole) == pytest.approx(0, abs=0.05)
@@ -102,7 +102,7 @@ def test_sensor_in_a_closed_room():
 
 
 def test_mesh_far_from_the_origin_keeps_its_level():
-    """At 100 m on one axis, float32 corners have steps of 8 micrometres."""
+    """At 100 m along one axis, float32 mesh corners have steps of 8 micrometres."""
     near, far = objects.trihedral(0.1), objects.trihedral(0.1).apply_translation([0, 100.0, 0])
     levels = [db(abs(coherent(traced(m, [1.5, y, 0]))) ** 2) for m, y in ((near, 0.0), (far, 100.0))]
     assert levels[1] == pytest.approx(levels[0], abs=0.3)
@@ -114,7 +114,7 @@ def test_open_mesh_reflects_on_both_sides():
 
 
 def test_extreme_poses_give_finite_results():
-    """Sensor on a surface, inside a corner, and on the line of an edge."""
+    """The sensor is on a surface, inside a corner, and on the line of an edge."""
     corner = objects.trihedral(0.1)
     for position in ([0.0, 0.0, 0.0], [1e-6, 0, 0], [0.01, 0, 0], corner.vertices[1], corner.triangles_center[0]):
         traced(corner, position, rays=20_000)
@@ -122,7 +122,7 @@ def test_extreme_poses_give_finite_results():
 
 @pytest.mark.slow
 def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
-    """Peak resident memory of a whole process, in kilobytes on Linux."""
+    """The test measures the peak resident memory of a whole process, which Linux reports in kilobytes."""
     code = (
         "import resource, numpy as np, trimesh\n"
         "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"

@@ -1,4 +1,6 @@
-"""Echoes through the walls of hollow objects: level and phase against transfer matrices, reciprocity, and which meshes are shells."""
+"""Echoes through the walls of hollow objects: their level and phase agree with transfer matrices, they are reciprocal, and the tracer
+detects which meshes are shells.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ LAMINATE = rt.Layered([("glass", 0.0007), ("pet", 0.0012)])
 
 
 def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=np.inf, high_hz=None, prune=0.0, through=True):
-    """Field at `end` of single reflections of meshes, of those between two distances from the start."""
+    """Return the field at `end` from single reflections on meshes, limited to reflections between two distances from the start."""
     variant.activate()
     built = geometry.build(meshes)
     table = reflection_table.build([(m, 0.0) for m in materials], FREQUENCY, high_hz)
@@ -31,8 +33,10 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
 
 
 def passed(layers, frequency=FREQUENCY):
-    """(transmission once, reflection from inside) of a wall at normal incidence, exp(-j w t), by the transfer matrix of the oracles, with
-    references at its outer face and air in the place of the wall."""
+    """Return the transmission through a wall and the reflection from inside, at normal incidence under exp(-j w t).
+
+    Both come from the reference transfer matrix, with the phase reference at the wall's outer face and air in place of the wall.
+    """
     thickness = sum(d for _, d in layers)
     k = 2 * np.pi * frequency / 299_792_458.0
     through = 1.0 + 0.0j
@@ -48,7 +52,7 @@ def passed(layers, frequency=FREQUENCY):
 
 @pytest.mark.parametrize("material", [PET, LAMINATE], ids=["PET", "glass and PET"])
 def test_far_wall_of_a_box_matches_the_transfer_matrix(material):
-    """Complex ratio to a metal plate at the far wall's position."""
+    """The reference for the complex echo is a metal plate at the position of the far wall."""
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     plate = objects.plate(0.1, 0.1).apply_translation([-0.05, 0, 0])
     through, inside = passed(material.layers)
@@ -64,7 +68,7 @@ def test_metal_in_a_box_matches_the_transfer_matrix():
 
 
 def test_empty_bottles_match_the_exact_series():
-    """Mean over the sweep, with three reflections inside."""
+    """The echo is the mean over the chirp, with up to three reflections inside the bottle."""
     from experiments.validation.oracles.dielectrics import exact_bottle, our_bottle
 
     error = [our_bottle(wall, "air") - exact_bottle(wall, "air", 65) for wall in ("pet 0.3", "hdpe 1", "glass 3")]
@@ -72,7 +76,9 @@ def test_empty_bottles_match_the_exact_series():
 
 
 def test_exit_wall_matches_the_monostatic_case():
-    """A receiver 0.1 um away uses the search for the exit wall and gives the same result."""
+    """A receiver at 0.1 um from the transmitter uses the general search for the point where the wave leaves the wall, and gives the result
+    of a common antenna.
+    """
     can = objects.cylinder(0.033, 0.12, 64)
     assert echo([can], [PET], end=np.array([[2.0, 1e-7, 0.0]])) == pytest.approx(echo([can], [PET]), rel=1e-4)
 
@@ -108,7 +114,7 @@ def test_meshes_that_are_no_shells_transmit_nothing(mesh, material):
 
 
 def test_bottle_in_a_scene_shows_its_far_wall():
-    """In front of a wall, in a room by tubes and by images, as a moving object."""
+    """The bottle stands in front of a wall, in a room simulated by ray tubes or by images, or moves as an object."""
     from radartwin.simulation.backends.mitsuba import TraceSettings
     from radartwin.simulation.simulate import trace_paths
 

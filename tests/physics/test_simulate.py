@@ -1,4 +1,4 @@
-"""Whole simulations from scene to samples: level, phase, motion, angle, visibility and determinism."""
+"""Whole simulations from scene to samples: tests of level, phase, motion, angle, visibility and determinism."""
 
 import dataclasses
 import os
@@ -24,14 +24,14 @@ def profile(samples, bins=8192):
 
 
 def peak(samples, bins=8192):
-    """(range in metres, complex value) of the strongest peak of one chirp."""
+    """Return (range in metres, complex value) of the strongest range peak of a single chirp."""
     spectrum = profile(samples, bins)
     index = int(np.abs(spectrum).argmax())
     return index * RADAR.unambiguous_range_m / bins, spectrum[index]
 
 
 def facing(mesh, distance):
-    """A target that faces the sensor at the origin."""
+    """Return a target at this distance that faces the sensor at the origin."""
     return rt.Scene([rt.Surface(mesh, "metal", "target")]), {
         "target": np.array([trajectory.pose([distance, 0, 0], np.diag([-1.0, -1.0, 1.0]))])
     }
@@ -39,7 +39,7 @@ def facing(mesh, distance):
 
 @pytest.mark.parametrize("distance", [2.0, 8.0])
 def test_sphere_level_matches_the_radar_equation(distance):
-    """|a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), at the distance of its centre minus its radius."""
+    """The amplitude is |a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), and the range R is the distance of the sphere's centre minus its radius."""
     scene, motion = facing(objects.sphere(0.05), distance)
     recording = rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, rays_per_wavelength2=4)
     where, value = peak(recording.iq[0, 0, 0, 0])
@@ -51,7 +51,9 @@ def test_sphere_level_matches_the_radar_equation(distance):
 
 @pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
 def test_large_wall_matches_its_image(material):
-    """Complex signal of every channel and sample against the image source; the difference is the wall's edges."""
+    """The complex signal of every channel and sample agrees with the image source. The remaining difference comes from the edges of the
+    wall.
+    """
     wall = rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")])
     recording = rt.simulate(wall, RADAR, at(-2.0)[None])
     f = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(256) / RADAR.sample_rate_hz
@@ -64,7 +66,9 @@ def test_large_wall_matches_its_image(material):
 
 
 def test_wide_tubes_match_the_image_of_a_wall():
-    """A wall seen obliquely to the grid axes: complex profile within 2 % with 20,000 tubes over the sphere."""
+    """The normal of the wall is oblique to the axes of the ray grid. With 20,000 tubes over the sphere, the complex range profile agrees
+    within 2 %.
+    """
     radar = dataclasses.replace(RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
     pose = trajectory.look_at(np.array([-3.0, 0.3, 0.2]), np.array([0.0, 1.2, -0.4]))
     samples = rt.simulate(rt.Scene([rt.Surface(objects.plate(12, 12), "metal", "wall")]), radar, pose[None], rays=20_000).iq[0, 0, 0, 0]
@@ -112,7 +116,7 @@ def test_wall_hides_objects_behind_it():
 
 
 def test_object_and_sensor_moving_together_pass_behind_a_screen():
-    """The relative pose is constant, but the screen hides the object on a part of the motion."""
+    """Sensor and object keep their relative pose, but a screen hides the object on a part of the motion."""
     screen = rt.Surface(objects.box([0.5, -0.2, -0.3], [0.52, 0.2, 0.3]), "wood", "screen")
     along = np.array([at(0.0, y) for y in (-1.0, 0.0, 1.0)])
     facing_back = along @ trajectory.pose([1.0, 0, 0], np.diag([-1.0, -1.0, 1.0]))
@@ -125,7 +129,9 @@ def test_object_and_sensor_moving_together_pass_behind_a_screen():
 
 
 def test_long_thin_and_large_round_targets_are_traced_finely():
-    """Surfaces over half a metre are not walls because of their size: a pipe and a ball against the same surfaces marked as objects."""
+    """A surface larger than half a metre must not count as a wall because of its size. A pipe and a ball are compared with the same
+    surfaces marked as objects.
+    """
     for mesh, position in ((objects.cylinder(0.02, 0.75), at(-2.0, 0.026)), (objects.sphere(0.3), at(-2.0))):
         levels = [
             np.abs(rt.simulate(rt.Scene([rt.Surface(mesh, "metal", "t", role=role)]), RADAR, position[None]).iq).max()
@@ -141,7 +147,9 @@ def test_real_sampling_has_no_imaginary_part():
 
 
 def test_small_object_survives_beside_a_bright_wall():
-    """Pruning is per part: a 3 cm sphere in front of a metal wall keeps its level."""
+    """The tracer prunes weak paths separately for each part of the scene, so that a sphere of 3 cm in front of a metal wall keeps its
+    level.
+    """
     ball = objects.sphere(0.03).apply_transform(at(1.5))
     wall = objects.plate(6.0, 6.0).apply_transform(at(4.0))
     alone = rt.simulate(rt.Scene([rt.Surface(ball, "metal", "ball")]), RADAR, np.eye(4)[None])
@@ -154,7 +162,7 @@ def test_small_object_survives_beside_a_bright_wall():
 
 
 def test_old_llvm_is_refused_before_it_loads(tmp_path):
-    """Dr.Jit would abort the process with LLVM 15 or 16."""
+    """Without the check, Dr.Jit would abort the process with LLVM 15 or 16."""
     fake = tmp_path / "libLLVM-15.so"
     fake.touch()
     code = (

@@ -1,4 +1,4 @@
-"""IQ from paths against the direct sum of the signal's definition."""
+"""Compare the IQ samples that are synthesised from paths with the direct sum over the definition of the signal."""
 
 import dataclasses
 import subprocess
@@ -32,7 +32,9 @@ def random_paths(count, poses, rate, nodes=1, seed=0):
 
 
 def direct_sum(paths, radar):
-    """The definition, path by path: exact element distances, motion within the chirp, polynomial amplitudes."""
+    """Return the signal by its definition, path by path, with exact element distances, motion within the chirp and
+    polynomial amplitudes.
+    """
     out = np.zeros((paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples), complex)
     t = np.arange(radar.num_samples) / radar.sample_rate_hz
     f = radar.start_frequency_hz + radar.slope_hz_per_s * t
@@ -70,7 +72,7 @@ def test_element_pattern_applies_at_both_ends():
 
 
 def test_noise_power_is_kTBF():
-    """-98.5 dBm in 5.21 MHz at 15 dB noise figure and 12 dBm transmit power."""
+    """The thermal noise power is -98.5 dBm in 5.21 MHz, given relative to 12 dBm transmit power, with a noise figure of 15 dB."""
     noise = thermal_noise((200_000,), Radar.iwr1843(), np.random.default_rng(1))
     expected = 10 * np.log10(1.380649e-23 * 290 * 5.21e6 * 1e3) + 15 - 12
     assert 10 * np.log10((np.abs(noise) ** 2).mean()) == pytest.approx(expected, abs=0.05)
@@ -78,7 +80,7 @@ def test_noise_power_is_kTBF():
 
 @pytest.mark.parametrize("samples", [1, 2, 7, 100, 257])
 def test_synthesis_matches_for_any_radar_dimensions(samples):
-    """Grids of even and odd powers of two, and sweeps that do not fill them."""
+    """The FFT grids of the synthesis have even and odd powers of two as sizes, and some chirps have fewer samples than their grid."""
     array = {"tx_positions_m": ((0, 0.01, 0.002),), "rx_positions_m": ((0, 0, 0),) * 3}
     radar = dataclasses.replace(Radar.iwr1843(element="isotropic"), num_samples=samples, num_chirps=3, **array)
     paths = random_paths(30, 2, 0.5, 2)
@@ -124,7 +126,9 @@ def test_bessel_functions_match_scipy(argument):
 
 @pytest.mark.parametrize(("range_m", "degrees"), [(0.2, 5.4747), (1.0, 1.0950), (5.0, 0.2190)])
 def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degrees):
-    """Against exact distances at boresight, and the largest error over the array in reference/array_phase_error_deg.csv."""
+    """The phase error at boresight agrees with exact distances. The largest phase error over the array is the value in
+    reference/array_phase_error_deg.csv.
+    """
     radar = Radar.iwr1843(element="isotropic")
     forward = np.array([[1.0, 0.0, 0.0]])
     rest = (np.ones((1, 1), complex), np.array([radar.center_frequency_hz]), np.array([range_m]), np.array([range_m]), forward, forward)
@@ -139,7 +143,7 @@ def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degr
 
 
 def test_compiled_code_works_without_a_writable_cache():
-    """Without a writable folder, functions are compiled in memory."""
+    """If no folder for the machine code can be written, functions are compiled in memory."""
     code = (
         "import numba.core.caching as c\n"
         "c.CacheImpl._locator_classes = []\n"
@@ -154,7 +158,7 @@ def test_compiled_code_works_without_a_writable_cache():
 
 @pytest.mark.parametrize("elements", ["exact", "planar"])
 def test_paths_of_images_start_at_the_mirrored_transmitter(elements):
-    """The image of each element is the mirrored array at the end of the path."""
+    """For an image path, the transmitter elements form the mirrored array at the end of the path."""
     radar = Radar.iwr1843(element="isotropic")
     paths = random_paths(25, 2, 0.3)
     normal = paths.departure
@@ -186,7 +190,9 @@ def test_paths_that_are_not_finite_are_refused(name, value):
 
 
 def test_weak_echoes_beside_a_strong_one_keep_their_band_and_motion():
-    """Terms are dropped by their contribution to the frame: the floor below a strong echo is that of the kernel, -97 dB."""
+    """The synthesis drops terms according to their contribution to the frame, so that the floor under a strong echo is the floor of the
+    interpolation kernel, -97 dB.
+    """
     radar = Radar.iwr1843(element="isotropic")
     weak, strong = random_paths(1, 1, 0.4, 5, seed=2), random_paths(1, 1, 0.4, 5, seed=3)
     weak = dataclasses.replace(weak, amplitude=1e-3 * weak.amplitude)

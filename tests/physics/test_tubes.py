@@ -1,4 +1,4 @@
-"""Ray tubes: spreading behind curved surfaces, energy, polarisation and reciprocity."""
+"""Tests of ray tubes: their spreading after curved surfaces, energy, polarisation and reciprocity."""
 
 import numpy as np
 import pytest
@@ -17,8 +17,9 @@ from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
     [(4.0, {"S": 0.1, "S W": 0.5, "W S": 0.2, "W S W": 0.5}), (16.0, {"S": 0.1, "S W": 0.25, "W S": 0.1, "W S W": 0.2})],
 )
 def test_sphere_and_wall_match_geometric_optics(density, bound_db):
-    """Second and third order: sphere - wall, wall - sphere, wall - sphere - wall. A 5 cm sphere 30 cm from a wall is seen from the side,
-    where the reflections on the sphere are far from its shadow line.
+    """The test covers the reflection sequences sphere - wall, wall - sphere and wall - sphere - wall.
+
+    A sphere of 5 cm, 30 cm from a wall, is seen from the side, where the reflections on the sphere are far from its shadow line.
     """
     variant.activate()
     sensor, centre, radius, wall_x = np.zeros(3), np.array([0.3, 1.0, 0.0]), 0.05, 0.6
@@ -49,7 +50,9 @@ def test_sphere_and_wall_match_geometric_optics(density, bound_db):
 
 
 def carried(mesh, reflectance, bounces):
-    """Power in flight after 0, 1, 2, ... bounces of tubes from the middle of a closed mesh, summed tube by tube."""
+    """Return the power that the ray tubes carry after 0, 1, 2, ... bounces, summed tube by tube, for tubes from the middle of a closed
+    mesh.
+    """
     import drjit as dr
 
     from radartwin.simulation.curved import contact as contacts
@@ -80,7 +83,9 @@ def carried(mesh, reflectance, bounces):
 
 @pytest.mark.parametrize("reflectance", [1.0, 0.3])
 def test_closed_rooms_conserve_the_energy_of_tubes(reflectance):
-    """Box and ball: lossless walls keep all power, lossy walls |Gamma|^2 at every bounce; no tube leaks through an edge."""
+    """In a box and in a ball, lossless walls keep all power, and lossy walls keep |Gamma|^2 at every bounce. No tube leaves through an edge
+    of the mesh.
+    """
     box = trimesh.creation.box((1.0, 0.8, 0.9))
     for mesh in (box, objects.sphere(0.5, 3)):
         power = carried(mesh, reflectance, 5)
@@ -100,7 +105,7 @@ def test_dihedral_turns_polarisation_by_twice_its_own_angle(angle_deg, co, cross
 
 
 def test_divided_tubes_sum_to_one():
-    """Weights of hats and boxes, whole and in pieces, at random points of the grid."""
+    """The weights of triangular and box-shaped tube profiles, whole and divided, sum to one at random points of the ray grid."""
     variant.activate()
     from radartwin.simulation.curved import division
 
@@ -126,8 +131,9 @@ def test_divided_tubes_sum_to_one():
 
 @pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
 def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
-    """Against the diffraction integral of a converging wave per axis, exp(-j k x^2 (1/z - 1/f)/2), in closed form: its phase far behind the
-    focus minus the phase before it, under exp(+j omega t).
+    """The reference is the diffraction integral of a converging wave along each axis in closed form, exp(-j k x^2 (1/z - 1/f)/2).
+
+    The test takes its phase far behind the focus minus the phase before the focus, under exp(+j omega t).
     """
     variant.activate("llvm")
     import mitsuba as mi
@@ -152,7 +158,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
 
 
 def test_received_power_is_below_the_transmitted_power():
-    """A corner and a concave mirror at their brightest."""
+    """The test covers a corner and a concave mirror at the positions of their strongest echo."""
     bowl = objects.sphere(0.2, 4)
     bowl = trimesh.Trimesh(bowl.vertices, bowl.faces[bowl.triangles_center[:, 0] < -0.1], process=False)
     for mesh, distance in ((objects.trihedral(0.1), 0.5), (bowl, 0.02), (bowl, 0.1)):
@@ -163,7 +169,7 @@ def test_received_power_is_below_the_transmitted_power():
 
 @pytest.mark.parametrize("material", ["metal", rt.Layered([("glass", 0.003)], "water"), rt.Layered([("pet", 0.001)])])
 def test_poses_of_a_grid_are_independent(material):
-    """With pruning, frequency nodes and shells."""
+    """The result at a pose must not depend on the other poses of the call, also with pruning, several frequency nodes and shells."""
     variant.activate()
     built = geometry.build([objects.cylinder(0.033, 0.12)])
     table = reflection_table.build([(material, 0.0)], 77e9, 80.4e9)

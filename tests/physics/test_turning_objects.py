@@ -1,4 +1,4 @@
-"""Objects that turn in free space: predictions of physics for their modulation, through the whole chain."""
+"""Objects that rotate in free space: the modulation of their echoes agrees with predictions, through the whole processing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 
 def turning(campaign: Campaign, name: str) -> dict[float, dict[str, float]]:
-    """Rotation features by distance."""
+    """Return the rotation features of an object, by distance."""
     found = {}
     for case in campaign.cases("void", motion="turntable", object=name):
         _, processed = campaign.processed("void", case)
@@ -41,7 +41,7 @@ def turning(campaign: Campaign, name: str) -> dict[float, dict[str, float]]:
 
 
 def test_a_can_is_flat_and_a_reflector_and_a_flat_bottle_are_peaked(campaign: Campaign) -> None:
-    """Bands of the paper: cans 0.03 to 0.18, reflector and bottles 0.72 to 2.5."""
+    """The paper gives these modulation values: 0.03 to 0.18 for cans, and 0.72 to 2.5 for the reflector and for bottles."""
     assert turning(campaign, "can_211_400")[1.0]["harmonic_ratio"] < 0.03
     assert turning(campaign, "corner_reflector")[1.0]["harmonic_ratio"] > 0.72
     assert turning(campaign, "mustard")[1.0]["harmonic_ratio"] > 0.72
@@ -55,6 +55,8 @@ def test_harmonic_ratio_of_the_reflector_is_stable_in_its_far_field(campaign: Ca
 
 
 def test_brightness_of_a_can_follows_the_range_law_of_a_line(campaign: Campaign) -> None:
-    """Within H^2 / lambda = 2.7 m, a standing cylinder is a line source: its echo falls with R^3, 3 dB per doubling less than R^4."""
+    """Within H^2 / lambda = 2.7 m, a standing cylinder is a line source, so that its echo power falls with R^3. Per doubling of the
+    distance, this is 3 dB less than with R^4.
+    """
     bright = {distance: values["brightness_db"] for distance, values in turning(campaign, "can_211_400").items()}
     assert bright[2.0] - bright[1.0] == pytest.approx(3, abs=2)

@@ -1,6 +1,7 @@
-"""The cases of the validation card: a quick choice of each, and all sizes, seeds, angles and densities as slow tests.
+"""The targets of the validation card: a few of them in the quick test, and all sizes, seeds, angles and densities as slow tests.
 
-A known miss is an expected failure with its measured error. If the case passes, the test fails until the case is removed from the list.
+A target on which the simulator is known to fail is listed with its measured error, and pytest expects this failure. If the target passes,
+the test fails until the target is removed from the list.
 """
 
 import numpy as np
@@ -70,7 +71,7 @@ def test_known_misses_name_existing_cases() -> None:
 
 
 def test_quadrature_matches_a_midpoint_sum() -> None:
-    """A plate on its axis, summed point by point."""
+    """A plate is seen from a point on its axis, and the reference sums the field point by point."""
     side, distance, points = 0.1, 0.7, 1500
     x = ((np.arange(points) + 0.5) / points - 0.5) * side
     r = np.sqrt(distance**2 + x[:, None] ** 2 + x**2)
@@ -89,7 +90,9 @@ def test_quadrature_of_a_concave_polygon_is_the_sum_of_its_parts() -> None:
 
 
 def test_large_panels_return_their_images() -> None:
-    """One panel: -lambda/(8 pi d). Two at a right angle: each order is half of the double image."""
+    """A single panel returns the image amplitude -lambda/(8 pi d). For two panels at a right angle, each order of reflection returns half
+    of the double image.
+    """
     big = np.array([[0, -20, -20], [0, 20, -20], [0, 20, 20], [0, -20, 20]]) / 40
     image = -WAVELENGTH / (8 * np.pi * 0.25) * np.exp(4j * np.pi / WAVELENGTH * 0.25)
     assert abs(panel_quadrature(big, [0.25, 0.05, 0.1], WAVELENGTH) / image - 1) < 0.08  # the edges' waves
@@ -103,7 +106,9 @@ def test_large_panels_return_their_images() -> None:
 
 
 def test_cylinder_series_has_the_right_limits() -> None:
-    """Geometric optics for a large conductor; zero for air; a metal core behind an empty layer."""
+    """The series agrees with geometric optics for a large conductor, is zero for air, and gives the metal core for a core inside an empty
+    layer.
+    """
     assert conductor_width(0.5, WAVELENGTH) == pytest.approx(np.pi * 0.5, rel=2e-3)
     assert layered_width([0.033, 0.03], [1.0, 1.0], WAVELENGTH) < 1e-12
     assert layered_width([0.04, 0.033], [1.0], WAVELENGTH) == pytest.approx(conductor_width(0.033, WAVELENGTH), rel=1e-6)
