@@ -1,8 +1,8 @@
 """Record in the folder `tables` which run each table is from, which runs failed, and what each table depends on.
 
-tables/index.json      for each table: the run key, the profile and the names of the table's figures
-tables/failures.json   for each table: the run that ended with an error; a later successful run of the table removes the entry
-tables/stamps.json     for each table: one SHA-256 hash of the table's files and of everything that the files depend on
+- `tables/index.json` holds for each table the run key, the profile and the names of the table's figures.
+- `tables/failures.json` holds for each table the run that ended with an error; a later successful run of the table removes the entry.
+- `tables/stamps.json` holds for each table one SHA-256 hash of the table's files and of everything that the files depend on.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # matches the name of
 
 
 def lock(output: Path) -> AbstractContextManager[None]:
-    """Return the lock to hold while reading or writing the index, the failures or the report.
+    """Return the file lock that a process must hold while it reads or writes the index, the failures or the report.
 
     The lock is necessary because another `radartwin tables` process may use the same folder.
     """
@@ -42,7 +42,9 @@ def lock(output: Path) -> AbstractContextManager[None]:
 
 
 def read(output: Path, name: str) -> Entries:
-    """Read the JSON file INDEX or FAILURES as {table: entry}; empty if the file is absent. Raises InputError if the file is damaged."""
+    """Read the JSON file `name` (INDEX or FAILURES) as {table name: entry}; the result is empty if the file is absent. Raises
+    InputError if the file is damaged.
+    """
     path = output / "tables" / name
     if not path.is_file():
         return {}
@@ -98,8 +100,8 @@ def report_unchanged(output: Path) -> bool:
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """Read the hash (stamp) of each table. The result is empty if the file is absent or damaged, because then all tables are written
-    again.
+    """Read {table name: hash (stamp) of the table's files and of everything that they depend on}. The result is empty if the file is
+    absent or damaged, because then all tables are written again.
     """
     return read_json(output / "tables" / STAMPS)
 

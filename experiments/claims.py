@@ -67,7 +67,7 @@ def told(keys: Iterable[str]) -> str:
 
 
 class RowList(list[dict[str, Any]]):
-    """The list of the rows of one table, with methods that append a row."""
+    """The list of the rows of one results table, with methods that append a row."""
 
     def __init__(self, config: Config):
         super().__init__()

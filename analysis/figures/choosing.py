@@ -148,7 +148,7 @@ def _family(row: Row) -> str:
 
 
 def _sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[Row]]]:
-    """Group the rows of the table stability by parameter sweep.
+    """Group the rows of the table `stability` by parameter sweep (series of scenes or settings of increasing difficulty).
 
     Returns for each sweep the row of RadarTwin's ray tracer, and the rows of the other methods that have a safe parameter region.
     """

@@ -1,13 +1,13 @@
-"""Write the report, OUTPUT/report/index.html. A browser opens the report from one folder without a network.
+"""Write the report, OUTPUT/report/index.html. A browser can open the report from this folder without an internet connection.
 
-content   reads rows, claims and figures of each table, or the reason why a table is absent
-origin    reads the versions, machine, seeds, run times and MLflow runs behind the report
-gallery   writes pages that compare a measured picture with a simulated picture
-rooms     writes pages that show the rooms in three dimensions
-claims    writes the summary of all claims
-markup    writes the report page as HTML, and escapes all text that enters the page
-folder    writes the files so that a browser never loads an incomplete report
-page/     holds the HTML template, the style sheet and the scripts
+- `content` reads rows, claims and figures of each table, or the reason why a table is absent.
+- `origin` reads the versions, machine, seeds, run times and MLflow runs behind the report.
+- `gallery` writes pages that compare a measured picture with a simulated picture.
+- `rooms` writes pages that show the rooms in three dimensions.
+- `claims` writes the summary of all claims.
+- `markup` writes the report page as HTML, and escapes all text that enters the page.
+- `folder` writes the files so that a browser never loads an incomplete report.
+- `page/` holds the HTML template, the style sheet and the scripts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ def path(output: Path) -> Path:
 def write(sections: Sequence[Section], output: Path) -> Path:
     """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
-    The report folder can be moved elsewhere. The same content gives the same bytes. The function removes the files of an earlier report.
+    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. The function removes the files
+    of an earlier report.
 
     Raises:
         MissingError: a file of a table is missing or damaged.

@@ -27,8 +27,8 @@ _NO_CASE = {"claim", "p", "items", "seed", "run_keys", "title", "note", "machine
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim of a table row. `row` is the row's number from 1. `case` holds the cells that distinguish this claim from the table's
-    others.
+    """A claim that a row of a results table states. `row` is the number of the row, from 1. `case` holds those cells of the row that
+    distinguish the claim from the table's other claims.
     """
 
     table: Table
@@ -60,11 +60,11 @@ class Section:
         return f"radartwin tables --profile {self.profile} --only {self.table.name}"
 
     def file(self, suffix: str) -> Path:
-        """Return the path of the table's file with this suffix, such as ".csv". Raises MissingError if the file does not exist."""
+        """Return the path of the table's file with the suffix `suffix`, such as ".csv". Raises MissingError if this file does not exist."""
         return self._there(self.output / "tables" / f"{self.table.name}.{suffix}")
 
     def figure(self, name: str, suffix: str = ".png") -> Path:
-        """Return the path of the file of one figure. Raises MissingError if the file does not exist."""
+        """Return the path of the file of one figure of the report. Raises MissingError if this file does not exist."""
         return self._there(self.output / "figures" / f"{name}{suffix}")
 
     def pixels(self, name: str) -> tuple[int, int]:
@@ -88,7 +88,7 @@ class Section:
 
     @cached_property
     def text(self) -> str:
-        """Return the table of this section as HTML text."""
+        """Return the results table of this section of the report as HTML text."""
         path = self.file("html")
         try:
             return path.read_text(encoding="utf-8")

@@ -1,8 +1,9 @@
 """List the recordings of a measurement campaign, and return each recording; a recording that is not in the store is simulated.
 
-The store holds two results for each recording. The result `clean` is the recording before receiver effects (noise, leakage, ADC). A
-turntable recording is stored as the radar signals at the traced target angles (aspects). The result `processed` is the input of all
-features. Receiver effects are added when a clean recording is processed; the random seed of these effects comes from the recording's name.
+The store holds two results for each recording, `clean` and `processed`. The result `clean` is the recording before
+receiver effects (noise, leakage, ADC). A turntable recording is stored as the radar signals at the traced target angles (aspects). The
+result `processed` is the input of all features. Receiver effects are added when a clean recording is processed; the random seed of these
+effects comes from the recording's name.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ class Campaign:
         self._recorded = Recorded(config, progress) if config.measured.provider == "recordings" else None
 
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
-        """Return the recordings of a domain that meet conditions such as motion="turntable", room="lab", object="mug", distance_m=1.0.
+        """Return the recordings of a domain (measured or simulated) that meet conditions such as motion="turntable", room="lab",
+        object="mug", distance_m=1.0.
 
         If the measurements come from a recording set, the simulated domain has one recording per condition, without repetitions. Raises
-        InputError for an unknown domain.
+        InputError for a domain other than "measured" and the simulated domains.
         """
         self._check(domain)
         if self._recorded is None:
@@ -57,15 +59,15 @@ class Campaign:
     def log(self, case: Case, domain: str = "measured") -> Log:
         """Return the log (nominal motion of radar and target) of a recording.
 
-        If the measurements come from a recording set, the simulation follows the log of the longest repetition of the same condition. For a
-        turntable, that log is cut to one revolution.
+        If the measurements come from a recording set, the simulation follows the log of the longest repetition of the same condition. For
+        a turntable, the log of this repetition is cut to one revolution.
         """
         if self._recorded is not None:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
 
     def processed(self, domain: str, case: Case, materials: Materials = None) -> tuple[str, Processed]:
-        """Return (store key, processed recording) of a case; a recording that is not in the store is simulated."""
+        """Return (store key, processed recording) of a case (object, room, motion, distance); a missing recording is simulated."""
         product = self.process(domain, case, materials)
         return product.key, Processed.load(product.path)
 
@@ -82,7 +84,9 @@ class Campaign:
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case) -> Recording:
-        """Return the recording with receiver effects. A recording simulated from the scan has thermal noise as its only receiver effect."""
+        """Return the recording with receiver effects (noise, leakage, ADC). A recording simulated from the scan has thermal noise as
+        its only receiver effect.
+        """
         return self._source(domain, case, None)[1]()
 
     def clean(self, domain: str, case: Case, materials: Materials = None) -> Product:
@@ -115,7 +119,7 @@ class Campaign:
         return found
 
     def plan(self) -> list[tuple[str, Case]]:
-        """Return the (domain, case) pairs that the campaign simulates.
+        """Return all (domain, case) pairs that the campaign simulates, in the order of simulation.
 
         Motions with short run times come first, and recordings along the same path of the radar are adjacent.
         """
@@ -125,7 +129,7 @@ class Campaign:
         return sorted(found, key=lambda one: (order[one[1].motion] > 2, one[1].room, order[one[1].motion], chosen.index(one[0])))
 
     def _clean(self, domain: str, case: Case, materials: Materials) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
-        """Describe how a clean recording is simulated.
+        """Describe how a clean recording (before receiver effects) is simulated.
 
         Returns (specification, function that simulates the recording, names of the modules whose code decides the result).
         """
@@ -171,7 +175,8 @@ class Campaign:
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
     """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
 
-    If workers.worker_count returns 1, this function simulates nothing. Each recording is then simulated when it is first read.
+    If workers.worker_count returns 1, this function simulates nothing. With a single worker, each recording is simulated when it is first
+    read.
     """
     tasks = list(missing.values())
     count = workers.worker_count(tasks[0].config.jobs, len(tasks)) if tasks else 1
@@ -187,7 +192,7 @@ def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fres
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording of one task. Worker processes call this function."""
+    """Simulate the recording that a task names. Worker processes call this function."""
     campaign = _campaign_of(task.config, task.root)
     if task.clean:
         campaign.clean(task.domain, task.case)

@@ -54,7 +54,9 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The nominal motion of a recording. The simulation follows this motion exactly; the measured recording deviates from it."""
+    """The nominal (logged) motion of a recording. The simulation follows the nominal motion exactly; the measured recording deviates
+    from it.
+    """
 
     frame_rate_hz: float
     sensor_poses: np.ndarray  # (F, 4, 4) or (1, 4, 4), radar to world
@@ -73,7 +75,9 @@ class Log:
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """List all recordings of a campaign. Only the measured recordings have repetitions. Raises ConfigError for an unknown object."""
+    """List all recordings of a virtual measurement campaign. Only the measured recordings have repetitions. Raises ConfigError for an
+    unknown object.
+    """
     known = catalogue()
     for name in (*config.turntable_objects, *config.rover_objects):
         if name not in known:
@@ -101,7 +105,7 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
-    """Return the log of a planned recording. The simulated turntable (`measured` is false) makes one revolution."""
+    """Return the log of a planned recording. If `measured` is false, the turntable makes exactly one revolution."""
     if case.motion == "turntable":
         return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
     every = config.rover_every if case.motion in ROVER else 1
@@ -137,7 +141,9 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (start pose, unit direction) of a rover's drive. A "depth" drive starts at its smallest distance and leaves the target."""
+    """Return (start pose, unit direction) of a rover's drive. A "depth" drive along the line of sight starts at the smallest distance
+    and moves away from the target.
+    """
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
     return middle, -middle[:3, 0]

@@ -1,7 +1,8 @@
 """Export the recordings of the virtual measurements (testbed) as a recording set on disk: samples, index rows and logged poses.
 
-The true scene is not exported. The options `measured=recordings measured.folder=SET` make the study read the exported set. If an export was
-interrupted, a second call adds the missing recordings.
+The export does not contain the true scene from which the virtual measurements were simulated. With the options `measured=recordings
+measured.folder=SET`, the study uses the exported recording set as its measurements. If an export was interrupted, a second call with the
+same folder exports the missing recordings.
 """
 
 from __future__ import annotations

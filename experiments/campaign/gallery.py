@@ -1,10 +1,11 @@
 """Draw the gallery: measured and simulated recordings side by side as maps of range over time, Doppler and azimuth.
 
-The measured and the simulated map of one kind share a colour scale. The option experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...]
-chooses the recordings, such as mug/squash_court/lateral/1. The default is the profile's list PAIRS, or the first recordings of a recording
-set. Dashed lines and rings mark the target's logged position. For a turntable, the Doppler spectrum is computed over the frames of a
-revolution, so the frame rate limits its unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For
-all other motions, the Doppler map and the azimuth map show the middle frame of the recording.
+The measured and the simulated map of the same kind (such as Doppler) have the same colour scale. The option
+experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1. If the option is empty,
+the gallery shows the profile's list PAIRS, or the first recordings of a recording set. Dashed lines and rings in the maps mark the
+target's logged position. For a turntable, the Doppler spectrum is computed over the frames of a revolution, so the frame rate limits its
+unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For all other motions, the Doppler map and the
+azimuth map show the middle frame of the recording.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ _PADDING = 8  # factor of zero padding in the Doppler transform; 16 chirps resol
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One recording as three maps of received power."""
+    """One recording as three maps of received power: range over time, over Doppler velocity and over azimuth."""
 
     range_m: Real  # (B,) range of each bin
     across: dict[str, Real]  # for each panel its other axis (X,): time, Doppler or azimuth
@@ -128,7 +129,8 @@ def parse(pair: str) -> Case:
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
     """Compute the three power maps (over time, Doppler and azimuth) of one recording.
 
-    `recording` is a function that loads the recording's samples. It is called only for a motion whose Doppler map shows a single frame.
+    `recording` is a function that loads the recording's samples. The function `recording` is called only for a motion whose Doppler map
+    shows a single frame.
     """
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
@@ -192,7 +194,9 @@ def _add_rows(rows: RowList, case: Case, found: dict[str, tuple[str, Processed]]
 
 
 def draw(views: dict[str, View], title: str, domain: str) -> Figure:
-    """Draw the measured maps in the upper row and the simulated maps below. The two maps of a column share one decibel scale."""
+    """Draw the measured power maps in the upper row and the simulated maps in the lower row. The two maps of a column have the same
+    decibel scale.
+    """
     turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
     labels = {
         "time": "time (s)",
@@ -226,7 +230,7 @@ def _title(case: Case) -> str:
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:
-    """Mark the logged target in a map.
+    """Mark the target's logged position in a power map.
 
     The mark is a line over time, a ring if the target's position on the horizontal axis is known, and otherwise a line at its range.
     """

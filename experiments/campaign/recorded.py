@@ -1,4 +1,6 @@
-"""Read measured recordings from a recording set. Index rows become cases, and the recorded motion becomes logs."""
+"""Read measured recordings from a recording set. Each row of the set's index becomes a case (object, room, motion, distance), and its
+recorded motion becomes a log.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +35,9 @@ _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_
 class Recorded:
     """Read the recordings of a recording set on disk.
 
-    The attribute `cases` lists the recordings that can also be simulated; a message gives the number of all others. The attribute
-    `conditions` lists the same cases without repetitions. Raises UserError if the recording set cannot be used, if none of its recordings
-    can be simulated, or if it was made with a radar that differs from the simulated radar.
+    The attribute `cases` lists the recordings that can also be simulated; a message gives the number of recordings that cannot be
+    simulated. The attribute `conditions` lists the cases in `cases` without repetitions. Raises UserError if the recording set cannot be
+    used, if none of its recordings can be simulated, or if it was made with a radar that differs from the simulated radar.
     """
 
     def __init__(self, config: Config, progress: Progress):
@@ -104,7 +106,9 @@ class Recorded:
 
 
 def _turn_s(row: Row) -> float:
-    """Return the time of one turntable revolution in seconds. Raises InputError if the stored value is not finite and positive."""
+    """Return the time of one turntable revolution in seconds. Raises InputError if the period in the index row is not finite and
+    positive.
+    """
     text = row.extra.get(TURN) or str(TURN_S)
     try:
         seconds = float(text)

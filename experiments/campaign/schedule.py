@@ -47,9 +47,10 @@ class Schedule:
     def next_task(self, worker: int) -> RecordingTask | None:
         """Return the next recording for a worker, or None if no recording is left.
 
-        A worker first receives recordings of its own track, then of a track that no worker has. The first worker that needs the simulated
-        phone scan of a room computes the scan, while all other workers that need the same scan wait. Therefore tracks that need scans come
-        first, one room per worker. Among equal tracks, the track with the most recordings comes first.
+        A worker first receives recordings along its own track, then recordings along a track that no worker has (a track is a radar path
+        in a room). The first worker that needs the simulated phone scan of a room computes the scan, while all other workers that need the
+        same scan wait. Because scans make workers wait, tracks that need scans come first, with one room per worker. Among tracks of equal
+        priority, the track with the most recordings comes first.
         """
         last = self._of_worker.pop(worker, None)
         tracks = [track for track, tasks in self.tracks.items() if tasks]

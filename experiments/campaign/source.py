@@ -16,7 +16,7 @@ Reading = TypeVar("Reading")
 
 
 class RecordingSource(Protocol):
-    """Interface of a campaign (experiments.campaign.campaign). Tests may use a substitute with the same interface."""
+    """Interface of a campaign (experiments.campaign.campaign). Tests may use a substitute for the campaign with the same interface."""
 
     def cases(self, domain: str, **conditions: Any) -> Sequence[Case]: ...
     def prepare(self, wanted: Any, materials: Any = None) -> None: ...
@@ -31,13 +31,15 @@ def read_both(
     read: Callable[[Case, str, Processed, Log], Reading],
     progress: Progress,
 ) -> dict[str, dict[Any, list[Reading]]]:
-    """Read the measured and simulated recordings that both domains contain. Recordings match if `place` returns the same tuple for both.
+    """Read the measured and simulated recordings that both domains contain. A measured and a simulated recording match if `place` returns
+    the same tuple for both.
 
     Args:
         place: function that returns the tuple (object, ...) of a case, for instance (object, room, distance).
         read: function (case, store key, processed recording, log) -> value to compare, such as a feature vector.
     Returns:
-        For each domain a dictionary {tuple: list of the values of `read`}. The tuples are sorted by catalogue object, then by their rest.
+        For each domain a dictionary {tuple: list of the values of `read`}. The tuples are sorted by object in the order of the catalogue,
+        then by their other entries.
     Raises:
         ConfigError: no tuple occurs in both the measured and the simulated recordings.
     """

@@ -2,9 +2,10 @@
 
 The run time of a recording is the time that one worker took to simulate the recording; with parallel workers, the whole campaign takes
 less than the sum of these times. The profile `paper` measures the paper's campaign; all other profiles extrapolate its run time and disk
-space. The extrapolated disk space follows from array shapes. The extrapolated run time is a sum over domains and motions. It adds the
-times of set-ups (a track, or a room whose parts drift), of traced states (an angle of a turntable, or a frame of a drive) and of processed
-frames. Recordings that reused a cached set-up give the time per traced state. The remaining time is attributed to set-ups.
+space. The extrapolated disk space of the campaign follows from array shapes. The extrapolated run time of the campaign is a sum over
+domains and motions. For each domain and motion, the sum adds the times of set-ups (a track, or a room whose parts drift), of traced states
+(an angle of a turntable, or a frame of a drive) and of processed frames. Recordings that reused a cached set-up give the time per traced
+state. The remaining run time of all other recordings counts as set-up time.
 """
 
 from __future__ import annotations
@@ -173,7 +174,8 @@ def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) ->
 def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
     """Add rows with run time and disk space of the paper's campaign.
 
-    With profile=paper the values are measured. With any other profile they are extrapolated, provided that every motion has recordings.
+    With profile=paper the run time and disk space are measured. With any other profile they are extrapolated, provided that every motion
+    has recordings.
     """
     config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     own = config.profile.campaign == paper
@@ -202,7 +204,7 @@ def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
 
 
 def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> list[tuple[int, int]]:
-    """Return (number of frames, number of traced states) of each planned case."""
+    """Return (number of frames, number of traced states) of each planned recording; a traced state is one turntable angle or one frame."""
     lengths = [nominal_log(case, campaign, measured=domain == MEASURED).frames for case in cases]
     return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
 

@@ -193,8 +193,8 @@ def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, n
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
-    """Return the slow mechanical drift of surroundings and stand while the turntable turns. Recordings in one room share the room's
-    drift.
+    """Return the slow mechanical drift of surroundings and stand while the turntable turns. All recordings in the same room have the same
+    drift of the room.
     """
     creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
     if not creeps.creep_m:
@@ -229,7 +229,7 @@ def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
 
 
 def _carrier(place: _Place, root: int) -> np.ndarray | float:
-    """Simulate the echo of the rover's own body below the radar. This echo is equal in every frame."""
+    """Simulate the echo of the rover's own body below the radar. The echo of the rover's body is equal in every frame."""
     body = testbed.truth(fixtures.rover(rooms.ROVER_HEIGHT_M), place.gaps, root)
     if not len(body):
         return 0.0
@@ -245,8 +245,8 @@ _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
 def _drives(case: Case, place: _Place, root: int) -> Drives:
-    """Return the traced track (path of the radar in a room) of a case. The last tracks are cached, because several objects share a
-    track.
+    """Return the traced track (path of the radar in a room) of a case. The last used tracks are cached, because recordings of several
+    objects share a track.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # these three strengths do not change the room

@@ -1,6 +1,7 @@
 """Store a turntable recording as its radar signals at traced target angles (aspects), plus the table's angle and the surroundings' drift.
 
-The samples of a recording of 300 s take 800 MB. The same samples can be interpolated from about a thousand aspects of 16 KB each.
+The samples of a turntable recording of 300 s take 800 MB. All these samples can be interpolated from the signals at about a thousand
+target angles, which take 16 KB each.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _NAME = "turned"
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """A turntable recording in compact form. The method `recording` computes its samples."""
+    """A turntable recording stored as signals at traced target angles. The method `recording` computes the samples of all frames."""
 
     aspects: Aspects  # signals of the scene at each traced target angle, with the surroundings at rest
     angles: np.ndarray  # (F, C, T) angle of the table at each chirp, radians

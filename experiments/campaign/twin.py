@@ -1,6 +1,7 @@
-"""Simulate recordings in the twin (simulation of the scanned room).
+"""Simulate recordings in the digital twin, which is the radar simulation of a scanned room.
 
-The room is a simulated phone scan whose surfaces have materials from the configured source. The simulated motion is the logged motion.
+The room is a simulated phone scan whose surfaces have materials from the configured source. The radar and the target move in the
+simulation exactly as in the log of the recording.
 """
 
 from __future__ import annotations
@@ -60,7 +61,9 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
-    """Return the simulated model of a room. Raises UserError if the store has no answers of the configured material source for the room."""
+    """Return the scene of a scanned room with materials. Raises UserError if the store has no answers of the vision-language model
+    for the room.
+    """
     if materials.source == VOID:
         return rooms.void()
     scanned = virtual_scan.scene_of(virtual_scan.fetch(config, store, case.room, config.measured.gap.geometry))
@@ -75,7 +78,9 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
 def record(
     case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store, say: Callable[[str], None] = lambda line: None
 ) -> Recording:
-    """Simulate the recording of a case along its logged motion, without noise. `say` reports which settings simulator=auto chose."""
+    """Simulate the recording of a case along its logged motion, without noise. The function `say` prints which settings
+    simulator=auto chose.
+    """
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = rooms.support(stand_top(nominal))
@@ -130,7 +135,7 @@ _tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str, elements: str) -> tuple[Drives, np.ndarray]:
     """Return the traced track of a case, and the signal (F or 1, C, T, R, N) of the room without target. The last tracks are cached.
 
-    `known` is a text with all settings that change the room's model or signal; it is part of the cache key.
+    The text `known` lists all settings that change the room's model or signal, and is part of the cache key.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"

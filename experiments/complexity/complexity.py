@@ -2,8 +2,8 @@
 
 simulator=auto (radartwin/adaptive) starts from the finest model and leaves out, one after another, the parts that the features do not
 need. The "fixed default" is the cheapest model that is sufficient for all cases together, or the shipped default model if that model is
-cheaper and sufficient. Run times are those of whole recordings (`timing`). The rooms are procedural rooms without scan errors, and a
-scanned room if the configuration names one.
+cheaper and sufficient. The run times in this table are those of whole recordings (`timing`). The recordings are simulated in procedural
+rooms without scan errors, and also in a scanned room if the configuration names a scan.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A probe (the frames on which models are compared) whose recordings are stored; `cost` holds the core-seconds of each recording."""
+    """A probe whose recordings are stored. A probe is a group of frames on which simulation models are compared; `cost` holds the
+    core-seconds of each recording.
+    """
 
     probe: Probe
     store: Store
@@ -99,7 +101,7 @@ class Kept:
         return self.probe.features(model)
 
     def asked(self, families: tuple[str, ...]) -> Kept:
-        """Return the same probe with another choice of feature families."""
+        """Return the same probe (frames for comparing models) with the feature families `families`."""
         return replace(self, probe=replace(self.probe, families=families))
 
 
@@ -120,7 +122,8 @@ class Asked:
     def error(self, model: Model, between: bool = False, finest: Model = FINEST) -> tuple[float, str]:
         """Return (error, name) of the feature with the largest difference from the finest model.
 
-        The error is the difference divided by the feature's repeatability limit (the difference between repeated measurements).
+        The error of a feature is its difference from the finest model divided by its repeatability limit (the difference that occurs
+        between repeated measurements).
         """
         kept = self.between if between else self.kept
         names, values = kept.features(model)
@@ -196,7 +199,9 @@ def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """Set up a case of the campaign in the procedural room without scan errors. Returns a function that gives a probe of chosen frames."""
+    """Set up a case of the campaign in the procedural room without scan errors. Returns a function that gives a probe (frames for
+    comparing models) of chosen frames.
+    """
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}

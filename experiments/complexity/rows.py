@@ -106,7 +106,9 @@ def columns_of(one: Found) -> dict[str, Any]:
 
 
 def _why(choice: Choice) -> str:
-    """Return as text the simplifications of the model that the choice rejected. They show which parts of the model the features need."""
+    """Return as text the simplifications of the model that the choice rejected. The rejected simplifications show which parts of the
+    simulation model the features need.
+    """
     refused = {(step.dimension, step.value): step.told for step in choice.steps if not step.taken}
     taken = {(step.dimension, step.value) for step in choice.steps if step.taken}
     return "; ".join(told for what, told in refused.items() if what not in taken)
@@ -123,9 +125,11 @@ def _row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, 
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with one row per case and feature set and one column per model setting. A dark cell is a setting with a long run time.
+    """Draw a map with one row per case and feature set and one column per model setting. A dark cell of the map is a setting with a long
+    run time.
 
-    The bars beside the map are the run times of auto and of the shipped default model, divided by that of the fixed default model.
+    The bars beside the map show the run times of the model chosen by simulator=auto and of the shipped default model, both divided by the
+    run time of the fixed default model.
     """
     cases = [row for row in rows if row["metric"] == SAVED]
     level = np.array([[_level(case, name) for name in HEADS] for case in cases])
@@ -159,7 +163,7 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:
-    """Return the relative level of a setting: 0 for its cheapest value, 1 for its most expensive value.
+    """Return the position of a model setting on its scale: 0 for its cheapest value, 1 for its most expensive value.
 
     In a model without a room, the setting of the paths between object and room counts as 0.
     """

@@ -1,9 +1,9 @@
 """Measure how each simulator setting changes run time, simulated features, and the results of the fidelity tables.
 
-The reference for the features is the finest setting. The measured recordings stay the same. A drive computes some quantities only at steps
-along its track. These steps are equally coarse in the finest setting, so the table underestimates the feature errors of drives. For
-comparison, recordings of different objects, distances and rooms differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same
-comparison as a parameter sweep.
+The feature errors are relative to the features under the finest simulator setting. The measured recordings are the same for all settings.
+A drive computes some quantities only at steps along its track. The steps along the track are equally coarse in the finest setting, so the
+table underestimates the feature errors of drives. For comparison, the features of recordings of different objects, distances and rooms
+differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same comparison as a parameter sweep.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
     """Return the feature error (recordings,): the rms over features of (value - value of the finest setting) / standard deviation.
 
     `values` and `finest` have the shape (recordings, features). The standard deviation of a feature is taken over the recordings of the
-    finest setting. A feature that is constant over these recordings is left out.
+    finest setting. A feature that is constant over the recordings of the finest setting is left out.
     """
     spread = finest.std(axis=0)
     tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)
@@ -207,7 +207,9 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Draw run time against feature error, with one panel per motion and one marker per setting. The finest setting has no marker."""
+    """Draw run time against feature error, with one panel per motion and one marker per setting. The finest setting has no marker,
+    because it is the reference.
+    """
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
     names = [one.name for one in SETTINGS if one.name != FINEST]

@@ -1,8 +1,8 @@
 """Recordings and features for the study of single gaps. A gap is a known difference between virtual measurement (testbed) and simulation.
 
-In the base configuration every gap is off, so the simulation has the true materials and the exact room. The function `alone` switches one
-gap on. A `Reading` holds the features of one recording (target gate of +-3 range bins, ranges from 0.3 to 5.5 m) and the complex signal,
-so that changes of phase are visible as well.
+In the base configuration every gap is off, so the simulation has the true materials and the exact room. The function `alone` switches a
+single gap on. A `Reading` holds the features of one recording (target gate of +-3 range bins, ranges from 0.3 to 5.5 m) and the complex
+signal, so that changes of phase are visible as well.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ class Reading:
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """Compute the features of a case, or of its first `frames` frames; a missing recording is simulated. The simulation has no noise
-    here.
+    """Compute the features of a case, or of its first `frames` frames; a missing recording is simulated. The simulated recordings are read
+    without receiver noise.
     """
     campaign = Campaign(config, store, progress)
     log = campaign.log(case, domain)

@@ -1,8 +1,8 @@
 """Predictions from physics for each gap (known difference between virtual measurement and simulation) when it is the only gap that is on.
 
 A prediction bounds the change of a feature and gives the reason. The predictions were written before the first run. A bound may depend on
-the gap's strength s (default 1) and holds for the named group of cases. A brightness that "stays" changes by at most 0.5 dB for a metal
-target, or by 1 dB if echoes of other objects fall into the target gate.
+the gap's strength s (default 1) and holds for the group of recordings that the prediction names. "The brightness stays" means that the
+echo power of the target changes by at most 0.5 dB for a metal target, or by 1 dB if echoes of other objects fall into the target gate.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
 
 
 def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
-    """Return the predictions of those gaps whose bounds depend on the strength `s`."""
+    """Return the predictions for a gap whose bounds depend on the gap's strength `s`."""
     level = s * LINES_DB + FILTER_DB
     return {
         "hardware": (

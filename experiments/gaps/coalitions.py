@@ -1,10 +1,11 @@
 """Simulate recordings under any set of gaps (differences between virtual measurement and simulation), and the losses that the set causes.
 
-A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses among the gaps. The gaps `geometry` and `labels`
-change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation; without `hardware` neither
-domain has noise. All other gaps change the measurement. A "side" is one domain (measured or simulated) with the gaps that change this
-domain. About twenty sides are enough for dozens of coalitions. The gap `contents` does not change an object without liquid
-(radartwin/testbed/variation.py), so an object without liquid is recorded only with `contents` on.
+A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses of a coalition among its gaps. The gaps
+`geometry` and `labels` change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation;
+without `hardware` neither domain has noise. All gaps except `geometry`, `labels` and `hardware` change only the measurement. A "side" is
+one domain (measured or simulated) with the gaps that change this domain. Recordings of about twenty sides are enough to compute the losses
+of dozens of coalitions. The gap `contents` does not change an object without liquid (radartwin/testbed/variation.py), so an object without
+liquid is recorded only with `contents` on.
 """
 
 from __future__ import annotations
@@ -86,7 +87,9 @@ class Sides:
         self._read: dict[Side, Read] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Simulate and read the sides of these coalitions. Sides that share a room set-up are simulated together."""
+        """Simulate and read the sides (measured or simulated recordings with their gaps) of these coalitions of gaps. Sides that
+        share a room set-up are simulated together.
+        """
         wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
         ordered = sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
         self.make(ordered)
@@ -94,7 +97,7 @@ class Sides:
             self.read(domain, on)
 
     def make(self, some: Sequence[Side]) -> None:
-        """Simulate the missing recordings of these sides in several workers."""
+        """Simulate the missing recordings of these sides (domains with their gaps) in several worker processes."""
         missing: dict[str, RecordingTask] = {}
         for domain, on in some:
             for case in self.cases:
@@ -104,7 +107,7 @@ class Sides:
         make_together(missing, self.progress)
 
     def read(self, domain: str, on: Coalition) -> Read:
-        """Return the features of the side that the gaps `on` give in one domain."""
+        """Return the features of the recordings of one domain (measured or simulated) with the gaps `on`."""
         if (domain, on) not in self._read:
             found = [(case, *self.processed(domain, on, case), self.log(domain, case)) for case in self.cases]
             values = [sets.vector(processed, log, FEATURES, WITHOUT)[1] for _, _, processed, log in found]
@@ -139,7 +142,7 @@ class Sides:
 
 
 def _switched(on: Coalition, case: Case) -> Coalition:
-    """Return the gaps under which a case is recorded. An object without liquid is always recorded with the gap `contents` on."""
+    """Return the gaps that are on when an object is recorded. An object without liquid is always recorded with the gap `contents` on."""
     return on if catalogue()[case.object].contents is not None else on | {"contents"}
 
 
@@ -149,7 +152,7 @@ def _received(domain: str, on: Coalition) -> bool:
 
 
 def _setup(domain: str, on: Coalition) -> str:
-    """Return the name of the room set-up that a side needs. Sides with the same name share the set-up."""
+    """Return the name of the room set-up that a side (domain with its gaps) needs. Sides with the same name share the room set-up."""
     return " ".join(gap for gap in (SETS_UP if domain == "measured" else ("geometry", LABELS)) if gap in on) or "as it is"
 
 
@@ -159,7 +162,7 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
     ERROR is the rms over features of simulated minus measured value, each divided by the feature's standard deviation over the simulated
     recordings without gaps. PROFILE is one minus the correlation of the simulated with the measured mean range profile in decibels, from
     0.3 to 5.5 m. RECOGNITION is the share of random seeds for which a random forest trained on simulated frames classifies a measured
-    recording wrongly. The forest's features are ranked within domain and distance.
+    recording wrongly. The features of the random forest are replaced by their ranks within each domain and distance.
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)
@@ -184,7 +187,7 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:
     """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames classify correctly.
 
-    The same forests classify the recordings of all coalitions. The features are ranked within each coalition.
+    The same forests classify the recordings of all coalitions. The features are replaced by their ranks within each coalition of gaps.
     """
     renamed = [_renamed(transfer.ranked(samples), number) for number, samples in enumerate(measured.values())]
     split = label_free(transfer.ranked(simulated), join(*renamed))

@@ -1,11 +1,12 @@
 """Gap attribution: how much of the difference between simulation and virtual measurement does each gap cause?
 
-A gap is one kind of difference, such as wrong material labels. Three losses of fidelity and recognition (experiments/gaps/coalitions.py)
-are computed for sets of gaps that are on. Three numbers describe each gap. "Alone" is the loss that the gap causes if all other gaps are
-off. "Left out" is the decrease of the loss if the gap is switched off while all other gaps are on. "Share" is the gap's Shapley value,
-exact over groups of gaps; the shares of all groups sum to the total loss (experiments/gaps/shapley.py). If a gap causes a large loss alone
-and none when left out, other gaps hide its effect. The claims were written before the first run. The quick profile takes 86 core-seconds
-on a busy machine; 28 of these core-seconds set up the scanned laboratory.
+A gap is one kind of difference between simulation and virtual measurement, such as wrong material labels of surfaces. Three losses of
+fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets of gaps that are on. Three numbers describe each gap.
+"Alone" is the loss that the gap causes if all other gaps are off. "Left out" is the decrease of the loss if the gap is switched off while
+all other gaps are on. "Share" is the gap's Shapley value, exact over groups of gaps; the shares of all groups sum to the total loss
+(experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide its effect. The claims were
+written before the first run. The quick profile takes 86 core-seconds on a busy machine; 28 of these core-seconds set up the scanned
+laboratory.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ ROOM = "geometry and materials"
 
 @dataclass(frozen=True)
 class Plan:
-    """The groups of gaps and the objects that one attribution uses. A gap that is in no group stays off."""
+    """The groups of gaps and the objects that one attribution uses. A gap that is in none of the groups stays off."""
 
     groups: Mapping[str, tuple[str, ...]]
     objects: tuple[str, ...]
@@ -69,7 +70,9 @@ class Plan:
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """Return {name: gaps} of the sets for "alone" and "left out": each group, and with `singly` also each gap of a larger group."""
+        """Return {name: gaps} of the sets of gaps that are switched together for the rows "alone" and "left out": each group, and
+        with `singly` also each gap of a larger group.
+        """
         single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
 
@@ -137,8 +140,8 @@ def check(config: Config) -> None:
 def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
     """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
 
-    The three rows of a gap are its loss alone, its loss if left out, and its share. The rows exist for all objects, and again for filled
-    bottles only. `filled` is the mask (recordings,) of the filled bottles.
+    The three rows of a gap are its loss alone, its loss if left out, and its share. These rows exist twice: for all objects, and for
+    filled bottles only. `filled` is the mask (recordings,) of the filled bottles.
     """
     rows = RowList(config)
     for score in SCORES:

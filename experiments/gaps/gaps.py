@@ -3,10 +3,10 @@
 A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. Each gap is switched on alone at
 strength 1, in the paper profile also at strength 2. The predicted effects are in experiments/gaps/claims.py.
 
-A row shows one random draw of the gap (set by measured.gap and seed), not a mean over several draws. Roughness takes power from the
+A table row shows one random draw of the gap (set by measured.gap and seed), not a mean over several draws. Roughness takes power from the
 specular reflection, and this power returns as diffuse scatter, so a rougher room can become brighter. The turntable's motor and gear are
-clutter inside the target gate. For the geometry gap, the simulated scan contains the room's clutter, but the virtual measurements of these
-rows have no clutter. The quick profile needs 270 core-seconds to simulate the recordings, and 150 core-seconds more if the scans of both
+clutter inside the target gate. In the rows of the geometry gap, the simulated scan contains the room's clutter, but the virtual
+measurements do not. The quick profile needs 270 core-seconds to simulate the recordings, and 150 core-seconds more if the scans of both
 rooms are not in the store.
 """
 
@@ -140,7 +140,9 @@ def add_rows(rows: RowList, step: tuple[str, float], moves: Mapping[Case, dict[s
 
 
 def _add(rows: RowList, where: tuple[str, float, str], metric: str, values: list[float], keys: list[str], claim: Claim = NONE) -> None:
-    """Add one row for (gap, strength, cases). Ratios of signals are averaged as amplitudes, because a mean of decibels has no meaning."""
+    """Add one table row for a gap at a strength and a group of cases. Ratios of signals are averaged as amplitudes, because a mean of
+    decibels has no meaning.
+    """
     config, ratios = rows.config, metric.endswith(CHANGE)
     samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
     found = statistics.mean(samples, config.profile.resamples, config.seed)

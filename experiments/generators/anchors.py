@@ -1,6 +1,7 @@
 """Write the text embeddings of the objects' descriptions that the package contains: `python -m experiments.generators.anchors`.
 
-Run this script after a description in the object catalogue has changed. The script needs the optional dependencies `text`.
+Run this script after a description in the object catalogue has changed. The script needs the optional dependencies `text` of the package
+(`pip install radartwin[text]`).
 """
 
 from __future__ import annotations

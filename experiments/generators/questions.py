@@ -4,7 +4,8 @@
 
 The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). The
 real scan of a chair is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the command
-`radartwin label SCENE --export`. The script compares their hashes with the hashes in the recorded answers.
+`radartwin label SCENE --export`. The script compares the hashes of the written questions and pictures with the hashes in the recorded
+answers.
 """
 
 from __future__ import annotations

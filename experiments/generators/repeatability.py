@@ -1,11 +1,11 @@
 """Measure the repeatability limits of features. simulator=auto divides the feature error of a simulation model by these limits.
 
-    python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json, about twenty core minutes
+    python -m experiments.generators.repeatability            writes radartwin/adaptive/repeatability.json in about twenty core-minutes
 
 The testbed (virtual measurement) records each object REPEATS times at one metre. For each recording, the object is placed again, and the
-drive's slip, the turntable's wobble, the room's drift and the receiver noise are drawn again. The output file has a limit for each object,
-and a pooled limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a
-margin.
+drive's slip, the turntable's wobble, the room's drift and the receiver noise are drawn again. The output file has a repeatability limit
+for each object, and a pooled limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits
+include a margin.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Check the capabilities of those radar simulation systems that run here. Each check takes seconds and simulates no whole recording.
+"""Check the capabilities of those radar simulation systems that run here. Each check of a capability takes seconds and simulates no whole
+recording.
 
 A check returns two values: the content of the system's cell in the table, and whether this content agrees with the paper's cell.
 """

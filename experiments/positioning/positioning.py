@@ -2,10 +2,10 @@
 
 The cells of other systems are copied from the paper, and the first source of every cell is the paper's table (`tab:positioning`). The
 constant SAID adds quotations from the paper's text. The cells "yes", "partly", "no" and "-" stand for the marks in the paper's table:
-present, partly present, absent, and not applicable. RadarTwin's row holds the results of the checks in `capabilities`; a cell is empty if
-its check fails. Sionna RT and the re-implemented RF-Genesis also run here, so two cells of each of these systems are checked. The verdict
-of a row is "holds" if every checked cell agrees with the paper. The paper claims that no other system has all capabilities. The last row
-of the table counts the systems with all capabilities among the paper's own cells.
+present, partly present, absent, and not applicable. RadarTwin's row holds the results of the checks in `capabilities`; a cell of this row
+is empty if its check fails. Sionna RT and the re-implemented RF-Genesis also run here, so two cells of each of these systems are checked.
+The verdict of a row is "holds" if every checked cell agrees with the paper. The paper claims that no other system has all capabilities.
+The last row of the table counts the systems with all capabilities among the paper's own cells.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Reconstruction ablation: how well are objects recognised if the simulation used for training contains less of the reconstructed room?
 
-In the measured recordings, the radar drives past the object, at right angles to the line of sight ("lateral" drives). No class labels of
-measured recordings are used. The same random forests are trained on three simulations: with labelled materials, with one uniform material
-on every surface of the room, and without the room. The table compares the predictions of the three forests on the same recordings.
+In the measured recordings, the radar drives past the object, at right angles to the line of sight ("lateral" drives). The training uses no
+class labels of measured recordings. The same random forests are trained on three simulations: of the room with labelled materials, of the
+room with one uniform material on every surface, and without the room. The table compares the predictions of the three forests on the same
+recordings.
 
 Paper (reconstruction ablation, squash court), for labelled materials, uniform material and no room in this order: object accuracy 0.227 +-
 0.015, 0.192 +- 0.015 and 0.138 +- 0.008; shape accuracy 0.65, 0.66 and 0.54. Of the recordings, 23 are classified correctly only with
@@ -105,8 +106,8 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], keys: list[str]) -> None:
-    """Add the number of recordings that only one of two simulations classifies correctly, with exact p, and the number of seeds it
-    leads.
+    """Add the number of recordings that only one of two simulations classifies correctly, with its exact p value, and the number of random
+    seeds for which each is better.
     """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))

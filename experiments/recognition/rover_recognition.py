@@ -117,7 +117,9 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
 
 
 def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None:
-    """Add level (i), without measured labels: object accuracy, shape accuracy in sideways ("lateral") drives, and the control."""
+    """Add the rows of supervision level (i), without class labels of measured recordings: object accuracy, shape accuracy in sideways
+    ("lateral") drives, and the control.
+    """
     frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     recordings = frames.measured.per_recording()
     for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
@@ -158,7 +160,9 @@ def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: fl
 
 
 def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: RecordingSource) -> None:
-    """Add level (ii): accuracy of material classes with and without calibration by one reflector recording, which is not scored."""
+    """Add the rows of supervision level (ii): accuracy of material classes with and without calibration by one reflector recording,
+    which is not scored.
+    """
     frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
     ours, theirs = PAPER[motion, "material"] if in_paper else ("", "")
     recordings = frames.measured.per_recording()
@@ -185,7 +189,9 @@ def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: 
 
 
 def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
-    """Add level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if there are enough recordings."""
+    """Add the rows of supervision level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if
+    there are enough recordings.
+    """
     supervision, frames = rows.config.supervision, drives.frames
     simulated, measured = transfer.ranked(frames.simulated), transfer.ranked(frames.measured)
     recordings = frames.measured.per_recording()
@@ -205,7 +211,9 @@ def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
 
 
 def _add_turntable(rows: RecognitionRows, shown: Shown, source: RecordingSource, store: Store, progress: Progress) -> tuple[str, ...]:
-    """Add level (iii) of the paper, the labelled probe on the turntable. Returns the store keys of the turntable recordings."""
+    """Add the paper's rows of supervision level (iii), in which a classifier is trained on labelled turntable recordings. Returns the
+    store keys of the turntable recordings.
+    """
     config = replace(rows.config, supervision=replace(rows.config.supervision, mode="label_free", shots=0))
     data = labelled_probe.gather_data(config, source, store, progress, {})
     keys = tuple(sorted({key for found in data.keys.values() for key in found}))

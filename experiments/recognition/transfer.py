@@ -1,9 +1,9 @@
 """Classify measured rover recordings by a random forest that is trained on simulated frames only. All rover recognition tables use this
 code.
 
-The features of simulated and measured frames are replaced by their ranks, separately for each domain and distance. The forest is trained
-on the simulated frames. A measured recording gets the class that most of its frames get (paper: scene-level recognition, label-free). The
-"raw" baseline method chooses the object whose simulated range-time signature at the same distance is most similar.
+The features of simulated and measured frames are replaced by their ranks, separately for each domain and distance. The random forest is
+trained on the simulated frames. A measured recording gets the class that most of its frames get (paper: scene-level recognition,
+label-free). The "raw" baseline method chooses the object whose simulated range-time signature at the same distance is most similar.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def calibrated_split(
 ) -> Split:
     """Return the split that trains on simulated frames after calibration by one reflector recording, whose class label is not used.
 
-    The calibration shifts the simulated features that depend on energy to measured levels. The reflector is left out of training and test
-    at every distance. `mapped=False` skips the calibration, for comparison.
+    The calibration shifts those simulated features that depend on echo energy to the measured level of the reflector. The corner reflector
+    is left out of training and test data at every distance. `mapped=False` skips the calibration, for comparison.
     """
     simulated = frames.simulated
     if mapped:

@@ -2,8 +2,8 @@
 
 The encoder (a neural network) is trained on noisy copies of the simulated features. The predicted object is the object whose text
 embedding is nearest to the encoder's output. Paper (recognition, label-free): the accuracy for geometry is 0.72, and the largest geometry
-class has a share of 0.58. The accuracy for material is 0.72, and the largest material class has a share of 0.67. The object itself is not
-recognised.
+class has a share of 0.58. In the paper, the accuracy for material is 0.72, and the largest material class has a share of 0.67. In the
+paper, the object itself is not recognised.
 """
 
 from __future__ import annotations

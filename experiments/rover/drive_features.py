@@ -43,7 +43,7 @@ class Drive:
 
     @property
     def profile(self) -> NDArray:
-        """Mean range profile (B,) over frames. Each frame is first scaled to unit energy."""
+        """Mean range profile (B,) over frames. Each frame is scaled to unit energy before the mean."""
         return (self.power / self.power.sum(axis=1, keepdims=True)).mean(axis=0)
 
 
@@ -51,7 +51,9 @@ Drives = dict[tuple[str, Place], list[Drive]]  # key: object, place
 
 
 def read(source: RecordingSource, progress: Progress) -> dict[str, Drives]:
-    """Read measured and simulated drives at their common objects and places. Raises ConfigError if the domains have none in common."""
+    """Read the drives of objects and places (room, motion, distance) that are both measured and simulated. Raises ConfigError if
+    there are none.
+    """
     return read_both(source, ROVER, lambda case: (case.object, (case.room, case.motion, case.distance_m)), _drive, progress)
 
 
@@ -82,7 +84,9 @@ def matrix(drives: Drives, names: Sequence[str], place: Place) -> tuple[list[str
 
 
 def keys(drives: dict[str, Drives], names: Iterable[str] | None = None, chosen: Iterable[Place] | None = None) -> list[str]:
-    """Return the store keys of both domains' drives. `names=None` stands for all objects, `chosen=None` for all places."""
+    """Return the store keys of the measured and simulated drives. `names=None` stands for all objects, `chosen=None` for all places
+    (room, motion, distance).
+    """
     known_names, known_places = None if names is None else set(names), None if chosen is None else set(chosen)
     return [
         one.key

@@ -1,13 +1,14 @@
 """Object, distance, room: which of these factors makes simulated features agree with measured features, and which makes them differ?
 
-A slice fixes two of the three factors and varies the third factor. An object slice gives the rank correlation over objects in one room at
-one distance. A distance slice gives the rank correlation over distances for one object in one room. A room slice gives, for one object at
-one distance, the share of features that change in the same direction between two rooms in measurement and simulation. The pooled
-correlation uses all objects and distances of a room together. The matched correlation is computed over the objects at each distance and
-then averaged. As in the paper, the table gives the feature with the highest correlation. The disagreement is the simulated minus the
-measured feature, each standardised over all recordings of its domain. The variance of the disagreement is divided among the main effects
-of object, distance and room, as a mean over features. Paper, disentangling object, distance and environment: pooled correlation about 0.8,
-matched correlation about 0.5; the environment factor dominates.
+A slice fixes two of the three factors and varies the third factor. An object slice gives the rank correlation between measured and
+simulated features over objects in one room at one distance. A distance slice gives the rank correlation between measured and simulated
+features over distances for one object in one room. A room slice gives, for one object at one distance, the share of features that change
+in the same direction between two rooms in measurement and simulation. The pooled correlation between measured and simulated features uses
+all objects and distances of a room together. The matched correlation between measured and simulated features is computed over the objects
+at each distance and then averaged. As in the paper, the table gives the correlation of the feature for which it is highest. The
+disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance of the
+disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object, distance
+and environment: pooled correlation about 0.8, matched correlation about 0.5; the environment factor dominates.
 """
 
 from __future__ import annotations
@@ -80,7 +81,9 @@ def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:
 
 
 def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slices: dict[tuple[str, str], NDArray]) -> None:
-    """Add rows of the object, distance and room slices, and of pooled and matched correlations. `slices` collects values for the figure."""
+    """Add rows of the object, distance and room slices, and of pooled and matched correlations. The dictionary `slices` collects the
+    values that the figure shows.
+    """
     seeds = rows.config.profile.resamples, rows.config.seed
 
     def add(case: str, metric: str, statistic: Callable[[Cells], float], claim: Claim = NONE) -> None:
@@ -113,7 +116,9 @@ def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> N
 
 
 def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
-    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three values are left out."""
+    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three levels of the factor
+    are left out.
+    """
     slices = _grouped(cells, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))
     found = [_rank_correlations(some) for some in slices if len(some) >= 3]
     values = np.concatenate(found) if found else np.zeros(0)
@@ -152,8 +157,8 @@ def effects(cells: Cells) -> dict[str, float]:
     """Compute the main effect of each factor on the disagreement (simulated minus measured), as a mean over features.
 
     The effect of a factor is the share of the variance that the means at the factor's levels explain, per degree of freedom (number of
-    levels minus one). A factor with more levels explains more of any variance, so the division is needed. Factors with one level are left
-    out.
+    levels minus one). A factor with more levels explains more of any variance, so the division is needed. Factors with only one level
+    (such as a single room) are left out.
     """
     labels = list(cells)
     gap = np.stack([values[1] - values[0] for values in cells.values()])
@@ -213,7 +218,8 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
 
 
 def bootstrap(cells: Cells, statistic: Callable[[Cells], float], resamples: int, seed: int) -> Estimate:
-    """Estimate a statistic with a bootstrap over objects. A drawn object contributes its values in all rooms and at all distances.
+    """Estimate a statistic with a bootstrap over objects. An object that the bootstrap draws contributes its values in all rooms and at
+    all distances.
 
     At most 300 resamples are drawn, because every feature is ranked again in each resample.
     """

@@ -123,7 +123,9 @@ def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
 
 
 def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None:
-    """Add rows on tracked range, range profile and velocity at one place, over objects. Profile rows also exist per material class."""
+    """Add rows on tracked range, range profile and velocity at one place, over objects. The rows on range profiles also exist for
+    each material class.
+    """
     names = drive_features.objects(drives[MEASURED], place)
     tracks, profiles, velocities = [], defaultdict(list), defaultdict(list)
     for name in names:
@@ -175,7 +177,8 @@ def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agree
 def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
     """Add rows on the brightness contrast (metal minus plastic, dB) for each place and domain.
 
-    Two more rows give the share of places where the contrast has the same sign in both domains, and the ratio of the two contrasts.
+    Two summary rows give the share of places where the contrast has the same sign in measurement and simulation, and the ratio of
+    simulated to measured contrast.
     """
     label, gaps, keys = "metal less plastic", [], []
     known = catalogue()
@@ -198,7 +201,8 @@ def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
 
 
 def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the mean simulated over the mean measured contrast of `pairs` (places, 2), with a bootstrap over places.
+    """Estimate the mean simulated brightness contrast divided by the mean measured contrast, from `pairs` (places, 2), with a bootstrap
+    over places.
 
     The ratio counts as infinite in a resample whose mean measured contrast is not above zero.
     """

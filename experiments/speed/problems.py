@@ -1,11 +1,10 @@
 """Test problems on which simulation methods are compared. A test problem has a scene, a motion, and an exact or converged reference signal.
 
-canonical    a plate, a sphere, a cylinder and a trihedral of metal at 1 m, compared with quadrature and series near         a 15 cm
-trihedral at 0.5 m, where its echo is 25 dB below the far-field value, compared with quadrature empty room   an empty concrete office with
-a moving radar, compared with all image sources of up to four bounces object       a filled bottle on a turntable in the furnished
-laboratory, compared with RadarTwin's tracer at finer settings and with one more
-             bounce
-rover        a radar that drives towards a can in the furnished squash court, compared with RadarTwin's tracer at the same finer settings
+- `canonical`: a plate, a sphere, a cylinder and a trihedral of metal at 1 m; the reference is quadrature or a series.
+- `near`: a 15 cm trihedral at 0.5 m, where its echo is 25 dB below the far-field value; the reference is quadrature.
+- `empty room`: an empty concrete office with a moving radar; the reference is the sum of all image sources of up to four bounces.
+- `object`: a filled bottle on a turntable in the furnished laboratory; the reference is the tracer with finer settings and one more bounce.
+- `rover`: a radar that drives towards a can in the furnished squash court; the reference is the tracer with the same finer settings.
 
 The exact references exist for a single isotropic element that transmits and receives. Errors are therefore computed with this element, and
 run times are measured with the whole antenna array. A reference from finer settings of RadarTwin's tracer shows how far a run is from
