@@ -1,4 +1,4 @@
-"""Start, interrupt and watch processes."""
+"""Functions with which tests start, interrupt and watch processes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def started(command: list[str], folder: Path, **environment: str) -> subprocess.Popen[str]:
-    """Start a command in the folder, as the leader of a process group. Its modules come from this checkout."""
+    """Start a command in the folder, as the leader of a new process group. Python imports radartwin from this checkout."""
     return subprocess.Popen(
         command, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, start_new_session=True,
@@ -21,7 +21,9 @@ def started(command: list[str], folder: Path, **environment: str) -> subprocess.
 
 
 def interrupted_twice(process: subprocess.Popen[str]) -> str:
-    """Interrupt a command and all that it started, twice, as an impatient user presses Ctrl-C. Returns what it printed."""
+    """Interrupt a command and all processes that it started twice, like a user who presses Ctrl-C two times. Returns what the command
+    printed.
+    """
     for _ in range(2):
         os.killpg(process.pid, signal.SIGINT)
         time.sleep(0.3)
@@ -33,7 +35,7 @@ def interrupted_twice(process: subprocess.Popen[str]) -> str:
 
 
 def runs(pid: int) -> bool:
-    """Return whether a process runs; a zombie does not."""
+    """Return whether a process is running; a zombie process does not count."""
     status = Path(f"/proc/{pid}/stat")
     return status.exists() and " Z " not in status.read_text()
 

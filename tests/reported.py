@@ -1,4 +1,4 @@
-"""An output folder with every state of a table in a report, written as `radartwin tables` writes it."""
+"""Write an output folder in which the tables of a report have all possible states, in the same form as `radartwin tables`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def row(**changes: Any) -> dict[str, Any]:
 
 
 def rows() -> list[dict[str, Any]]:
-    """Rows of every verdict, a row without a claim, and hostile text in every text column."""
+    """Return table rows with every verdict, a row without a claim, and rows with hostile HTML in every text column."""
     return [
         row(),
         row(verdict="fails", value=7.0, low=6.0, high=8.0, strength=2.0),
@@ -44,7 +44,7 @@ def rows() -> list[dict[str, Any]]:
 
 
 def methods() -> list[dict[str, Any]]:
-    """Rows of two methods on one problem, as in the table of speed against accuracy."""
+    """Return the rows of two simulation methods for one test problem, as in the table that compares speed and accuracy."""
     case = {
         "problem": "plate",
         "title": "a plate",
@@ -68,7 +68,7 @@ def curve() -> Any:
 
 
 def views() -> dict[str, gallery.View]:
-    """Both domains of a gallery pair, with one echo each, at MEASURED_M and at SIMULATED_M."""
+    """Return a measured and a simulated gallery recording with a single echo each, at MEASURED_M and at SIMULATED_M."""
     across = {"time": np.arange(20) / 10, "Doppler": np.linspace(-5, 5, 21), "azimuth": np.arange(-80.0, 81.0, 5)}
     found = {}
     for side, at_m in (("measured", MEASURED_M), ("twin", SIMULATED_M)):
@@ -83,7 +83,9 @@ def views() -> dict[str, gallery.View]:
 
 
 def write(output: Path, figures: Mapping[str, Callable[[], Any]] | None = None) -> Path:
-    """Write three current tables, one stale and one failed table, and the report; its path. All other tables were never run."""
+    """Write three current tables, a stale table, a failed table and the report. Returns the path of the report. All other tables count as
+    never run.
+    """
     figures = {"environment_curve": curve} if figures is None else figures
     main.write(registry.table("environment"), Result("environment", rows(), figures, run_key=KEY), "quick", output)
     pair = {PAIR: lambda: gallery.draw(views(), "mug in the lab", "testbed")}

@@ -1,4 +1,4 @@
-"""Check of the message that refuses a radar file."""
+"""Check the error message with which RadarTwin refuses a radar file."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from radartwin.radar.chirp import Radar
 
 
 def assert_refused(path, *words):
-    """The file is refused by one short line that names the file and contains the words."""
+    """Check that RadarTwin refuses the file with one short line that names the file and contains the given words."""
     with pytest.raises(RecordingError) as caught:
         Radar.from_file(path)
     message = str(caught.value)

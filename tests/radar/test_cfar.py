@@ -1,4 +1,4 @@
-"""CFAR: its false-alarm rate, the textbook threshold factor, and the axes."""
+"""Tests of the CFAR detector: its false-alarm rate, the threshold factor from the textbook, and the axes of the detections."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The DCA1000 raw layout, against bytes written by hand."""
+"""Compare the raw data layout of the DCA1000 capture card with bytes that are written by hand."""
 
 import dataclasses
 import struct

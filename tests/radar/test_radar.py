@@ -1,4 +1,4 @@
-"""The radar: the paper's configuration table, array and timing, its description as YAML and JSON, and the antenna pattern."""
+"""Tests of the radar: configuration table of the paper, antenna array and timing, description as YAML and JSON, and antenna pattern."""
 
 import dataclasses
 import json

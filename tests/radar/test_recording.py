@@ -1,4 +1,4 @@
-"""Recordings on disk: identical bytes, the scale, and files that are damaged or do not belong together."""
+"""Tests of recordings on the disk: identical bytes, amplitude scale, and files that are damaged or do not belong together."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""The contrastive encoder: losses against NumPy, determinism, early stopping, options."""
+"""Tests of the contrastive encoder: its losses compared with NumPy, determinism, early stopping and options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Splits refuse measured labels, shared recordings and a scored calibration object."""
+"""Splits into training and test data refuse measured class labels, recordings on both sides, and a calibration object
+that is also scored.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ def recordings(domain: str, each: int = 4, frames: int = 5, seed: int = 0) -> Sa
 
 
 def test_measured_labels_cannot_reach_training_without_labels():
-    """Neither alone nor as one recording among simulated recordings, at both levels without labels."""
+    """At both supervision levels without measured labels, a measured recording with its class label is refused, alone and among simulated
+    recordings.
+    """
     simulated, measured = recordings(SIMULATED), recordings(MEASURED)
     one = measured.take(measured.recording == measured.recording[0])
     rest = measured.take(measured.recording != measured.recording[0])
@@ -59,7 +63,9 @@ def test_frames_of_a_recording_stay_together():
 
 
 def test_revolutions_of_a_recording_stay_together():
-    """Revolutions of one recording are nearly alike, so neither a split nor a draw puts them on both sides."""
+    """The revolutions of one recording are nearly equal, so neither a split nor a random draw puts them into both
+    training and test data.
+    """
     rng = np.random.default_rng(0)
     parts = [
         Part(f"{label} {number} turn {turn}", label, MEASURED, rng.normal(size=2), source=f"{label} {number}")

@@ -1,4 +1,6 @@
-"""Exported models: a saved model loads unchanged, only data is read, and damage gives a one-line error."""
+"""Tests of exported classifiers: a saved model is unchanged after loading, loading runs no code, and a damaged file
+gives a one-line error.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ def test_a_saved_model_predicts_the_same_after_loading(tmp_path: Path):
 
 
 def test_probabilities_are_a_softmax_of_cosines():
-    """Closed form of a unit embedding along the second prototype at two temperatures."""
+    """The probabilities of a unit embedding along the second class prototype have a closed form, which is tested at two softmax
+    temperatures.
+    """
     eye = np.eye(3, dtype=np.float32)
     weights = {"hidden_weight": eye, "hidden_bias": np.zeros(3, np.float32), "output_weight": eye, "output_bias": np.zeros(3, np.float32)}
     for temperature, e in ((1.0, np.e), (0.5, np.e**2)):

@@ -1,4 +1,6 @@
-"""Noisy copies: noise of the requested power, correlated by the range window, independent between copies."""
+"""Tests of noisy copies of recordings: the noise has the requested power, is correlated by the range window, and is independent between
+copies.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ RADAR = Radar.iwr1843()
 
 
 def echo(noise: float = 0.0, frames: int = 24, amplitude: float = 0.0) -> Processed:
-    """A recording of one echo on the centre of a range bin, with white noise of variance `noise` per sample."""
+    """Return a recording of a single echo on the centre of a range bin, with white noise of variance `noise` per sample."""
     rng = np.random.default_rng(1)
     shape = (frames, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, RADAR.num_samples)
     iq = np.broadcast_to(amplitude * np.exp(2j * np.pi * 30 * np.arange(RADAR.num_samples) / RADAR.num_samples), shape)
@@ -34,7 +36,7 @@ def test_noise_has_the_requested_power_including_the_recordings_own():
 
 
 def test_noise_is_correlated_like_receiver_noise():
-    """White noise transformed by `process` has the same correlation of neighbouring bins, 2/3 for a Hann window."""
+    """White noise that is transformed by `process` has the same correlation between neighbouring range bins, 2/3 for a Hann window."""
     received, added = echo(noise=1e-3), noisy(replace(echo(), noise=None), 1e-5, np.random.default_rng(0))
     for one in (received, added):
         bins = one.channels.reshape(-1, one.channels.shape[-1])

@@ -1,4 +1,4 @@
-"""Probes, votes and scores against scikit-learn, scipy and counts."""
+"""Compare the linear classifiers, votes and scores with scikit-learn, scipy and counts."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_leave_one_out_centroid_matches_scikit_learn():
 
 
 def test_groups_are_left_out_together():
-    """Each row has an identical second row far from its class. The expected classes are computed without both rows."""
+    """Each row has a second row of the same group, far from the row's class. The expected classes are computed without both rows."""
     rng = np.random.default_rng(0)
     parts = []
     for kind in range(3):
@@ -86,7 +86,9 @@ def test_signatures_match_within_their_stratum_at_any_level():
 
 
 def test_a_probe_across_objects_does_not_use_the_objects_own_rows():
-    """Four objects per class at random centres: an object's own rows reveal its class, the other objects' rows do not."""
+    """The data contain four objects per class at random centres. An object's own rows reveal its class, but the rows of other objects do
+    not.
+    """
     rng = np.random.default_rng(3)
     centres = 5 * rng.normal(size=(8, 10))
     parts = [Part(f"o{kind} {n}", f"o{kind}", MEASURED, centres[kind] + 0.1 * rng.normal(size=10)) for kind in range(8) for n in range(5)]
@@ -125,7 +127,9 @@ def test_exact_intervals_and_tests_match_scipy():
 
 
 def test_dependent_recordings_widen_the_interval():
-    """Ten cells of ten recordings have the interval of ten trials, about sqrt(10) wider than that of a hundred."""
+    """Ten groups of ten dependent recordings have the confidence interval of ten trials, which is about sqrt(10) wider than the interval of
+    a hundred trials.
+    """
     right = np.repeat(np.arange(10) < 5, 10)
     cells = np.repeat(np.arange(10), 10)
     together = score.seed_mean(right, cells, 4000, 0)

@@ -1,4 +1,6 @@
-"""Text anchors: shipped for every object of the catalogue, and equal to the model's output."""
+"""Text embeddings of the class names and descriptions are shipped for every object of the catalogue, and are equal to the output of the
+language model.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ DESCRIPTIONS = {name: entry.description for name, entry in catalogue().items()}
 
 
 def test_anchors_are_shipped_for_exactly_the_catalogues_descriptions():
-    """After a change of a description run: python -m experiments.generators.anchors."""
+    """After a change of an object's description, run: python -m experiments.generators.anchors."""
     assert set(text.shipped()) == set(DESCRIPTIONS.values())
 
 

@@ -1,4 +1,4 @@
-"""Meshes of rooms with small triangles, as scanners leave them, and the true scene."""
+"""Meshes of rooms with small triangles like those of a scanner, and the true scene of each room."""
 
 import numpy as np
 import trimesh
@@ -16,7 +16,7 @@ L, W, H = SIZE
 
 
 def sheet(corner, along, up, size, hole=None, edge_m=EDGE_M):
-    """A grid of triangles facing along x up, without those inside the hole (u0, v0, u1, v1)."""
+    """Return a flat grid of triangles that faces along x up (cross product), without the triangles inside the hole (u0, v0, u1, v1)."""
     nu, nv = (round(s / edge_m) for s in size)
     u, v = np.meshgrid(np.linspace(0, size[0], nu + 1), np.linspace(0, size[1], nv + 1), indexing="ij")
     points = np.asarray(corner, float) + u[..., None] * np.asarray(along) + v[..., None] * np.asarray(up)
@@ -30,14 +30,14 @@ def sheet(corner, along, up, size, hole=None, edge_m=EDGE_M):
 
 
 def block(size, centre):
-    """A box of triangles about as small as those of a sheet."""
+    """Return a box of triangles that are about as small as those of `sheet`."""
     box = trimesh.creation.box(size).subdivide_to_size(EDGE_M)
     assert isinstance(box, trimesh.Trimesh)
     return box.apply_translation(centre)
 
 
 def inner_sides(size):
-    """Corner, two directions and extents of the six sides of a box, seen from inside."""
+    """Return corner, two directions and two extents of each of the six sides of a box, seen from inside."""
     x, y, z = size
     return [
         ((0, 0, 0), X, Y, (x, y)),
@@ -55,7 +55,7 @@ def shell(window=None):
 
 
 def scan(pieces, noise_m=0.0, seed=0):
-    """One mesh of the pieces, welded, with noise that is smooth over two edges as depth noise is."""
+    """Weld the pieces to one mesh, and add noise that is smooth over two triangle edges, as the depth noise of a scanner is."""
     mesh = trimesh.util.concatenate(pieces)
     assert isinstance(mesh, trimesh.Trimesh)
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
@@ -70,7 +70,7 @@ def saved(mesh, tmp_path, name="room.ply"):
 
 
 def truth():
-    """The room with its window as a pane."""
+    """Return the scene of the room, in which the window is a pane of glass."""
     *others, last = inner_sides(SIZE)
     meshes = [*(rectangle(*side) for side in others), rectangle(*last, openings=[WINDOW])]
     facts = {"source": "true", "minc": "painted"}
@@ -80,7 +80,7 @@ def truth():
 
 
 def coloured(mesh, rule, seed=0):
-    """A copy with vertex colours by rule(vertices) -> (V, 3), and some noise."""
+    """Return a copy of the mesh with the vertex colours rule(vertices) -> (V, 3) and some colour noise."""
     rgb = np.array([rule(v) for v in mesh.vertices], dtype=float)
     rgb += np.random.default_rng(seed).normal(0, 4, rgb.shape)
     rgba = np.column_stack([np.clip(rgb, 0, 255), np.full(len(rgb), 255)]).astype(np.uint8)

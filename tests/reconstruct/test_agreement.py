@@ -1,4 +1,6 @@
-"""A wrong depth unit or pose convention makes overlapping views disagree, and the message names the choice with which they agree."""
+"""A wrong depth unit or a wrong pose convention makes overlapping camera views disagree. The error message names the unit or convention
+with which the views agree.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +34,12 @@ SLAM_LENS = (518.0, 519.0, 325.5, 253.5)
 
 @pytest.fixture(scope="module")
 def walk() -> Frames:
-    """A dozen noisy views of a laboratory."""
+    """Return twelve noisy camera views of a laboratory."""
     return scan(rooms.lab(detail="shell"), seed=0, frames=12, colour_every=0)[0]
 
 
 def written(frames: Frames, folder: Path, convention: str = "opencv", unit_m: float = 0.001) -> tuple[Path, tuple[float, ...]]:
-    """Write the frames in the pose.txt layout with a pose convention; the folder and the intrinsics."""
+    """Write the frames in the pose.txt folder layout with the given pose convention. Returns the folder and the camera intrinsics."""
     (folder / "depth").mkdir(parents=True)
     rows = []
     for i, frame in enumerate(frames):

@@ -1,4 +1,4 @@
-"""Coplanar pieces are joined, surfaces are separated by colour and offset, and segments of one object are grouped."""
+"""The segmentation joins coplanar pieces, separates surfaces by colour and by offset, and groups the segments of the same object."""
 
 import itertools
 
@@ -106,7 +106,9 @@ BOARD = (1.2, 0.9, 1.8, 1.8)  # left, bottom, right, top
 
 
 def relief(proud_m):
-    """A wall of 3 x 2.5 m facing +x with a blue board that stands out by `proud_m`, and depth noise of 3 mm."""
+    """Return a wall of 3 x 2.5 m that faces +x, with depth noise of 3 mm and a blue board that stands out from the wall by `proud_m`
+    metres.
+    """
     wall = sheet([0, 0, 0], Y, Z, (3.0, 2.5), edge_m=RELIEF_CELL_M)
     _, y, z = wall.vertices.T
     inside = (y > BOARD[0]) & (y < BOARD[2]) & (z > BOARD[1]) & (z < BOARD[3])
@@ -139,7 +141,7 @@ def painted_block(corner, size, colour):
 
 
 def test_rubble_of_intermediate_colour_does_not_join_two_objects():
-    """Grey and brown cabinets with rubble in their corner, whose colour is similar to both."""
+    """A grey and a brown cabinet have rubble in the corner between them, and the rubble has a colour similar to both."""
     grey, brown, between = (92, 90, 86), (97, 76, 61), (95, 83, 73)
     corner = painted_block((0.61, 0.1, 0), (0.04, 0.3, 1.5), between)
     parts = [painted_block((0, 0, 0), (0.6, 0.5, 1.6), grey), painted_block((0.66, 0, 0), (0.6, 0.5, 1.6), brown), corner]

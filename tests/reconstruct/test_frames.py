@@ -1,4 +1,4 @@
-"""Frames read from every folder layout, and the messages for folders that are refused."""
+"""Camera frames are read from every supported folder layout, and the test checks the error messages for folders that are refused."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ COLOUR_LENS = rescaled(LENS, (32, 24), (64, 48))
 
 
 def wall(name: str = "0", x: float = 0.0, distance: float = 2.0) -> Frame:
-    """A camera at x that looks along +y, level, at a wall."""
+    """Return the frame of a camera at x that looks horizontally along +y at a wall."""
     pose = np.array([[1.0, 0, 0, x], [0, 0, 1, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]])
     depth = np.full((24, 32), distance, np.float32)
     depth[0, 0] = 0
@@ -31,7 +31,7 @@ def own(tmp_path: Path) -> Path:
 
 
 def arkit(folder: Path, count: int = 3, flip: float = 1.0, unit: float = 1000.0) -> Path:
-    """A level camera of ARKit's at the origin 1.5 m up, looking along -z of its y-up world."""
+    """Write an ARKit folder with a level camera at the origin, 1.5 m up, that looks along -z of ARKit's y-up world."""
     folder.mkdir()
     for i in range(count):
         pose = np.eye(4)

@@ -1,4 +1,4 @@
-"""Fusion, drift correction and holes on closed-form depth pictures of the inside of a box with a ball in it."""
+"""Test depth fusion, drift correction and holes with closed-form depth pictures of the inside of a box that contains a ball."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def rays() -> np.ndarray:
 
 
 def depth_of(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (h, w) and whether the ball is seen, from the ray's parameter at planes and sphere."""
+    """Return the depth picture (h, w), and whether each pixel sees the ball, from the ray parameter at the planes and at the sphere."""
     direction, origin = rays() @ pose[:3, :3].T, pose[:3, 3]
     with np.errstate(divide="ignore"):
         far = np.where(direction > 0, (HIGH - origin) / direction, (LOW - origin) / direction).min(axis=-1)
@@ -53,7 +53,7 @@ def frames(noise_m: float = 0.0, count: int = 40) -> Frames:
 
 
 def to_truth(points: np.ndarray) -> np.ndarray:
-    """Distance (N,) to the box's inside or the ball's outside, whichever is nearer."""
+    """Return the distance (N,) from each point to the inside of the box or to the outside of the ball, whichever is smaller."""
     return np.minimum(
         np.minimum(np.abs(points - LOW), np.abs(points - HIGH)).min(axis=1), np.abs(np.linalg.norm(points - BALL, axis=1) - RADIUS)
     )
@@ -115,7 +115,7 @@ def test_surface_that_other_views_see_through_is_removed():
 
 
 def unsure(bias_m: float, columns: int) -> Frames:
-    """Frames whose first columns have low confidence and a depth bias."""
+    """Return frames in which the first `columns` columns of the depth picture have low confidence and a depth error of `bias_m`."""
     taken = []
     for frame in frames():
         depth, sure = frame.depth_m.copy(), np.full(SHAPE, 2, np.uint8)
@@ -126,7 +126,7 @@ def unsure(bias_m: float, columns: int) -> Frames:
 
 
 def test_high_confidence_outweighs_low():
-    """Low confidence has errors of 21 to 33 mm at 1.25 to 2.25 m (decision 005)."""
+    """Depth with low confidence has errors of 21 to 33 mm at 1.25 to 2.25 m (docs/decisions/005)."""
     mesh, report = fuse(unsure(-0.03, 40), voxel_m=0.03, refine=False)
     away = to_truth(np.asarray(mesh.vertices))
     assert np.median(away) < 0.003
@@ -141,7 +141,9 @@ def test_surfaces_with_only_low_confidence_are_kept():
 
 
 def test_alignment_reduces_drift_to_a_quarter():
-    """The error of relative positions after a random walk of several cm; the position of the whole scan is not determined."""
+    """The camera position drifts by a random walk of several cm. The test measures errors of relative positions, because the position of
+    the whole scan is not determined.
+    """
     truth = frames(noise_m=0.003)
     rng = np.random.default_rng(2)
     turn, shift = np.cumsum(np.radians(0.15) * rng.standard_normal(40)), np.cumsum(0.012 * rng.standard_normal((40, 3)), axis=0)

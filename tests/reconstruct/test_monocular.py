@@ -1,4 +1,4 @@
-"""Depth from single pictures: loading with tiny networks of random weights, fusion with known depth."""
+"""Estimate depth from single pictures: the test loads tiny networks with random weights, and fuses pictures of known depth."""
 
 import json
 
@@ -13,7 +13,7 @@ from radartwin.testbed.scanner import Sensor, scan
 
 
 def tiny(folder, kind: str):
-    """Depth Anything, two layers of 32 channels, saved with its weights."""
+    """Save a Depth Anything network with two layers of 32 channels and random weights."""
     torch = pytest.importorskip("torch", reason="torch is not installed; pip install 'radartwin[mono]'")
     transformers = pytest.importorskip("transformers", reason="transformers is not installed; pip install 'radartwin[mono]'")
     backbone = transformers.Dinov2Config(
@@ -77,7 +77,7 @@ def test_estimated_depth_has_the_view_of_the_colour(model_folder, lab):
 
 
 def test_estimated_depth_is_fused_and_its_scale_is_reported(lab):
-    """With true depth times 1.05 the mesh has the room's shape times 1.05."""
+    """The estimated depth is the true depth times 1.05, so that the fused mesh has the shape of the room times 1.05."""
     frames, truth = lab
     known = {f.colour.tobytes(): np.where(d > 0, 1.05 * d, 9).astype(np.float32) for f, d in zip(frames, truth.depth_m, strict=True)}
     mesh, report = fuse(

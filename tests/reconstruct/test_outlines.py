@@ -1,4 +1,4 @@
-"""Polygons, panes and completed gaps of rooms that are built triangle by triangle."""
+"""Test outline polygons, window panes and completed gaps of rooms that are built triangle by triangle."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Files of a reconstruction, and messages for bad scans."""
+"""Test the files that a reconstruction writes, and the error messages for scans that cannot be used."""
 
 import warnings
 

@@ -1,4 +1,6 @@
-"""Mesh files: units and axes are converted or refused, and defects counted, for meshes with known defects."""
+"""Read mesh files of scans: units and axes are converted or refused, and the number of mesh defects is reported, for meshes with known
+defects.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ def write_obj(path, vertices, faces):
 
 
 def in_frame(vertices, up):
-    """Coordinates (z up) in a file with another up axis, with the same handedness."""
+    """Return z-up coordinates as they are in a file with another up axis, with the same handedness."""
     x, y, z = vertices.T
     return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up]
 

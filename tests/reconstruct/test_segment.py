@@ -1,4 +1,6 @@
-"""Segmentation of rooms with known surfaces: recall, precision and planes. The truth is made of boxes, independent of the segmenter."""
+"""Segment meshes of rooms with known surfaces, and check recall, precision and plane positions. The reference surfaces are boxes and do not
+come from the segmenter.
+"""
 
 import functools
 
@@ -20,7 +22,9 @@ def outer_sides(low, size):
 
 @functools.cache
 def room(noise_m):
-    """A room with a cabinet and a table-like block above its floor: noisy mesh, true surface of every face, segments."""
+    """Return a room with a cabinet and a table-like block above the floor: the noisy mesh, the true surface of every face, and the found
+    segments.
+    """
     pieces = [sheet(*side, edge_m=EDGE_M) for side in inner_sides(SIZE)]
     pieces += outer_sides((5.0, 1.0, 0.3), (0.6, 1.2, 1.6)) + outer_sides((2.5, 3.0, 0.4), (1.6, 0.9, 0.35))
     mesh = scan(pieces, noise_m)
@@ -28,7 +32,7 @@ def room(noise_m):
 
 
 def scores(mesh, truth, segments, min_area_m2=0.25):
-    """Area-weighted recall and precision of the best segment of every true surface over `min_area_m2`."""
+    """Return the area-weighted recall and precision of the best matching segment for every true surface above `min_area_m2`."""
     area = mesh.area_faces
     out = []
     for surface in np.unique(truth):

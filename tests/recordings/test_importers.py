@@ -1,4 +1,4 @@
-"""Import of mmWave Studio captures with their logs, in parts or cut short, and of folders with a mapping file."""
+"""Import mmWave Studio captures with their logs, in several parts or cut short, and import folders of captures with a mapping file."""
 
 from __future__ import annotations
 
@@ -154,7 +154,9 @@ def test_capture_uses_its_own_log_or_the_only_log(tmp_path: Path) -> None:
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """Two objects at two distances, two runs each, in folders named after them, with the start of a mapping."""
+    """Write captures of two objects at two distances with two runs each, in folders with these names, and a mapping file that is not yet
+    filled in.
+    """
     for i, (thing, distance, run) in enumerate((o, d, n) for o in ("mug", "can") for d in ("0.5", "1") for n in (1, 2)):
         capture(tmp_path / "raw" / f"{thing}_{distance}m", f"run{run}", seed=i)
     (tmp_path / "map.yaml").write_text(

@@ -1,4 +1,4 @@
-"""Recording sets: writing and reading, refused input, and writers that are killed or run in parallel."""
+"""Tests of recording sets: writing and reading, refused input, and processes that are killed or write at the same time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> RecordingSet:
-    """Two objects at two distances, twice each."""
+    """Return a recording set with two objects at two distances, each recorded twice."""
     bench = RecordingSet.create(tmp_path / "bench", CARD)
     for i, (name, distance, repetition) in enumerate((o, d, n) for o in ("mug", "can") for d in (1.0, 2.0) for n in (0, 1)):
         given = row(f"{name}_{distance:g}m_{repetition}", name, distance, repetition, extra={"operator": "ann" if i % 2 else "bob"})
@@ -104,7 +104,9 @@ def test_invalid_row_is_refused_without_writing(bench: RecordingSet, given: Row,
 
 
 def test_radars_may_differ_in_name_only(bench: RecordingSet) -> None:
-    """mmWave Studio writes one description per capture, with the name of the capture."""
+    """mmWave Studio writes a description for each capture that contains the name of the capture, so the radars of a recording set may
+    differ in name.
+    """
     bench.add(noise(dataclasses.replace(RADAR, name="run_7")), row("b", repetition=8))
     assert not [problem for problem in examine(bench.folder).problems if "radar" in str(problem)]
     with pytest.raises(RecordingError, match=r"radar of a .*num_chirps 4 instead of 8"):

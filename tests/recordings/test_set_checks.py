@@ -1,4 +1,4 @@
-"""The checks of a recording set find every planted problem and report no other."""
+"""The checks of a recording set find every planted problem and report no other problem."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def row(name: str, repetition: int = 0, **more) -> Row:
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A good set of four recordings a0 to a3, the last with a trajectory."""
+    """Return a valid recording set with four recordings a0 to a3, of which a3 has a trajectory."""
     base = tmp_path_factory.mktemp("good")
     made = RecordingSet.create(base / "set", CARD)
     (base / "drive.csv").write_text(DRIVE)
@@ -55,14 +55,14 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def rewrite(folder: Path, name: str, change: Callable[[np.ndarray], object]) -> None:
-    """Change the samples of a recording."""
+    """Change the samples of a stored recording in place."""
     recording = Recording.load(folder / "recordings" / name)
     change(recording.iq)
     recording.save(folder / "recordings" / name)
 
 
 def silence(frame: int) -> Callable[[np.ndarray], object]:
-    """Zeros as from the capture card: a packet of 364 complex samples that starts within a chirp."""
+    """Return the zeros that the capture card writes for a lost packet: 364 complex samples that start within a chirp."""
 
     def change(iq: np.ndarray) -> None:
         start = 3 * iq.shape[-1] + 17
@@ -80,7 +80,7 @@ def scaled(factor: float) -> Callable[[np.ndarray], object]:
 
 
 def filtered(iq: np.ndarray) -> None:
-    """Noise that is 12 dB lower just above zero beat frequency, as after a receive filter with I and Q exchanged."""
+    """Return noise that is 12 dB weaker just above zero beat frequency, as after a receive filter if I and Q are exchanged."""
     spectrum = np.fft.fft(iq, axis=-1)
     spectrum[..., : round(0.1 * iq.shape[-1])] /= 4
     iq[:] = np.fft.ifft(spectrum, axis=-1)

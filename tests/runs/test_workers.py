@@ -1,4 +1,4 @@
-"""Work in several processes has the results of one process, and a failing worker is reported in the parent."""
+"""Work in several processes gives the results of work in a single process, and the parent process reports a failing worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The twelve objects: classes, sizes, contents and meshes; objects from mesh files."""
+"""Tests of the twelve catalogue objects (classes, sizes, contents and meshes), and of objects from mesh files."""
 
 from pathlib import Path
 
@@ -72,7 +72,9 @@ def test_objects_are_closed_outward_and_smooth(name):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if objects.entry(n).volume_ml])
 def test_inside_volume_matches_the_label(name):
-    """Food cans hold their volume to the brim within 4 %; all other vessels have 0 to 12 % more."""
+    """The inside volume of a food can up to its brim agrees with the printed volume within 4 %; the inside volume of all other vessels is 0
+    to 12 % larger.
+    """
     entry = objects.entry(name)
     body = entry.surfaces()[0].mesh
     inside = (welded(body).volume - entry.wall_m * body.area) * 1e6

@@ -1,4 +1,4 @@
-"""Depth of overlaps, contact, crossings of a path with a surface, and heights below a point."""
+"""Tests of the collision check: depth of overlaps, contact, crossings of a path with a surface, and heights below a point."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Areas that a scan missed and reconstruction filled in: listed on the page's card and hatched in its scan colours."""
+"""Areas that the scan missed and the reconstruction filled are listed on the page of the scene and hatched in its scan colours."""
 
 import base64
 import io
@@ -21,7 +21,7 @@ HOLE_M2 = np.pi * 0.4**2
 
 @pytest.fixture(scope="module")
 def floor(tmp_path_factory) -> Surface:
-    """The floor of a red room, saved and loaded, of which a round patch of 0.8 m was never scanned."""
+    """Return the floor of a red room, saved and loaded again, in which a round area of 0.8 m was never scanned."""
     room: Any = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
     for _ in range(5):
         room = room.subdivide()

@@ -1,4 +1,6 @@
-"""Layouts: files, anchors by name, relations as geometry, and refusals with a reason and a number."""
+"""Tests of furniture layout files: reference objects by name, spatial relations as geometry, and refusals that state a
+reason and a number.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,7 @@ def sheet(corners):
 
 
 def room(*more):
-    """4 x 4 x 2.5 m, x in 0..4, y in -2..2: the door in the +x wall, two tables, a cabinet at the -y wall."""
+    """Return a room of 4 x 4 x 2.5 m (x in 0..4, y in -2..2) with a door in the +x wall, two tables, and a cabinet at the -y wall."""
     low, high = np.array([0, -2, 0.0]), np.array([4, 2, 2.5])
     x0, y0, z0, x1, y1, z1 = *low, *high
     parts = {
@@ -51,7 +53,7 @@ def room(*more):
 
 
 def placed(scene=None, **item):
-    """Bounds of one placed object (2, 3), and what it stands on."""
+    """Return the bounds (2, 3) of a placed object, and the name of the surface on which the object stands."""
     layout = Layout.from_dict({"objects": [{"object": "mug"} | item]})
     surface = furnish(room() if scene is None else scene, layout, SENSOR, make).surfaces[-1]
     return surface.mesh.bounds, str(surface.provenance["layout"]).rpartition(" on ")[2]

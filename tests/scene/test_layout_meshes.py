@@ -1,4 +1,4 @@
-"""Meshes from files in a layout: paths from the layout's folder, units, materials and placement."""
+"""Meshes from files in a furniture layout: file paths relative to the folder of the layout, units, materials and placement."""
 
 import time
 from pathlib import Path
@@ -19,7 +19,7 @@ TABLE = "table_left_top"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A tin of 68 x 102 mm in millimetres, y up, off its origin, in a folder below the layout's."""
+    """Write a tin of 68 x 102 mm in millimetres, with y up and away from its origin, into a subfolder of the layout's folder."""
     (tmp_path / "meshes").mkdir()
     lying = trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0])
     objects.cylinder(34, 102).apply_transform(lying).apply_translation([50, 60, 70]).export(tmp_path / "meshes" / "Tin.obj")
@@ -88,7 +88,7 @@ def test_scanned_meshes_are_placed_in_a_room(shared_data, tmp_path, name, height
 
 
 def test_a_place_beside_a_fine_mesh_is_found_quickly(tmp_path):
-    """A test inside a mesh of 20,000 faces takes a second, so positions beside it come first."""
+    """A test whether a point is inside a mesh of 20,000 faces takes a second, so the search tries positions beside the mesh first."""
     objects.sphere(0.05, 5).apply_translation([0, 0, 0.05]).export(tmp_path / "ball.ply")
     entries = f"[{{object: ball.ply, material: metal, on: {TABLE}}}, {{object: mug, on: {TABLE}}}]"
     (tmp_path / "layout.yaml").write_text(f"objects: {entries}\n")

@@ -1,4 +1,6 @@
-"""Sentences read by a language model behind an HTTP server on loopback: usable and unusable answers."""
+"""A language model behind an HTTP server on the loopback interface reads sentences about furniture; the tests cover usable and unusable
+answers of the model.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -23,7 +25,7 @@ def endpoint(url: str, pause_s: float = 0.01) -> Endpoint:
 
 @pytest.fixture
 def model() -> Iterator[Callable[..., ChatServer]]:
-    """Start a server that gives the answers in turn and repeats the last answer."""
+    """Start a server that sends the given answers one after another and then repeats the last answer."""
     started = []
 
     def start(*answers: object) -> ChatServer:

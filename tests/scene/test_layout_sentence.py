@@ -1,4 +1,6 @@
-"""Sentences become layouts, or are refused with the part that is not understood."""
+"""Sentences about furniture are converted to layouts. A sentence that is not understood is refused, and the message quotes the unknown
+part.
+"""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Canonical shapes have the right size, orientation and normals."""
+"""The shapes of the package (sphere, can, plate, reflectors) have the correct size, orientation and normals."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Procedural rooms: closed shells, furniture without contact, true materials on every surface, a clear bench."""
+"""The generated rooms have closed walls, furniture without contact, true materials on every surface, and free space at the measurement
+bench.
+"""
 
 import functools
 import itertools
@@ -35,7 +37,7 @@ def built(case, detail="cluttered"):
 
 
 def solids(scene):
-    """(surface name, connected part) of all surfaces except walls, windows and doors."""
+    """Return (surface name, connected part of its mesh) for all surfaces except walls, windows and doors."""
     for surface in scene:
         if surface.name in SHELL or surface.name.startswith(("window", "lift", "glass_", "door_left", "door_right")):
             continue
@@ -146,7 +148,7 @@ def test_squash_court_is_regulation():
 
 
 def test_court_lines_have_their_regulation_heights():
-    """Pixels of the front wall's picture at given heights are line or wall."""
+    """The picture of the squash court's front wall shows a line at the regulation heights, and wall at other heights."""
     wall = next(s for s in rooms.squash_court() if s.name == "wall_front")
     texture = visual(wall.mesh)
     image = np.asarray(texture.material.baseColorTexture).astype(int)

@@ -1,4 +1,4 @@
-"""Scenes: refusals and their messages, saving and loading, positions of a sensor."""
+"""Tests of scenes: refused input with its error messages, saving and loading, and allowed positions of the sensor."""
 
 import numpy as np
 import pytest

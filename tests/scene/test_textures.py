@@ -1,4 +1,6 @@
-"""Bitmaps repeat without a seam and depend on the seed; textured meshes have true size and survive saving."""
+"""Texture bitmaps repeat without a visible border and depend on the seed. Textured meshes have their true size and are unchanged by saving
+and loading.
+"""
 
 import time
 from typing import Any
@@ -14,7 +16,7 @@ from radartwin.scene.scene import Scene, Surface
 
 
 def visual(mesh: Any) -> Any:
-    """The texture or colours of a mesh; trimesh declares no type for them."""
+    """Return the texture or the colours of a mesh; trimesh declares no type for them."""
     return mesh.visual
 
 
@@ -30,7 +32,9 @@ def test_bitmaps_depend_on_the_seed_and_have_a_pattern(name):
 
 @pytest.mark.parametrize("name", [n for n, look in textures.LOOKS.items() if not (look.fits or look.wraps or n == "cardboard")])
 def test_bitmaps_repeat_without_a_seam(name):
-    """The step across the border is no larger than the steps inside, except for joints on the border."""
+    """The brightness step across the border of the bitmap is no larger than the steps inside, except for joints of bricks or tiles on the
+    border.
+    """
     image = textures.bitmap(name).astype(float)
     for axis in (0, 1):
         inside = np.abs(np.diff(image, axis=axis)).mean(axis=(1 - axis, 2))
@@ -82,7 +86,7 @@ def test_vertex_and_face_colours_survive_saving(tmp_path):
 
 
 def test_half_a_million_faces_are_saved_and_loaded_in_seconds(tmp_path):
-    """Saving takes 0.4 s and loading 0.2 s on an idle core."""
+    """On an idle core, saving takes 0.4 s and loading takes 0.2 s."""
     ball = trimesh.creation.icosphere(subdivisions=6)
     ball.visual.vertex_colors = np.random.default_rng(0).integers(0, 255, (len(ball.vertices), 4)).astype(np.uint8)  # type: ignore[union-attr]
     surfaces = [Surface(ball, "wood", f"s{k}", role="room") for k in range(7)]

@@ -1,4 +1,4 @@
-"""Computed poses are rigid, follow the axis conventions, and have the given speeds and turns."""
+"""Computed poses are rigid, follow the axis conventions, and have the configured speeds and rotations."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Trajectories from files: formats, interpolation, axes, and refusals that name the line."""
+"""Tests of trajectories from files: formats, interpolation, axes, and error messages that name the line."""
 
 import numpy as np
 import pytest

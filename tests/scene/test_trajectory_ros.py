@@ -1,4 +1,6 @@
-"""ROS bags written by rosbags give the written poses; unknown topics and frames are refused with the existing ones."""
+"""ROS bags that the package rosbags has written give the original poses. For an unknown topic or frame, the error lists the existing topics
+or frames.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "
 
 
 def message(store, version, kind, time, frame, child, xyz, quaternion):
-    """Build a message of a body at a place."""
+    """Build the ROS message of a body at this position with this orientation."""
 
     def new(name, *values):
         return store.types[name](*values)
@@ -36,7 +38,7 @@ def message(store, version, kind, time, frame, child, xyz, quaternion):
 
 
 def write_bag(path, *bodies, version=2):
-    """Write bodies (topic, kind, time, frame, child, xyz, quaternion) as a ROS 1 or ROS 2 bag."""
+    """Write the bodies (topic, kind, time, frame, child, xyz, quaternion) as a bag of ROS 1 or ROS 2."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import Writer as Writer2
     from rosbags.typesys import Stores, get_typestore

@@ -1,4 +1,4 @@
-"""Contents of the page of a scene: colours, legend, cards, thinning; tested without a browser."""
+"""Tests of the content of a scene's 3-D page without a browser: colours, legend, information cards, and thinning of large meshes."""
 
 import json
 import re
@@ -21,7 +21,7 @@ GLAZING = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
 
 
 def grid(size=3.0, n=80, seed=0, height=0.0):
-    """A level square of 2 n^2 triangles with a millimetre of noise."""
+    """Return a horizontal square of 2 n^2 triangles with height noise of a millimetre."""
     u = np.linspace(0, size, n + 1)
     x, y = np.meshgrid(u, u, indexing="ij")
     z = height + np.random.default_rng(seed).normal(0, 1e-3, x.shape)

@@ -1,4 +1,4 @@
-"""Arguments of the wrong type raise an error that names the argument."""
+"""An argument of the wrong type raises an error that names the argument."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Panels of a geometry: convex, flat, covering their faces, and solids distinguished from shells."""
+"""Flat panels that are built from a mesh are convex and cover the faces of the mesh, and closed solids are
+distinguished from open shells.
+"""
 
 import numpy as np
 import pytest
@@ -39,14 +41,16 @@ def areas(of):
 
 
 def holds(of, index, point):
-    """Whether a point of a panel's plane is in it."""
+    """Return whether a panel contains this point of its plane."""
     ring = of.corners[index, : of.count[index]]
     ahead = np.roll(ring, -1, axis=0) - ring
     return bool((np.cross(ahead, point - ring) @ of.normal[index] >= -1e-9).all())
 
 
 def assert_sound(built, of):
-    """Convex, counter-clockwise about the normal, in its plane, made of exactly its faces, each centroid in one panel only."""
+    """Check that every panel is convex, counter-clockwise about its normal and flat. The panels must consist of exactly the given faces,
+    and each face centre must be in only one panel.
+    """
     for i in range(len(of)):
         ring = of.corners[i, : of.count[i]]
         assert np.abs(ring @ of.normal[i] - of.offset[i]).max() < 1e-6
@@ -62,7 +66,7 @@ def assert_sound(built, of):
 
 
 def grid_floor(outline, step=1.0):
-    """A floor of right-angled outline as squares of two triangles each, in an irregular order."""
+    """Return a floor with a right-angled outline that consists of squares of two triangles each, in an irregular order."""
     ring = np.array(outline, float)
     xs, ys = (np.arange(ring[:, k].min(), ring[:, k].max() + step / 2, step) for k in (0, 1))
     place = {}
@@ -154,7 +158,7 @@ def test_subdivided_wall_and_faces_wound_either_way_are_one_panel():
 
 
 def test_t_junctions_leave_panels_side_by_side():
-    """One long edge against two short edges: no area is lost and no panels overlap."""
+    """One long edge meets two short edges of neighbouring faces. The panels lose no area and do not overlap."""
     vertices = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 1, 0), (1, 2, 0), (0, 2, 0), (2, 2, 0)]
     faces = [(0, 1, 2), (0, 2, 3), (3, 4, 5), (3, 5, 6), (4, 2, 7), (4, 7, 5)]
     built, of = found(trimesh.Trimesh(np.array(vertices, float), faces, process=False))
@@ -213,7 +217,7 @@ def test_parts_of_a_surface_are_separate_bodies():
 
 
 def test_step_block_is_no_body():
-    """An L-shaped solid is closed but not convex."""
+    """An L-shaped solid is closed but not convex, so the tracer must not treat it as a convex body."""
     profile = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     bottom = np.array([(*p, 0.0) for p in profile])
     top = bottom + np.array([0, 0, 1.0])

@@ -1,4 +1,4 @@
-"""Traced paths come back from the cache as they were, under a key of everything that decides them."""
+"""The cache returns traced paths unchanged. The cache key depends on everything that determines the paths."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Rigid poses: inverses, and the velocity of a sensor relative to turning and sliding objects."""
+"""Tests of rigid poses: inverse poses, and the velocity of a sensor relative to rotating and sliding objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RATE_HZ = 20.0
 
 
 def placed(rotation: Rotation, position_m: np.ndarray) -> np.ndarray:
-    """(F, 4, 4) of F rotations and positions (F, 3)."""
+    """Return the poses (F, 4, 4) with F rotations and the positions (F, 3)."""
     out = np.tile(np.eye(4), (len(position_m), 1, 1))
     out[:, :3, :3], out[:, :3, 3] = rotation.as_matrix(), position_m
     return out
@@ -25,7 +25,9 @@ def test_pose_times_inverse_is_the_identity() -> None:
 
 
 def test_resting_sensor_circles_a_turning_object() -> None:
-    """In the frame of an object that turns at w about z, the sensor is at Rz(-w t) p with velocity -w z x that."""
+    """In the frame of an object that rotates at the rate w about z, a resting sensor at p has the position q = Rz(-w t) p and the velocity
+    -w z x q.
+    """
     speed, place, frames = 0.7, np.array([2.0, 0.5, 0.3]), 6
     angle = speed * np.arange(frames) / RATE_HZ
     turning = placed(Rotation.from_euler("z", angle[:, None]), np.zeros((frames, 3)))

@@ -1,4 +1,4 @@
-"""Sionna runs in a process of its own, which is started again after it died and whose output does not mix with ours."""
+"""Sionna runs in a process of its own. RadarTwin starts this process again if it dies, and keeps its output apart from its own output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A SLURM cluster of one node: munged, slurmctld and slurmd from Debian's packages, on loopback, with all files in one folder.
+"""Start a SLURM cluster of one node on the loopback interface: munged, slurmctld and slurmd from Debian's packages, with all files in one
+folder.
 
 with cluster(folder) as environment:
     subprocess.run(["srun", "hostname"], env=environment)
@@ -52,13 +53,13 @@ PartitionName=main Nodes={host} Default=YES MaxTime=INFINITE State=UP
 
 
 def missing() -> list[str]:
-    """SLURM programs that are not installed."""
+    """Return the names of the SLURM programs that are not installed."""
     return [program for program in PROGRAMS if _which(program) is None]
 
 
 @contextlib.contextmanager
 def cluster(folder: Path) -> Iterator[dict[str, str]]:
-    """Run the cluster within the `with`. Yields the environment in which SLURM's commands reach it."""
+    """Run the cluster within the `with` block. Yields the environment variables with which SLURM's commands reach the cluster."""
     for part in ("state", "spool"):
         (folder / part).mkdir(parents=True)
     (folder / "munge.key").write_bytes(secrets.token_bytes(1024))

@@ -1,4 +1,4 @@
-"""A sweep on a real SLURM loses only a cancelled job, resumes, and gives the table of a serial sweep."""
+"""On a real SLURM cluster, a parameter sweep loses only the cancelled job, resumes, and gives the same table as a sweep without SLURM."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def radartwin(arguments: list[str], environment: dict[str, str], output: Path) -
 
 
 def queue(environment: dict[str, str]) -> dict[str, str]:
-    """States of the jobs of the array, by job number."""
+    """Return {job number: state} for the jobs of the SLURM job array."""
     command = ["squeue", "-h", "-r", "-o", "%K %T"]
     lines = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
     return dict(line.split() for line in lines)

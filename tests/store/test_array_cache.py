@@ -1,4 +1,4 @@
-"""Cached arrays come back unchanged from memory and from disk, and a damaged entry is never returned."""
+"""The array cache returns arrays unchanged from memory and from disk, and never returns a damaged entry."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The cache of an output folder can be measured and deleted; nothing else is."""
+"""`radartwin clean` measures and deletes the cache of an output folder, and deletes nothing else."""
 
 from __future__ import annotations
 

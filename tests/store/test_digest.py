@@ -1,4 +1,4 @@
-"""A key changes with everything that can change a result and with nothing else."""
+"""The key of a stored result changes with everything that can change the result, and with nothing else."""
 
 from __future__ import annotations
 
@@ -67,7 +67,9 @@ SOURCES = {
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package study_x: `top` imports near.middle (in a function), near.middle imports near.leaf; far.stranger stands alone."""
+    """Write a package study_x. Its module `top` imports near.middle inside a function, near.middle imports near.leaf, and no module imports
+    far.stranger.
+    """
     folder = tmp_path / "study_x"
     for name, source in SOURCES.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -79,7 +81,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def source_digest(*entries: str) -> str:
-    """The digest as a new process computes it."""
+    """Return the digest of the source code of these modules as a new process computes it."""
     digest.forget()
     return digest.source_digest(entries)
 

@@ -1,4 +1,6 @@
-"""A product is complete or absent, computed once, and computed again after a failure or a kill, also with concurrent processes."""
+"""A stored result is complete or absent. It is computed once, and computed again after a failure or a kill, also if several processes ask
+for it.
+"""
 
 from __future__ import annotations
 
@@ -182,7 +184,7 @@ def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path)
 
 
 def test_dates_of_files_do_not_matter(tmp_path: Path) -> None:
-    """Dates are wrong after a clock error or a plain copy."""
+    """The store must not compare file dates, because dates are wrong after a clock error or after a plain copy of the folder."""
     Store(tmp_path).fetch("recording", {}, ROOTS, one)
     abandoned = tmp_path / "recording" / ("a" * 32 + ".tmp")
     (abandoned / "product").mkdir(parents=True)

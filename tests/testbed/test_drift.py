@@ -1,4 +1,6 @@
-"""Drift of the room: size, speed, and the error of interpolating between traced states."""
+"""Tests of the simulated slow drift of a room: its size, its speed, and the error of interpolating signals between traced states of the
+room.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ WAVELENGTH_M = SPEED_OF_LIGHT / 79e9
 
 
 def echo(shift_m: float) -> np.ndarray:
-    """Signal (T, R, N) of an echo straight back, whose phase changes with twice the shift."""
+    """Return the signal (T, R, N) of an echo straight back to the radar, whose phase changes with twice the displacement."""
     return np.full((1, 1, 4), np.exp(-4j * np.pi * shift_m / WAVELENGTH_M), np.complex64)
 
 

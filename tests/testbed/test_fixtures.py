@@ -1,4 +1,4 @@
-"""Equipment touches no surface, is marked, and is present only with the clutter gap."""
+"""The simulated laboratory equipment touches no surface, is marked as equipment, and is present only if the option `clutter` is on."""
 
 import dataclasses
 
@@ -17,13 +17,13 @@ TOP = BENCH.target_position(2.0) - [0, 0, 0.05]
 
 
 def points(surface):
-    """About one point per 8 mm square, and all corners."""
+    """Return about one point per square of 8 mm on the surface, and all corners of its mesh."""
     count = max(200, int(surface.mesh.area / 0.008**2))
     return np.vstack([trimesh.sample.sample_surface_even(surface.mesh, min(count, 40_000), seed=0)[0], surface.mesh.vertices])
 
 
 def near(surface, box):
-    """Whether the surface's bounds come within 5 cm of the box."""
+    """Return whether the bounding box of the surface comes within 5 cm of the box."""
     low, high = surface.mesh.bounds
     return bool((low <= box[1] + 0.05).all() and (high >= box[0] - 0.05).all())
 

@@ -1,4 +1,4 @@
-"""Motion errors have the described statistics, and strength 0 has none."""
+"""The simulated motion errors have their documented statistics, and are zero at strength 0."""
 
 import numpy as np
 import pytest
@@ -63,8 +63,12 @@ def courses():
 
 
 def test_rover_start_and_path_errors_have_the_described_spread(courses):
-    """Start: 10 mm per axis. Path of 1 m: 1.06 % from the constant half of the slip, and the average of the changing half (correlation
-    length l = 0.3 m: sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))) of it), together 1.30 %; ripple adds at most 0.5 mm."""
+    """The start position of the rover has an error of 10 mm per axis.
+
+    The length of a path of 1 m has an error of 1.30 %, half of whose variance at each moment comes from constant wheel slip and half from
+    changing slip. The constant half contributes 1.06 %. The changing half is averaged over the path: with the correlation length l = 0.3 m
+    and the path length L, the factor is sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))). Ripple adds at most 0.5 mm.
+    """
     start = courses[:, 0, :2, 3] - SWEEP[0, :2, 3]
     assert start.std() == pytest.approx(0.01, rel=0.1)
     assert np.abs(start.mean(axis=0)).max() < 1.5e-3
@@ -88,7 +92,7 @@ def test_rover_heading_and_height_errors_have_the_described_spread(courses):
 
 
 def test_rover_ripple_has_the_period_of_a_wheel():
-    """0.5 mm with a period of 251 mm is the strongest line of the path error."""
+    """The strongest spectral line of the rover's path error has an amplitude of 0.5 mm and the period of a wheel, 251 mm."""
     errors = RoverErrors(slip=0, start_m=0, heading_deg=0, drift_deg_per_m=0, bob_m=0)
     long = trajectory.rail(trajectory.pose([0, 0, 0.4]), [1, 0, 0], 10 * np.pi * 0.08, 1001)
     error = (rover(long, errors, rng(1)) - long)[:-1, 0, 3]
@@ -104,8 +108,10 @@ def test_resting_rover_does_not_move():
 
 
 def test_turntable_angle_errors_have_the_described_spread():
-    """5 degrees at the start, and 2.9 degrees more after a revolution with a speed error of 1 %, half of which changes within a fifth of a
-    revolution. The ripple is periodic."""
+    """The angle error of the turntable is 5 degrees at the start. With a speed error of 1 %, it grows by 2.9 degrees in a revolution.
+
+    Half of the variance of the speed error changes within a fifth of a revolution. The ripple of the angle is periodic.
+    """
     nominal = np.linspace(0, 2 * np.pi, 251)
     off = np.degrees([turntable_angles(nominal, TurntableErrors(), rng(s)) for s in range(800)])
     assert off[:, 0].std() == pytest.approx(5.0, rel=0.1)
@@ -154,7 +160,9 @@ def test_poses_at_other_times_follow_the_nominal_course():
 
 
 def test_rail_errors_have_the_described_spread_along_the_rail():
-    """2 mm at the start and 0.5 % of the path at the end, along the rail only, without rotation."""
+    """The rail has a position error of 2 mm at the start, and an additional error of 0.5 % of the path at the end. Both errors are along
+    the rail only, without rotation.
+    """
     slide = np.tile(np.eye(4), (61, 1, 1))
     slide[:, :2, 3] = np.linspace(0, 0.6, 61)[:, None] * np.sqrt([0.5, 0.5])
     assert not turns(slide)

@@ -1,6 +1,6 @@
-"""The testbed's levels on a bench against closed forms of link budget and range law, with the processing of the tables.
+"""Compare the levels of the simulated testbed on a bench with the closed forms of link budget and range law, processed as for the tables.
 
-Levels are received over transmitted power. Wide bounds cover the differences between boards.
+All levels are ratios of received to transmitted power in decibels. The wide bounds cover the differences between radar boards.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ def db(power):
 
 
 def equation_db(cross_section_m2, distance_m):
-    """Received over transmitted power on boresight: G^2 lambda^2 sigma / ((4 pi)^3 R^4)."""
+    """Return the ratio of received to transmitted power on boresight in decibels: G^2 lambda^2 sigma / ((4 pi)^3 R^4)."""
     return 2 * ELEMENT_DBI + db(WAVELENGTH**2 * cross_section_m2 / ((4 * np.pi) ** 3 * distance_m**4))
 
 
 def filter_db(distance_m):
-    """Two first-order high-pass stages, 175 and 350 kHz, at an echo's beat."""
+    """Return the gain in decibels of the two first-order high-pass stages (175 and 350 kHz) at the beat frequency of an echo."""
     beat = 70e12 * 2 * distance_m / C
     return -db((1 + (175e3 / beat) ** 2) * (1 + (350e3 / beat) ** 2))
 
 
 def measured(mesh, distance_m, frames=1):
-    """Processed testbed recording, with hardware, of a metal object in free space that faces the radar."""
+    """Return the processed testbed recording of a metal object in free space that faces the radar, including the hardware imperfections."""
     scene = Scene([Surface(mesh, "metal", "thing", role="object")])
     motion = {"thing": trajectory.pose([distance_m, 0.0, 0.0], np.diag([-1.0, -1.0, 1.0]))[None]}
     filtered = Hardware().front_end(RADAR)
@@ -59,9 +59,11 @@ def reflector():
 
 
 def test_noise_floor_of_a_range_profile_is_thermal(reflector):
-    """-174 dBm/Hz and a noise figure of 15 dB over 5.21 MHz, relative to 12 dBm. A Hann window widens a bin by 1.5, and 256 samples and
-    16 chirps add coherently. Q has 1 dB more gain than I, which adds 0.5 dB. Phase noise of the reflector's echo (-64 dB, -93 dBc/Hz) at
-    most doubles the floor. Limits: 0.5 dB below to 2 dB above."""
+    """The thermal noise is -174 dBm/Hz plus a noise figure of 15 dB over 5.21 MHz, relative to 12 dBm transmit power. A Hann window widens
+    a range bin by 1.5, and 256 samples and 16 chirps add coherently. Channel Q has 1 dB more gain than I, which adds 0.5 dB. The phase
+    noise of the reflector's echo (-64 dB, -93 dBc/Hz) at most doubles the noise floor. The test allows levels from 0.5 dB below to 2 dB
+    above the thermal noise.
+    """
     thermal = -174 + 15 + db(5.21e6) - 12 + db(1.5 / 256 / 16)
     far = reflector.range_m > 3.0
     assert thermal - 0.5 < db(reflector.power[:, far].mean()) < thermal + 2
@@ -69,9 +71,10 @@ def test_noise_floor_of_a_range_profile_is_thermal(reflector):
 
 
 def test_trihedral_at_2_m_matches_its_link_budget(reflector):
-    """sigma = 4 pi a^4 / (3 lambda^2), with the losses: 5.2 dB in the lines, 0.7 dB in the filter at 2 m, 0.6 dB of near field (10 cm at
-    2 m), up to 1.4 dB for a bin beside the peak, and 0.6 dB per channel between boards. Real boards measure up to 25 dB below the equation
-    (IWR1443BOOST, TI E2E 1436795), and none above."""
+    """The cross-section of the trihedral is sigma = 4 pi a^4 / (3 lambda^2). The losses are 5.2 dB in the lines, 0.7 dB in the IF filter at
+    2 m, 0.6 dB from the near field (10 cm at 2 m), up to 1.4 dB for a range bin beside the peak, and 0.6 dB per channel between boards.
+    Real boards measure up to 25 dB below the radar equation (IWR1443BOOST, TI E2E 1436795), and no board measures above it.
+    """
     expected = equation_db(4 * np.pi * 0.1**4 / (3 * WAVELENGTH**2), 2.0)
     peak = db(reflector.power[0, np.abs(reflector.range_m - 2.0) < 0.2].max())
     assert expected - 25 < peak < expected
@@ -81,9 +84,11 @@ def test_trihedral_at_2_m_matches_its_link_budget(reflector):
 
 
 def test_leakage_is_at_zero_range_and_below_the_limit(reflector):
-    """Leakage on boards of the family is -30 to -55 dB (TI E2E 674013: -45). Two high-pass stages attenuate it by 36 to 50 dB at 10 to
-    30 kHz, the beat of a few centimetres, to -66 to -105 dB; the reflector at 2 m has -64 dB. Real captures show the leakage 13 and 15 dB
-    above the noise of a sample, which is 34 dB more relative to a coherent bin."""
+    """On boards of the same family, leakage from transmitter to receiver is -30 to -55 dB (TI E2E 674013: -45). Its beat frequency is 10 to
+    30 kHz, that of a few centimetres. At this frequency, two high-pass stages attenuate the leakage by 36 to 50 dB, to -66 to -105 dB. The
+    echo of the reflector at 2 m has -64 dB. In real captures, the leakage is 13 and 15 dB above the noise of a sample; relative to the
+    noise of a coherent bin, these values are 34 dB higher.
+    """
     near = reflector.power[0, reflector.range_m <= 0.2].max()
     behind = reflector.power[0, (reflector.range_m > 0.3) & (reflector.range_m < 1.5)].max()
     target = reflector.power[0, np.abs(reflector.range_m - 2.0) < 0.2].max()
@@ -93,9 +98,10 @@ def test_leakage_is_at_zero_range_and_below_the_limit(reflector):
 
 
 def test_power_falls_with_the_fourth_power_of_range():
-    """A ball of radius a = 15 mm: its specular point is at R - a, and its power follows 1/((R - a) R)^2, the fourth power of the geometric
-    mean.
-    Without the filter (closed form), the levels agree within 0.3 dB and the exponent within 0.05."""
+    """The specular point of a ball of radius a = 15 mm is at R - a, and its echo power follows 1/((R - a) R)^2, the fourth power of the
+    geometric mean of R - a and R. The gain of the IF filter is divided out by its closed form; then the levels agree within 0.3 dB and the
+    exponent within 0.05.
+    """
     levels = []
     for distance in DISTANCES_M:
         processed = measured(objects.sphere(BALL_M), distance)

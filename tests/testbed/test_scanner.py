@@ -1,4 +1,6 @@
-"""The virtual phone: its views against closed forms, its errors against their stated values."""
+"""Tests of the simulated phone scanner: its camera views agree with closed forms, and its depth and pose errors with their documented
+values.
+"""
 
 import dataclasses
 from typing import Any
@@ -37,13 +39,13 @@ def seen(*surfaces: Surface, pose: np.ndarray = AHEAD):
 
 
 def plain(view, seed: int, strength: float = 1.0, reflectance: float = 0.8, metal: bool = False):
-    """Measurement of a view with one reflectance."""
+    """Return the simulated depth measurement of a view in which all surfaces have the same optical reflectance."""
     shape = view.depth.shape
     return measured(view, np.full(shape, reflectance), np.full(shape, metal), Sensor(), strength, np.random.default_rng(seed))
 
 
 def errors(surface: Surface, count: int, strength: float = 1.0, reflectance: float = 0.8):
-    """True view of a wall, and depth and confidence of `count` measurements."""
+    """Return the true view of a wall, and depth and confidence of `count` simulated measurements of this view."""
     view = seen(surface)
     taken = [plain(view, i, strength, reflectance, surface.material == "metal") for i in range(count)]
     return view, np.stack([d for d, _, _ in taken]), np.stack([c for _, c, _ in taken])
@@ -60,7 +62,7 @@ def test_depth_is_along_the_camera_axis():
 
 
 def test_visible_surfaces_match_ray_casting():
-    """Furniture in a room, against ray casting of each triangle (Moeller and Trumbore 1997)."""
+    """The visible surfaces of a furnished room agree with ray casting of each triangle (Moeller and Trumbore 1997)."""
     scene = rooms.lab()
     pose = look_along(np.array([[1.0, 0.0, 1.5]]), np.radians([15.0]), np.radians([-20.0]), np.zeros(1))[0]
     view = sight(look_of(scene), pose, LENS, SIZE)
@@ -159,7 +161,9 @@ def test_edge_pixels_lie_between_front_and_back():
 
 
 def test_drift_has_the_published_spread():
-    """After one metre 0.02 m over three axes (Kim et al. 2022) and 0.1 degrees of heading; three times that after 9 m."""
+    """After one metre, the scanner's pose has drifted by 0.02 m over three axes (Kim et al. 2022) and 0.1 degrees in heading. After 9 m,
+    the drift is three times as large.
+    """
     steps = np.tile(np.eye(4), (46, 1, 1))
     steps[:, 0, 3] = np.linspace(0, 9, 46)
     ends = np.stack([drifted(steps, dataclasses.replace(Sensor(), yaw_deg=0.0), 1.0, np.random.default_rng(i))[-1] for i in range(150)])
@@ -219,7 +223,9 @@ def test_pictures_show_colours_under_plausible_light():
 
 
 def test_accuracy_of_a_mesh_ignores_the_position_of_the_whole():
-    """A corner of a room in one picture, and its exact mesh, in its place and moved by 5 cm."""
+    """The scan is a single picture of a room corner. It is compared with the corner's exact mesh in its place, and with the same mesh moved
+    by 5 cm.
+    """
     x, y, z = np.eye(3)
     sides = (rectangle([0, -1.0, 0], x, y, (2, 2)), rectangle([2.0, 1, 0], -y, z, (2, 2)), rectangle([0, 1.0, 0], x, z, (2, 2)))
     corner = Scene(Surface(mesh, "concrete", name) for mesh, name in zip(sides, ("floor", "front", "left"), strict=True))

@@ -1,4 +1,4 @@
-"""The testbed differs from the nominal scene only by its gaps, and each gap can be switched off."""
+"""The simulated testbed differs from the nominal scene only by documented deviations (gaps), and each deviation can be switched off."""
 
 import dataclasses
 
@@ -59,7 +59,9 @@ def test_clutter_is_present_and_has_moved():
 
 
 def test_layer_deviations_have_the_described_spread():
-    """Standard deviations over many truths of one wall: 5 % of thickness, 10 % of permittivity, 0.5 of the logarithm of loss."""
+    """Over many random versions of one wall, the standard deviations are 5 % of the layer thickness, 10 % of the permittivity, and 0.5 of
+    the logarithm of the loss.
+    """
     wall = rt.Scene([s for s in LAB if s.name == "wall_front"])
     found = []
     for seed in range(400):
@@ -100,7 +102,7 @@ def test_vessel_has_headspace_and_a_deviating_liquid():
 
 
 def test_vessel_with_headspace_echoes_like_a_full_one():
-    """The headspace of a vessel that is nine tenths full changes its broadside echo by less than 2 dB."""
+    """If a vessel is nine tenths full, the air above its content (headspace) changes its broadside echo by less than 2 dB."""
     pose = trajectory.pose([1.0, 0.0, 0.0])[None]
     bottle = rt.Scene([rt.Surface(objects.cylinder(0.03, 0.2), Layered([("pet", 0.5e-3)], backing="water"), "bottle", role="object")])
     whole, parts = (
@@ -111,7 +113,7 @@ def test_vessel_with_headspace_echoes_like_a_full_one():
 
 
 def test_gaps_draw_independently():
-    """With the same seed, one more gap leaves the draws of the others unchanged."""
+    """If one more deviation is switched on with the same seed, the random values of the other deviations do not change."""
     one, two = truth(LAB, only(materials=1.0, clutter=1.0), 5), truth(LAB, only(materials=1.0, clutter=1.0, roughness=1.0), 5)
     assert materials(one) == materials(two)
     motion, sweep = {"plate": TURNING["plate"]}, np.eye(4)[None]

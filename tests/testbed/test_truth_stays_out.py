@@ -1,4 +1,6 @@
-"""Truth and twin are independent: by imports, and by the products that a gap's strength changes."""
+"""The simulation used as measurement and the simulation of the scanned room are independent, as shown by their imports and by the stored
+results that the strength of a deviation changes.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +32,7 @@ def test_truth_and_twin_of_a_campaign_do_not_import_each_other():
 
 
 class Store:
-    """Records the requested specifications and makes nothing."""
+    """A store that records the requested specifications and computes nothing."""
 
     def __init__(self):
         self.requested = {}
@@ -49,7 +51,7 @@ def base() -> Config:
 
 
 def changed_domains(base: Config, gap: str) -> set[str]:
-    """The domains whose simulation changes between strength 0 and strength 2 of a gap."""
+    """Return the domains (measured or simulated) whose simulation changes if the strength of a deviation changes from 0 to 2."""
 
     def requested(strength: float, domain: str) -> str:
         store = Store()
