@@ -15,6 +15,7 @@ import pytest
 from analysis.figures import choosing
 from experiments.speed import bench, chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
+from experiments.stability.sweeps import SWEEPS
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import corner_faces, cylinder_rcs
@@ -226,6 +227,12 @@ def test_options_in_choosing_make_the_measured_setting(problem: problems.Problem
 
 def test_choosing_page_follows_from_committed_results() -> None:
     assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text(*(choosing.read(name) for name in choosing.NAMES))
+
+
+def test_choosing_page_names_the_cause_of_every_sweep() -> None:
+    page = choosing.PAGE.read_text(encoding="utf-8")
+    for sweep in SWEEPS:
+        assert f"| {sweep.title} | {sweep.kind.removeprefix('a ')} |" in page
 
 
 def test_benchmark_history_gets_a_line_and_a_column_for_a_new_ratio(tmp_path: Path) -> None:
