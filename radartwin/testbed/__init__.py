@@ -1,1 +1,4 @@
-"""A simulated measurement campaign that takes the place of real measurements. It differs from the twin on purpose."""
+"""A virtual measurement campaign that replaces real radar measurements.
+
+It differs on purpose from the simulation that it is compared with.
+"""

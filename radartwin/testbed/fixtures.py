@@ -1,9 +1,9 @@
 """Build surfaces of the measurement equipment (tripod, rover, turntable drive, cables), which a scan of the room does not contain.
 
-Each function returns surfaces placed relative to the sensor or the target. `provenance["fixture"]` marks them, so that the testbed can
-leave them out when its clutter differs less from the scan (`Gaps.clutter`). All parts stay 1 cm apart and 1 cm from other surfaces, because
-faces in contact shadow each other. Sizes are those of ordinary parts (a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, a
-geared motor in a box); we know of no published drawing of such a rig.
+Each function returns surfaces placed relative to the sensor or the target. Their `provenance["fixture"]` marks them, so that the testbed
+can leave some of them out if the difference `Gaps.clutter` has a strength below 1. All parts stay 1 cm apart and 1 cm from other surfaces,
+because faces in contact shadow each other. The sizes are those of ordinary parts: a photographic tripod, a mecanum rover of 40 x 35 cm with
+a mast, and a geared motor in a box. We know of no published drawing of such measurement equipment.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from radartwin.scene.rooms import GAP, surface
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-ROVER = "rover"  # name of all parts of a rover, which move together
-_BELOW = 0.05  # from the radar's origin down to its mount: half a board and a bracket
-_SIDES = 24  # of cylinders
-_SPREAD_M = 0.35  # horizontal distance of the tripod's feet from the radar
+ROVER = "rover"  # surface name of all parts of a rover, which move together
+_BELOW = 0.05  # distance in metres from the radar's origin down to its mount: half a board and a bracket
+_SIDES = 24  # number of side faces of a cylinder
+_SPREAD_M = 0.35  # horizontal distance from the radar to the tripod's feet
 _DISC_M = 0.03  # thickness of the turntable's disc
 _CABLE_M = 0.8  # length of the cable on the floor
 
@@ -28,7 +28,7 @@ _CABLE_M = 0.8  # length of the cable on the floor
 def tripod(sensor_pose: np.ndarray) -> Scene:
     """Build a tripod under a radar at rest: a head, and three legs to the floor at z = 0. One leg stands behind the radar.
 
-    `sensor_pose` (4, 4) has a horizontal viewing direction. Raises SceneError if the radar is lower than 0.3 m.
+    `sensor_pose` (4, 4) must have a horizontal viewing direction. A radar below 0.3 m raises SceneError.
     """
     height = float(sensor_pose[2, 3])
     if height < 0.3:
@@ -43,9 +43,10 @@ def tripod(sensor_pose: np.ndarray) -> Scene:
 
 
 def rover(height_m: float = 0.4) -> Scene:
-    """Build a rover under and behind its radar, in the radar's coordinates. Pass the motion `{ROVER: sensor_poses}` to move it.
+    """Build a rover under and behind its radar, in the radar's coordinates. To move the rover, pass the motion `{ROVER: sensor_poses}`.
 
-    Chassis and wheels are one metal block 3 cm above the floor. Computer and battery are on its rear, and a mast is behind the radar.
+    The chassis and wheels are one metal block 3 cm above the floor. Computer and battery are on the rear of the block, and a mast is behind
+    the radar.
 
     Args:
         height_m: height of the radar above the floor.
@@ -66,8 +67,8 @@ def rover(height_m: float = 0.4) -> Scene:
 def turntable_drive(position: np.ndarray) -> Scene:
     """Build the motor and gear under a turntable's disc, beside its post (see `rooms.support`). `position` (3,) is the top of the disc.
 
-    Both boxes are turned, so that no face is perpendicular to the line of sight of a radar on the x axis. Raises SceneError if the disc is
-    too low for a motor.
+    Motor box and gear box are rotated about the vertical, so that none of their faces is perpendicular to the line of sight of a radar on
+    the x axis. A disc that is too low for a motor raises SceneError.
     """
     x, y, top = (float(v) for v in position)
     under = top - _DISC_M - 2 * GAP
@@ -79,16 +80,16 @@ def turntable_drive(position: np.ndarray) -> Scene:
 
 
 def radar_rig(sensor_pose: np.ndarray) -> Scene:
-    """Build the equipment at the radar of a turntable campaign: tripod, and a cable that hangs from behind the radar to the floor."""
+    """Build the equipment at the radar for turntable recordings: a tripod, and a cable that hangs from behind the radar to the floor."""
     height = float(sensor_pose[2, 3])
     hanging = _rod(np.array([-0.10, 0.06, height - 0.02]), np.array([-0.16, 0.06, 3 * GAP]), 0.004)
     return tripod(sensor_pose) + Scene([_fixture("cable_radar", hanging, "plastic").moved(_on_floor(sensor_pose))])
 
 
 def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
-    """Build the equipment at the target of a turntable campaign: drive, and a cable on the floor, from below the target to the left.
+    """Build the equipment at the target for turntable recordings: the turntable drive, and a cable on the floor.
 
-    `target` (3,) is the top of the turntable's disc.
+    The cable runs from below the target to the left. `target` (3,) is the top of the turntable's disc.
     """
     across = sensor_pose[:3, 1]
     foot = np.array([target[0], target[1], 0.0])
@@ -97,7 +98,7 @@ def target_rig(sensor_pose: np.ndarray, target: np.ndarray) -> Scene:
 
 
 def _on_floor(sensor_pose: np.ndarray) -> np.ndarray:
-    """Return the pose on the floor below a sensor pose with a horizontal viewing direction."""
+    """Return the pose (4, 4) on the floor below a sensor pose with a horizontal viewing direction."""
     out = pose([*sensor_pose[:2, 3], 0.0])
     out[:2, :2] = sensor_pose[:2, :2]
     return out
@@ -116,7 +117,7 @@ def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trime
 
 
 def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:
-    """Build a closed cylinder between two points."""
+    """Build a closed cylinder with radius `radius_m` between the points `one` (3,) and `other` (3,)."""
     along = np.asarray(other, float) - one
     length = float(np.linalg.norm(along))
     rotation = np.asarray(trimesh.geometry.align_vectors([0, 0, 1], along / length))[:3, :3]

@@ -1,27 +1,28 @@
 """Add motion errors to nominal poses: compute the true poses of a rover, rail, turntable or placed object from the logged poses.
 
-The recording stores the nominal (logged) pose of frame f, for the time f / frame rate. Each kind of error is a frozen dataclass with
-`scaled(strength)`. At strength 0 the true poses equal the nominal poses exactly. Equal seeds give equal errors.
+A recording stores the nominal (logged) pose of frame f, for the time f / frame rate. The sizes of each kind of motion error are a frozen
+dataclass with a method `scaled(strength)`. At strength 0 the true poses equal the nominal poses exactly. Equal seeds give equal errors.
 
-The defaults were chosen before any table was computed. Where no value for such equipment is published, the default is an order of
-magnitude:
-- Rover slip: 1.5 % of the path, half of its variance constant (wheel size, load), half with a correlation length of 0.3 m. The uncalibrated
-  odometry of a differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans. Robotics and
-  Automation 12 (1996) 869, cited from memory). After the wheel size in the log is corrected, the remaining error is smaller. Mecanum wheels
-  slip more.
-- Rover heading: 0.9 degrees per metre, from "1 degree per 45 in" reported for a swerve drive (gwhs/FalconRecharged2021, issue 6), and 0.5
-  degrees at the start, for a rover aligned to 4 mm with half a metre of tape.
-- Rover start: 1 cm, for a wheel placed by hand on a marked position on the floor.
-- Rover ripple: order of magnitude for moulded wheels: 80 mm diameter, 0.5 mm out of round, one period per revolution.
-- Rover bob: 0.5 mm of height with a correlation length of 0.1 m, order of magnitude for rollers of a mecanum wheel and floor joints.
-- Rail: 2 mm at the start, for a carriage set against its stop by hand; 0.5 % of the path, for belt and pulley; 0.1 mm per revolution of a
-  pulley with a circumference of 40 mm. Orders of magnitude.
-- Turntable, all orders of magnitude. Start angle: 5 degrees, because recording and motor are started by hand, a third of a second apart.
-  Rotation rate: 1 %, for a motor without an encoder; half of the variance is constant, half changes with load and supply within a fifth
-  of a revolution. Ripple: 0.5 degrees, twelve times per revolution, from the gear. Wobble: 0.2 degrees, which is 0.5 mm at the rim of a
-  disc with 15 cm radius.
-- Placement: 5 mm along x and y (a tape is read to half a centimetre), 2 mm off the axis of rotation, 2 degrees of yaw (an object aligned by
-  eye with a marked direction).
+The default sizes of the motion errors were chosen before any result table was computed. If no value for such equipment is published, the
+default is an order of magnitude:
+- Rover slip: 1.5 % of the path. Half of its variance is constant (wheel size, load), and half has a correlation length of 0.3 m. The
+  uncalibrated odometry of a differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans.
+  Robotics and Automation 12 (1996) 869, cited from memory). After the wheel size in the log is corrected, the remaining slip is smaller.
+  Mecanum wheels slip more.
+- Rover heading: the error grows by 0.9 degrees per metre, from "1 degree per 45 in" reported for a swerve drive (gwhs/FalconRecharged2021,
+  issue 6). The error at the start is 0.5 degrees, for a rover aligned to 4 mm with half a metre of tape.
+- Rover start: the position error is 1 cm, for a wheel placed by hand on a marked position on the floor.
+- Rover ripple: one period per wheel revolution, for moulded wheels of 80 mm diameter that are 0.5 mm out of round (order of magnitude).
+- Rover bob: 0.5 mm of height with a correlation length of 0.1 m, an order of magnitude for rollers of a mecanum wheel and floor joints.
+- Rail: the start position has an error of 2 mm, for a carriage set against its stop by hand. Belt and pulley stretch the path by 0.5 %. The
+  ripple is 0.1 mm per revolution of a pulley with a circumference of 40 mm. All three values of the rail are orders of magnitude.
+- Turntable start angle: 5 degrees, because recording and motor are started by hand, a third of a second apart (order of magnitude).
+- Turntable rotation rate: 1 %, for a motor without an encoder. Half of the variance is constant, and half changes with load and supply
+  voltage within a fifth of a revolution (order of magnitude).
+- Turntable ripple: 0.5 degrees, twelve times per revolution, caused by the gear (order of magnitude).
+- Turntable wobble: 0.2 degrees, which is 0.5 mm at the rim of a disc with 15 cm radius (order of magnitude).
+- Placement: 5 mm along x and y, because a tape is read to half a centimetre. The offset from the axis of rotation is 2 mm. The yaw error is
+  2 degrees, for an object aligned by eye with a marked direction.
 """
 
 from __future__ import annotations
@@ -36,16 +37,16 @@ from scipy.spatial.transform import Rotation, Slerp
 
 
 class _Errors:
-    """Base class of the error sizes. `settings` names the lengths and counts that `strength` does not scale."""
+    """Base class of the sizes of motion errors. `settings` names the lengths and counts that `scaled` does not change."""
 
     settings: ClassVar[tuple[str, ...]] = ()
 
     def scaled(self, strength: float) -> Self:
-        """Return the errors with their sizes multiplied by `strength`; 0 gives no errors."""
+        """Return these motion errors with their sizes multiplied by `strength`; a strength of 0 gives no errors."""
         return replace(self, **{name: strength * value for name, value in self._sizes().items()})  # pyright: ignore[reportArgumentType, reportCallIssue]
 
     def none(self) -> bool:
-        """Return whether all error sizes are zero."""
+        """Return whether the sizes of all motion errors are zero."""
         return not any(self._sizes().values())
 
     def _sizes(self) -> dict[str, Any]:
@@ -54,15 +55,19 @@ class _Errors:
 
 @dataclass(frozen=True)
 class RoverErrors(_Errors):
-    """Errors of a wheeled platform. Lengths and angles are standard deviations; ripple is an amplitude.
+    """Sizes of the motion errors of a wheeled platform. Lengths and angles are standard deviations; the ripple is an amplitude.
 
     Attributes:
-        slip: relative to the path length. Half of its variance is constant, half has the correlation length slip_length_m.
-        start_m: error of the start position along world x and y.
-        heading_deg: heading error at the start.
-        drift_deg_per_m: growth of the heading error along the path.
-        ripple_m: periodic error along the path, with one period per circumference of a wheel with diameter wheel_m.
-        bob_m: error of the height, with the correlation length bob_length_m.
+        slip: error of the travelled distance relative to the path length. Half of its variance is constant, and half has the
+            correlation length slip_length_m.
+        slip_length_m: correlation length of the changing part of the slip, in metres.
+        start_m: error of the start position along world x and y, in metres.
+        heading_deg: error of the heading at the start, in degrees.
+        drift_deg_per_m: growth of the heading error along the path, in degrees per metre.
+        ripple_m: periodic position error along the path, in metres, with one period per circumference of a wheel with diameter wheel_m.
+        wheel_m: wheel diameter in metres.
+        bob_m: error of the height in metres, with the correlation length bob_length_m.
+        bob_length_m: correlation length of the height error along the path, in metres.
     """
 
     settings = ("slip_length_m", "wheel_m", "bob_length_m")
@@ -79,12 +84,13 @@ class RoverErrors(_Errors):
 
 @dataclass(frozen=True)
 class RailErrors(_Errors):
-    """Errors of a carriage on a rail. Sizes are standard deviations; ripple is an amplitude.
+    """Sizes of the motion errors of a carriage on a rail. Sizes are standard deviations; the ripple is an amplitude.
 
     Attributes:
-        start_m: error of the start position along the rail.
-        stretch: error relative to the path length.
-        ripple_m: periodic error along the path, with one period per pulley circumference pulley_m.
+        start_m: error of the start position along the rail, in metres.
+        stretch: error of the travelled distance relative to the path length.
+        ripple_m: periodic position error along the path, in metres, with one period per pulley circumference pulley_m.
+        pulley_m: circumference of the drive pulley, in metres.
     """
 
     settings = ("pulley_m",)
@@ -96,15 +102,15 @@ class RailErrors(_Errors):
 
 @dataclass(frozen=True)
 class TurntableErrors(_Errors):
-    """Errors of a turntable.
+    """Sizes of the motion errors of a turntable.
 
     Attributes:
-        start_deg: standard deviation of the angle at the start.
-        rate: relative standard deviation of the rotation rate. Half of its variance is constant, half changes within rate_turns
+        start_deg: standard deviation of the rotation angle at the start, in degrees.
+        rate: relative standard deviation of the rotation rate. Half of its variance is constant, and half changes within rate_turns
             revolutions.
-        ripple_deg: amplitude of a periodic angle error with ripple_cycles periods per revolution.
-        wobble_deg: standard deviation of the axis tilt about each horizontal direction.
-        pivot_m: depth of the bearing below the pose's origin.
+        ripple_deg: amplitude in degrees of a periodic angle error with ripple_cycles periods per revolution.
+        wobble_deg: standard deviation of the tilt of the rotation axis about each horizontal direction, in degrees.
+        pivot_m: depth of the turntable's bearing below the origin of the object's pose, in metres.
     """
 
     settings = ("rate_turns", "ripple_cycles", "pivot_m")
@@ -129,8 +135,8 @@ class PlacementErrors(_Errors):
 def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Interpolate nominal poses (F, 4, 4), given at the times f / rate_hz, at other times (T,) in seconds.
 
-    Positions are linear between frames, and extrapolated linearly beyond the ends. Rotations are interpolated between frames, and
-    constant beyond the ends.
+    Positions are interpolated linearly between frames, and extrapolated linearly outside the recording. Rotations are interpolated between
+    frames, and constant outside the recording.
 
     >>> step = np.tile(np.eye(4), (2, 1, 1))
     >>> step[1, 0, 3] = 1.0
@@ -187,16 +193,16 @@ def rail(poses: NDArray[np.float64], errors: RailErrors, rng: np.random.Generato
 
 
 def turns(poses: NDArray[np.float64]) -> bool:
-    """Return whether an object with poses (F, 4, 4) rotates. An object that moves without rotating is on a rail."""
+    """Return whether an object with poses (F, 4, 4) rotates. A moving object that does not rotate is assumed to be on a rail."""
     return bool(np.abs(poses[:, :3, :3] - poses[:1, :3, :3]).max() > 1e-9)
 
 
 def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw the angle errors (F,) of a turntable at its nominal angles (F,), radians."""
+    """Draw the angle errors (F,) in radians of a turntable at its nominal angles (F,) in radians."""
     start, rate = np.radians(errors.start_deg) * rng.standard_normal(), rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
-    own = np.random.default_rng(rng.integers(2**63))  # so that the number of frames does not change later draws from `rng`
+    own = np.random.default_rng(rng.integers(2**63))  # own generator, so that later draws from `rng` do not depend on the frame count
     wander = _wander(np.abs(since), 2 * np.pi * errors.rate_turns, own)
     steps = np.diff(since, prepend=since[:1])
     excess = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(wander * steps))
@@ -211,7 +217,7 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
     tilts = np.radians(errors.wobble_deg) * rng.standard_normal((2, 2))
     if errors.none():
         return poses.copy()
-    # The stand's tilt stays constant, the disc's tilt rotates with the disc.
+    # The tilt of the stand stays constant, and the tilt of the disc rotates with the disc.
     fixed, turning = (Rotation.from_rotvec([x, y, 0.0]).as_matrix() for x, y in tilts)
     out = poses.copy()
     spun = _about_z(error) @ poses[:, :3, :3]
@@ -222,10 +228,10 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
 
 
 def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, rng: np.random.Generator) -> dict[str, NDArray[np.float64]]:
-    """Draw the true poses (F, 4, 4), by name, of objects that are placed together by hand.
+    """Draw the true poses (F, 4, 4), by object name, of objects that are placed together by hand.
 
-    All objects get the same offset along x and y, and the same yaw, each about its own vertical axis. Rotating objects also get an offset
-    from their axis of rotation.
+    All objects get the same offset along x and y. All objects also get the same yaw error, each about its own vertical axis. Rotating
+    objects also get an offset from their axis of rotation.
     """
     offset = errors.offset_m * rng.standard_normal(2)
     eccentric = errors.eccentric_m * rng.standard_normal(2)
@@ -244,7 +250,7 @@ def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, r
 
 
 def _wander(path: NDArray[np.float64], length_m: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw a stationary Ornstein-Uhlenbeck process of unit variance along a path, with the correlation length `length_m`."""
+    """Draw a stationary Ornstein-Uhlenbeck process of unit variance along a path (F,) in metres, with the correlation length `length_m`."""
     draws = rng.standard_normal(len(path))
     memory = np.exp(-np.diff(path, prepend=path[:1]) / length_m)
     out = draws.copy()
@@ -254,7 +260,7 @@ def _wander(path: NDArray[np.float64], length_m: float, rng: np.random.Generator
 
 
 def _about_z(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rotation matrices (..., 3, 3) about the vertical."""
+    """Return the matrices (..., 3, 3) that rotate about the vertical axis by `angle` (...,) in radians."""
     out = np.zeros((*np.shape(angle), 3, 3))
     out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
     out[..., 1, 0] = np.sin(angle)

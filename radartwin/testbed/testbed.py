@@ -1,13 +1,15 @@
-"""The virtual testbed: a measurement campaign that differs from the twin on purpose.
+"""The virtual testbed: a virtual measurement campaign that differs on purpose from the simulation it is compared with.
 
-The true scene has the exact geometry. Its materials, roughness and contents deviate from the nominal values
-(radartwin.testbed.variation), and it also contains clutter and measurement equipment (radartwin.testbed.fixtures). It is simulated with
-more rays and one more reflection order than the twin, and recorded by an imperfect radar (radartwin.radar.hardware). Rover, turntable and
-target deviate from their logged poses (radartwin.testbed.motion_errors).
+The scene that the testbed measures is called the true scene; it has the exact geometry. Its materials, roughness and contents deviate from
+the nominal values (radartwin.testbed.variation), and it also contains clutter and measurement equipment (radartwin.testbed.fixtures). The
+testbed traces more rays and one more reflection order than the simulation it is compared with. An imperfect radar
+(radartwin.radar.hardware) records the result. Rover, turntable and target deviate from their logged poses
+(radartwin.testbed.motion_errors).
 
-Each kind of difference between testbed and twin is called a gap and has a strength: 0 removes the gap, 1 is the default, 2 doubles it.
-The testbed is not reality: a table computed with it tests the method and shows the effect of each gap. The testbed never uses the twin's
-scan, labels or settings.
+Each kind of difference between the testbed and the simulation of the scanned room is called a gap. A gap has a strength: 0 removes the
+difference, 1 is the default size, 2 doubles the default size. The testbed is not reality, so a table computed with it only tests the method
+and shows the effect of each known difference. The testbed never uses the scan, the material labels or the simulator settings of the
+simulation it is compared with.
 """
 
 from collections import Counter
@@ -24,24 +26,26 @@ from radartwin.simulation.signal.synthesis import thermal_noise
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.variation import own_contents, own_material, own_roughness
 
-CLUTTER_SHIFT_M = 0.02  # shift of small objects since the scan, standard deviation along x and y; order of magnitude
+CLUTTER_SHIFT_M = 0.02  # shift of small objects since the scan: standard deviation along x and along y, in metres; order of magnitude
 TRUTH_RAYS_PER_WAVELENGTH2 = 4.0
 TRUTH_BOUNCES = 5
 
 
 @dataclass(frozen=True)
 class Gaps:
-    """Strengths of the gaps between testbed and twin. The configuration's `measured.gap` has the same field names.
+    """Strengths of the known differences between the testbed and the simulation of the scanned room, called gaps; 1 is the default size.
+
+    The configuration's `measured.gap` has the same field names.
 
     Attributes:
-        materials: deviations of the layers' thickness and permittivity.
-        roughness: deviations of the roughness heights.
-        clutter: small objects and equipment that the scan does not contain; at a strength below 1 some of them are missing.
-        hardware: imperfections of the radar.
-        trajectory: errors of rover, rail, turntable and frame times.
-        solver: finer simulation; any strength above 0 switches it on.
-        placement: error of the target's position.
-        contents: deviations of the contents of vessels.
+        materials: strength of the deviations of layer thickness and permittivity.
+        roughness: strength of the deviations of the roughness heights of surfaces.
+        clutter: strength of the difference in small objects and equipment, which the scan lacks; below 1 the testbed lacks some too.
+        hardware: strength of the imperfections of the radar.
+        trajectory: strength of the motion errors of rover, rail and turntable, and of errors of the frame times.
+        solver: above 0, the testbed traces more rays and one more reflection order than the simulation of the scanned room.
+        placement: strength of the error of the target's position.
+        contents: strength of the deviations of the contents of vessels.
     """
 
     materials: float = 1.0
@@ -58,11 +62,13 @@ OFF = Gaps(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
-    """Return the true scene: the given scene with the deviations of the gaps.
+    """Return the true scene that the testbed measures: the given scene with deviating materials, roughness, contents and clutter.
 
     Args:
         scene: the scene with all clutter and equipment, and nominal materials and roughness.
-        seed: seed of the campaign. A surface with the same name and the same room (provenance) is equal in all recordings.
+        gaps: strength of each kind of deviation.
+        seed: seed of the virtual measurement campaign. A surface with a given name and room (from the scene's provenance) is equal in
+            all recordings of the campaign.
         clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures need no entry, because their
             provenance marks them.
     """
@@ -84,7 +90,7 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
 
 @dataclass(frozen=True)
 class Actual:
-    """True poses at the frames of one recording: of the sensor (F, 4, 4) or (1, 4, 4), and of the objects, by name."""
+    """True poses at the frames of one recording: poses of the sensor, (F, 4, 4) or (1, 4, 4), and poses of the objects, by object name."""
 
     sensor_poses: np.ndarray
     motion: dict[str, np.ndarray]
@@ -93,13 +99,14 @@ class Actual:
 def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: float, gaps: Gaps, seed: int) -> Actual:
     """Draw the true poses of one recording from its nominal poses.
 
-    A moving sensor is on a rover. A rotating object is on a turntable, and an object that moves without rotating is on a rail. Objects at
-    rest only have placement errors.
+    A moving sensor is assumed to be on a rover. A rotating object is assumed to be on a turntable, and an object that moves without
+    rotating is assumed to be on a rail. Objects at rest only have placement errors.
 
     Args:
         sensor_poses: nominal poses of the sensor, (F, 4, 4), (1, 4, 4) or (4, 4).
-        motion: nominal poses of objects by name, (F, 4, 4) or (1, 4, 4).
-        rate_hz: frame rate.
+        motion: nominal poses of objects by object name, each (F, 4, 4) or (1, 4, 4).
+        rate_hz: frame rate of the recording.
+        gaps: strengths of the trajectory errors and of the placement error.
         seed: seed of this repetition of the recording.
     """
     sensor = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
@@ -112,7 +119,7 @@ def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: 
     table_state, carriage_state = table.bit_generator.state, carriage.bit_generator.state
     moved = {}
     for name, poses in motion.items():
-        # All moving objects share one turntable and one carriage.
+        # All rotating objects share one turntable, and all objects that move without rotating share one carriage.
         table.bit_generator.state, carriage.bit_generator.state = table_state, carriage_state
         if len(poses) > 1:
             at_frames = errors.at_times(poses, rate_hz, times)
@@ -127,12 +134,12 @@ def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: 
 
 
 def received(recording: Recording, hardware: Hardware, seed: int) -> Recording:
-    """Add phase noise, leakage, thermal noise and the ADC of one repetition to a recording that only has the radar's IF filter.
+    """Add the radar's phase noise, leakage, thermal noise and ADC to a recording that so far contains only the radar's IF filter.
 
     Args:
         recording: recording of an ideal receiver, see `Hardware.front_end`.
-        hardware: at strength 0 the samples stay unchanged, without any noise.
-        seed: seed of the repetition. Seed and frame number determine the random numbers of each frame.
+        hardware: imperfections of the radar; at strength 0 the samples stay unchanged, without any noise.
+        seed: seed of this repetition of the recording. The random numbers of each frame depend only on this seed and the frame number.
     """
     radar = recording.radar
     provenance = {"kind": "testbed", "seed": seed}

@@ -1,16 +1,16 @@
 """Draw deviations of a surface from its nominal thickness, permittivity, roughness and contents.
 
 Each function takes one surface, a strength (0 leaves the surface unchanged) and the surface's own random generator, and draws the same
-random numbers at every strength. The default spreads were chosen before any table was computed:
-- thickness: 5 %. EN 520 allows +-0.5 mm for plasterboard of 12.5 mm, which is 4 %.
-- permittivity: 10 % (real part), and a factor exp(0.5) (loss), as standard deviations. The rows of ITU-R P.2040-4 for one material
-  (concrete to floorboard, ten with several rows) differ at 100 GHz by 11 % in the real part, and by 0.51 in the logarithm of the loss.
-  Metal and air are exact.
-- roughness: a factor exp(0.7) of the height, which is the factor of two between values in the literature
-  (radartwin/materials/roughness.py). A nominally smooth surface gets 0.1 mm if it is metal. Otherwise it gets 0.3 mm, the lower end of the
-  range of 0.3 to 3 mm in the paper's own calibration (implementation section).
-- contents: 10 % of a liquid's permittivity, the uncertainty of its recipe (radartwin/materials/containers.py), and a headspace of 5 to 15 %
-  of the height for neck and shoulder of the vessel, an order of magnitude.
+random numbers at every strength. The default sizes of the deviations were chosen before any result table was computed:
+- thickness: a standard deviation of 5 %. EN 520 allows +-0.5 mm for plasterboard of 12.5 mm, which is 4 %.
+- permittivity: standard deviations of 10 % for the real part, and of a factor exp(0.5) for the dielectric loss. ITU-R P.2040-4 has several
+  rows for each of ten materials (concrete to floorboard). At 100 GHz, the rows of one material differ by 11 % in the real part, and by 0.51
+  in the logarithm of the loss. The permittivities of metal and air do not deviate.
+- roughness: a factor exp(0.7) of the roughness height, which is the factor of two between values in the literature
+  (radartwin/materials/roughness.py). A nominally smooth metal surface gets a roughness height of 0.1 mm. Any other nominally smooth surface
+  gets 0.3 mm, the lower end of the range of 0.3 to 3 mm in the paper's own calibration (implementation section).
+- contents: 10 % of a liquid's permittivity, which is the uncertainty of its recipe (radartwin/materials/containers.py). A vessel also gets
+  an empty space of 5 to 15 % of its height at the top, for its neck and shoulder; this range is an order of magnitude.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ HEIGHT_SIGMA = 0.7
 ROUGHNESS_M = {"metal": 0.1e-3}
 ROUGHNESS_OTHER_M = 0.3e-3
 CONTENTS_SIGMA = 0.10
-HEADSPACE = 0.10  # mean headspace, as a fraction of the vessel's height
+HEADSPACE = 0.10  # mean height of the empty space at the top of a filled vessel, as a fraction of the vessel's height
 _EXACT = ("metal", "air", "vacuum")
 
 
 def own_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
-    """Return the surface with log-normal deviations of layer thickness and permittivity."""
+    """Return the surface with log-normal random deviations of its layer thickness and permittivity."""
     stack = surface.material if isinstance(surface.material, Layered) else None
     count = len(stack.layers) if stack else 0
     thickness = np.exp(strength * THICKNESS_SIGMA * rng.standard_normal(count))
@@ -52,7 +52,7 @@ def own_material(surface: Surface, strength: float, rng: np.random.Generator) ->
 
 
 def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
-    """Return the surface with a deviating roughness height; a nominally smooth surface becomes rough."""
+    """Return the surface with a randomly deviating roughness height; a nominally smooth surface becomes rough."""
     factor = float(np.exp(strength * HEIGHT_SIGMA * rng.standard_normal()))
     if strength == 0:
         return surface
@@ -63,9 +63,9 @@ def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -
 
 
 def own_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
-    """Return a vessel with a deviating liquid and a headspace, as a filled part and an empty part with the same name.
+    """Return a vessel with a deviating liquid and an empty space at its top, as a filled part and an empty part with the same name.
 
-    Other surfaces are returned unchanged.
+    Surfaces that are not filled vessels are returned unchanged.
     """
     factor = float(np.exp(strength * CONTENTS_SIGMA * rng.standard_normal()))
     empty = strength * HEADSPACE * rng.uniform(0.5, 1.5)

@@ -1,7 +1,7 @@
-"""A virtual phone with LiDAR. It scans scenes whose true geometry and materials are known.
+"""A simulated phone with LiDAR that scans rooms. The true geometry and materials of the scanned room are known.
 
-`raster` finds the visible triangles. `look`, `light` and `shading` compute their colours. `camera` computes one view, `sensor` adds errors,
-and `walk` moves the phone. `scan` combines all of these modules.
+The module `raster` finds the visible triangles of the room. The modules `look`, `light` and `shading` compute the triangles' colours. The
+module `camera` computes one view, `sensor` adds measurement errors, `walk` moves the phone, and `scan` combines all of these modules.
 """
 
 from radartwin.testbed.scanner.scan import ScanTruth, scan

@@ -1,4 +1,4 @@
-"""Compute one view of the phone's camera: the true depth, the face that reflects at each pixel, and the colour picture."""
+"""Compute one view of the simulated phone: the true depth, the reflecting face at each pixel, and the colour picture."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from radartwin.testbed.scanner.light import Light, shaded, through_glass
 from radartwin.testbed.scanner.look import Look
 from radartwin.testbed.scanner.raster import nearest_faces
 
-VIGNETTE = 0.12  # darkening of the corners
-GRAIN = 1.2  # standard deviation of the colour noise, counts of 255
+VIGNETTE = 0.12  # relative loss of brightness in the corners of the colour picture
+GRAIN = 1.2  # standard deviation of the noise in the colour picture, for 8-bit values from 0 to 255
 NOT_SEEN = -1
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sight:
-    """The first surface that reflects light along each pixel's ray. All arrays have shape (h, w).
+    """The first surface that reflects light along the ray of each pixel. All arrays have shape (h, w).
 
     Attributes:
-        depth: float32 depth of the reflecting surface in metres, through panes; infinite where the ray leaves the scene.
+        depth: float32 depth in metres of the first surface that is not a transparent pane; infinite where the ray leaves the scene.
         face: int32 index of the reflecting face; -1 where the ray leaves the scene.
         first: int32 index of the first surface on the ray, including panes; -1 where the ray leaves the scene.
-        pane: whether the ray passes a pane.
-        cosine: float32 cosine of the angle between the ray and the face's normal; 0 where the ray leaves the scene.
+        pane: whether the ray passes through a transparent pane.
+        cosine: float32 cosine of the angle between the ray and the reflecting face's normal; 0 where the ray leaves the scene.
     """
 
     depth: np.ndarray
@@ -35,7 +35,7 @@ class Sight:
 
 
 def sight(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]) -> Sight:
-    """Return the true depth and the reflecting face of each pixel, for a camera at `pose` with pictures of `size` (width, height)."""
+    """Return the true depth and the reflecting face at each pixel of a camera at `pose` (4, 4) with `size` (width, height) in pixels."""
     face, depth, pane, pane_depth = _hits(look, pose, intrinsics, size)
     first = np.where(face >= 0, look.surface[face], NOT_SEEN)
     first = np.where(pane >= 0, look.surface[pane], first)
@@ -50,7 +50,7 @@ def sight(look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int,
 def picture(
     look: Look, light: Light, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int], rng: np.random.Generator
 ) -> np.ndarray:
-    """Render the colour picture (h, w, 3), uint8 sRGB, with vignetting and grain."""
+    """Render the colour picture (h, w, 3), uint8 sRGB, of the phone's camera, with dark corners and noise."""
     face, depth, pane, pane_depth = _hits(look, pose, intrinsics, size)
     linear = shaded(look, light, face, depth, pose, intrinsics)
     through_glass(look, light, linear, pane, pane_depth, pose, intrinsics)
@@ -58,7 +58,7 @@ def picture(
     v, u = np.mgrid[:height, :width].astype(np.float32)
     radius = ((u - width / 2) ** 2 + (v - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
     linear *= (light.exposure * (1 - VIGNETTE * radius))[..., None]
-    linear = np.where(linear > 0.7, 0.7 + 0.3 * np.tanh((linear - 0.7) / 0.3), linear)  # compress highlights
+    linear = np.where(linear > 0.7, 0.7 + 0.3 * np.tanh((linear - 0.7) / 0.3), linear)  # compresses very bright values
     srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-6) ** (1 / 2.4) - 0.055)
     noise = rng.standard_normal((height, width, 1), dtype=np.float32) * np.float32(GRAIN)
     return np.clip(255 * srgb + noise + 0.5, 0, 255).astype(np.uint8)
@@ -67,7 +67,7 @@ def picture(
 def _hits(
     look: Look, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the visible solid faces and their depths, and the panes in front of them and their depths, each (h, w)."""
+    """Return (nearest opaque face, its depth, pane in front of it, depth of the pane) at each pixel, each of shape (h, w)."""
     face, depth = nearest_faces(look.triangles, look.solid, pose, intrinsics, size)
     pane, pane_depth = np.full_like(face, -1), np.full_like(depth, np.inf)
     if look.clear.any():

@@ -1,7 +1,8 @@
 """Model the light in a room: lamps under the ceiling with shadows, ambient light, reflections of the room, and the sky outside.
 
 The light is plausible, not measured, because the pictures only need to be readable by a person or by a model that names materials. A depth
-cube map around each lamp gives the shadows. One colour cube map around the centre of the room gives the reflections, without parallax.
+cube map around each lamp gives the lamp's shadows. One colour cube map around the centre of the room gives the reflections in shiny
+surfaces, without parallax.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from radartwin.testbed.scanner.raster import nearest_faces
 from radartwin.testbed.scanner.shading import Light, Row, glaze, shade
 
 SHADOW_PIXELS, MIRROR_PIXELS = 256, 128
-LAMP_SPACING_M, LAMP_DROP_M = 3.0, 0.6  # grid of lamps; distance below the ceiling, so that lamps hang below luminaires
-BLUR = 4  # brushed metal reflects the room at MIRROR_PIXELS / BLUR
-BRIGHT = 0.55  # linear level of the upper quartile of the room's brightness in a picture
+LAMP_SPACING_M, LAMP_DROP_M = 3.0, 0.6  # distance between lamps, and of lamps below the ceiling, so that they hang below luminaires
+BLUR = 4  # the reflection of the room in brushed metal has the resolution MIRROR_PIXELS / BLUR
+BRIGHT = 0.55  # linear picture value (0 to 1) to which the exposure maps the upper quartile of the room's brightness
 # Right, down and forward axes of the six cameras of a cube.
 CUBE = np.array(
     [
@@ -31,7 +32,7 @@ CUBE = np.array(
 
 
 def light_of(look: Look) -> Light:
-    """Compute the lamps, shadows and reflections of a scene, and the exposure of a camera at its centre."""
+    """Compute the lamps, shadows and reflections of a scene, and the exposure for a camera at the centre of the room."""
     corners = look.triangles.reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     lamps = _lamps(low, high)
@@ -45,12 +46,12 @@ def light_of(look: Look) -> Light:
         room[side] = shaded(look, light, face, depth, pose, intrinsics)
     n = MIRROR_PIXELS // BLUR
     blurred = room.reshape(6, n, BLUR, n, BLUR, 3).mean(axis=(2, 4))
-    brightness = room[:5].mean(axis=-1)  # without the floor, which phones see least
+    brightness = room[:5].mean(axis=-1)  # leaves out the cube side with the floor, which phone cameras see least
     return light._replace(room=room, blurred=blurred, exposure=BRIGHT / max(float(np.quantile(brightness, 0.75)), 1e-6))
 
 
 def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
-    """Return the linear colour (h, w, 3) float32 of the pixels that show `face` (h, w) at `depth` (h, w); -1 in `face` shows the sky."""
+    """Return the linear colour (h, w, 3) float32 of pixels that show the face `face` (h, w) at `depth` (h, w); face -1 shows the sky."""
     out = np.empty((*face.shape, 3), np.float32)
     width = face.shape[1]
     point, normal, ray = np.ones((3, width, 3))
@@ -62,7 +63,7 @@ def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: 
 def through_glass(
     look: Look, light: Light, behind: np.ndarray, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray
 ) -> None:
-    """Add glass panes to the picture `behind`, in place: a green tint and a reflection of the room. `face` is -1 where there is no pane."""
+    """Add the green tint and the reflections of glass panes to the picture `behind`, in place. `face` is -1 at pixels without a pane."""
     glaze(face, depth, np.ascontiguousarray(pose), _lens(intrinsics), look.normals, light.room, behind)
 
 
@@ -78,7 +79,7 @@ def _lamps(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _cube_cameras(position: np.ndarray, pixels: int):
-    """Yield the pose and intrinsics of the six cameras of a cube map."""
+    """Yield the pose and the intrinsics of each of the six cameras of a cube map around `position` (3,)."""
     intrinsics = np.array([[pixels / 2, 0, pixels / 2 - 0.5], [0, pixels / 2, pixels / 2 - 0.5], [0, 0, 1]])
     for axes in CUBE:
         pose = np.eye(4)
@@ -87,14 +88,14 @@ def _cube_cameras(position: np.ndarray, pixels: int):
 
 
 def _depths(look: Look, position: np.ndarray) -> np.ndarray:
-    """Return the depth cube map (6, S, S) around a lamp."""
+    """Return the depth cube map (6, S, S) around a lamp at `position` (3,), in metres."""
     size = (SHADOW_PIXELS, SHADOW_PIXELS)
     cameras = _cube_cameras(position, SHADOW_PIXELS)
     return np.stack([nearest_faces(look.triangles, look.solid, pose, intrinsics, size, near_m=0.3)[1] for pose, intrinsics in cameras])
 
 
 def _extremes(shadows: np.ndarray) -> np.ndarray:
-    """Return the smallest and largest depth (..., 2) in the 3 x 3 block that starts at each pixel; border pixels are repeated."""
+    """Return the smallest and largest depth (..., 2) in the block of 3 x 3 pixels that starts at each pixel; border pixels are repeated."""
     out = np.empty((*shadows.shape, 2), np.float32)
     for k, extreme in enumerate((np.minimum, np.maximum)):
         rows = shadows.copy()

@@ -1,7 +1,7 @@
-"""Describe the appearance of a scene's surfaces: pixels of all textures in one array, texture coordinates, and optical properties.
+"""Describe the appearance of a scene's surfaces: all textures in one array of pixels, texture coordinates, and optical properties.
 
-The optical properties come from the true materials. Layers of glass and air are transparent if they have air behind them. Metal reflects.
-Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
+The optical properties follow from the true materials. A surface of glass and air layers is transparent if air is behind it. Metal reflects
+like a mirror. Polished, glazed and glass surfaces have a sheen. All other surfaces are diffuse.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import trimesh
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene, Surface
 
-LEVELS = 7  # resolution levels of a texture; each level has half the size of the previous level
+LEVELS = 7  # number of resolution levels of a texture; each level has half the width and height of the previous level
 METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
-# Organic materials are bright at the laser's 0.94 um regardless of their colour: leaves, wood and dyed cloth reflect 0.4 to 0.7
-# (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
+# Organic materials are bright at the laser's wavelength of 0.94 um for any visible colour: leaves, wood and dyed cloth reflect 0.4 to 0.7
+# of the light (Kokaly et al. 2017, USGS Spectral Library Version 7, Data Series 1035).
 ORGANIC, ORGANIC_REFLECTANCE = {"wood", "fabric", "leather", "carpet", "paper", "foliage", "hair", "skin"}, 0.4
 GLOSSY = {"glass", "tile", "ceramic", "polishedstone", "plastic", "wood", "leather"}
-# sRGB of surfaces without texture, by outermost material.
+# This table gives the sRGB colour of a surface without texture, by the material of its outermost layer.
 PLAIN = {
     "metal": (150, 155, 160), "concrete": (160, 158, 152), "brick": (150, 80, 60), "plasterboard": (228, 222, 210), "wood": (176, 132, 84),
     "plywood": (205, 170, 120), "chipboard": (214, 186, 142), "floorboard": (184, 144, 96), "glass": (180, 205, 210),
@@ -30,16 +30,18 @@ OTHER = (170, 170, 170)
 
 
 class Look(NamedTuple):
-    """The appearance of a scene's faces. The pixels of all textures are stored in one array.
+    """The appearance of the F faces of a scene. The pixels of all textures are stored in one array.
 
     Attributes:
-        triangles: (F, 3, 3) corners in world coordinates. normals: (F, 3).
-        surface: (F,) index of the face's surface in the scene.
-        clear: (F,) bool, transparent.
-        metal: (F,) bool. organic: (F,) bool, bright in the near infrared. sheen: (F,) reflectance at normal incidence.
-        to_uv: (F, 2, 4) affine map from world to pixels of the texture's finest level.
-        texture: (F,) number of the texture, -1 for none. tint: (F, 3) linear colour of a face without texture.
-        pool: (P, 3) uint8 sRGB of all levels of all textures. levels: (T, LEVELS, 3) offset, width, height.
+        triangles: (F, 3, 3) corners of each face in world coordinates. normals: (F, 3) unit normal of each face.
+        surface: (F,) index in the scene of the surface that each face belongs to.
+        clear: (F,) bool, whether each face is transparent.
+        metal: (F,) bool, whether each face is metal. organic: (F,) bool, whether each face is bright in the near infrared.
+        sheen: (F,) reflectance of each face at normal incidence.
+        to_uv: (F, 2, 4) affine map from world coordinates to pixels of the face's texture at its finest resolution level.
+        texture: (F,) index of each face's texture, -1 for none. tint: (F, 3) linear colour of each face without texture.
+        pool: (P, 3) uint8 sRGB pixels of all levels of all textures.
+        levels: (T, LEVELS, 3) offset in `pool`, width and height of each resolution level of each texture.
     """
 
     triangles: np.ndarray
@@ -94,7 +96,7 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
         number, pixels = pictures[id(picture)]
         texture[:] = number
         height, width = pixels.shape[:2]
-        corner = uv[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)  # v points up, rows go down
+        corner = uv[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)  # v increases upwards, pixel rows downwards
         to_uv = _affine(triangles, normals, corner)
     return {
         "triangles": triangles,
@@ -120,7 +122,7 @@ def _is_clear(surface: Surface) -> bool:
 
 
 def to_linear(srgb: np.ndarray) -> np.ndarray:
-    """Convert sRGB values 0..255 to linear light 0..1, by IEC 61966-2-1."""
+    """Convert sRGB values from 0 to 255 to linear light from 0 to 1, by IEC 61966-2-1."""
     s = np.asarray(srgb, dtype=np.float64) / 255
     return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
 
@@ -132,7 +134,9 @@ def _outer(material: str | Layered) -> str:
 
 
 def _picture(mesh: trimesh.Trimesh):
-    """Return the Pillow picture and the texture coordinates (V, 2) of a mesh; (None, None) without a texture."""
+    """Return a mesh's texture as Pillow picture with texture coordinates (V, 2) of its vertices; (None, None) for a mesh without
+    texture.
+    """
     visual = mesh.visual
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)
@@ -141,9 +145,9 @@ def _picture(mesh: trimesh.Trimesh):
 
 
 def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> np.ndarray:
-    """Return affine maps (F, 2, 4) that take the triangles' corners to the texture coordinates `corner` (F, 3, 2).
+    """Return affine maps (F, 2, 4) that map the world corners of each triangle to its texture coordinates `corner` (F, 3, 2).
 
-    The texture coordinates do not change along the normal.
+    Along the normal of a triangle, the mapped texture coordinates do not change.
     """
     edges = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], normals], axis=1)
     sound = np.abs(np.linalg.det(edges)) > 1e-14
@@ -156,7 +160,7 @@ def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> n
 
 
 def _pooled(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of all levels of all pictures in one array, and the offset, width and height of each level."""
+    """Return one array with the pixels of all resolution levels of all pictures, and the offset, width and height of each level."""
     pixels, levels, offset = [np.zeros((1, 3), np.uint8)], np.zeros((max(len(pictures), 1), LEVELS, 3), np.int64), 1
     for number, picture in enumerate(pictures):
         level = picture

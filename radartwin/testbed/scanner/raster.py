@@ -18,17 +18,19 @@ def nearest_faces(
     depth: np.ndarray | None = None,
     near_m: float = NEAR_M,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the nearest face at every pixel, among the faces in `drawn`.
+    """Find the face in the mask `drawn` that is nearest to the camera at every pixel.
 
     Args:
-        triangles: (F, 3, 3) in the world, visible from both sides.
-        drawn: (F,) mask of the faces to draw.
-        pose: (4, 4) camera-to-world, OpenCV axes. intrinsics: (3, 3). size: (width, height).
-        depth: (h, w) largest depth; faces behind it are not drawn.
-        near_m: parts of faces nearer than this are cut off.
+        triangles: (F, 3, 3) corners of the faces in world coordinates; faces are visible from both sides.
+        drawn: (F,) bool mask of the faces to draw.
+        pose: (4, 4) camera-to-world pose, OpenCV axes.
+        intrinsics: (3, 3) camera intrinsics in pixels.
+        size: (width, height) of the picture in pixels.
+        depth: (h, w) largest depth in metres at each pixel; faces at larger depth are not drawn. None sets no limit.
+        near_m: smallest depth in metres; parts of faces at smaller depth are cut off.
     Returns:
-        Index of the face, (h, w) int32; -1 where there is no face.
-        Depth of the face along the camera axis, (h, w) float32; infinite where there is no face.
+        Index of the nearest face, (h, w) int32; -1 at pixels without a face.
+        Depth of the nearest face along the camera axis, (h, w) float32 in metres; infinite at pixels without a face.
 
     >>> wall = np.array([[[-9.0, -9, 2], [9, -9, 2], [0, 18, 2]]])
     >>> face, depth = nearest_faces(wall, np.ones(1, bool), np.eye(4), np.array([[8.0, 0, 4], [0, 8, 4], [0, 0, 1]]), (8, 8))
@@ -53,7 +55,7 @@ def _draw(triangles, order, lens, near, face, depth):
     flat = np.empty((4, 3))
     for f in order:
         count = 0
-        for i in range(3):  # cut at the near plane
+        for i in range(3):  # cut the triangle at the near plane
             j = (i + 1) % 3
             zi, zj = triangles[f, i, 2], triangles[f, j, 2]
             if zi >= near:
@@ -79,14 +81,14 @@ def _draw(triangles, order, lens, near, face, depth):
             area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
             if abs(area) < 1e-12:
                 continue
-            # The inverse depth is linear in the picture.
+            # The inverse of the depth changes linearly across the picture of a triangle.
             pu = ((flat[k, 2] - flat[0, 2]) * (cy - ay) - (flat[k + 1, 2] - flat[0, 2]) * (by - ay)) / area
             pv = ((flat[k + 1, 2] - flat[0, 2]) * (bx - ax) - (flat[k, 2] - flat[0, 2]) * (cx - ax)) / area
             p0 = flat[0, 2] - pu * ax - pv * ay
             top, bottom = max(int(np.ceil(min(ay, min(by, cy)))), 0), min(int(np.floor(max(ay, max(by, cy)))), height - 1)
             for v in range(top, bottom + 1):
                 left, right = np.inf, -np.inf
-                for e in range(3):  # intersections of the row with the edges
+                for e in range(3):  # find the intersections of the pixel row with the three edges
                     if e == 0:
                         x0, y0, x1, y1 = ax, ay, bx, by
                     elif e == 1:

@@ -1,4 +1,4 @@
-"""Scan a scene with the virtual phone: compute the frames that the phone writes, and the true values for evaluation."""
+"""Scan a scene with the simulated phone: compute the frames that the phone would write, and the true values for evaluation."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from radartwin.testbed.scanner.look import ORGANIC_REFLECTANCE, Look, look_of, t
 from radartwin.testbed.scanner.sensor import Sensor, drifted, measured
 from radartwin.testbed.scanner.walk import walked
 
-FRAMES = (100, 360)  # smallest and largest number of frames
-FRAMES_PER_M2 = 0.9  # per surface area of the room's bounding box
+FRAMES = (100, 360)  # smallest and largest number of frames of a scan
+FRAMES_PER_M2 = 0.9  # number of frames per square metre of the surface of the room's bounding box
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ScanTruth:
-    """The true values of a scan, which the reconstruction must not use.
+    """The true values of a simulated scan, which the reconstruction of the room must not use.
 
     Attributes:
         names: names of the scene's surfaces, in the order of the scene.
-        poses: (N, 4, 4) true camera poses.
-        surface: (N, h, w) int16, index of the surface at each pixel's depth; -1 without depth, or if the depth mixes two surfaces.
-        first: (N, h, w) int16, index of the first surface on each ray, including panes; -1 where the ray leaves the scene.
-        depth_m: (N, h, w) float32, true depth of the reflecting surface; 0 where the ray leaves the scene.
+        poses: (N, 4, 4) true camera-to-world poses of the N frames.
+        surface: (N, h, w) int16, index of the surface at each pixel's depth; -1 without a depth, or if the depth mixes two surfaces.
+        first: (N, h, w) int16, index of the first surface on each pixel's ray, including panes; -1 where the ray leaves the scene.
+        depth_m: (N, h, w) float32, true depth of the reflecting surface in metres; 0 where the ray leaves the scene.
     """
 
     names: tuple[str, ...]
@@ -52,16 +52,18 @@ def scan(
     """Scan a scene as a person with a phone would.
 
     Args:
-        strength: factor on noise, dropouts, flying pixels and drift; 0 is an ideal sensor.
-        frames: number of frames; None derives it from the room's size.
-        poses: true camera poses (N, 4, 4), OpenCV axes; None walks through the room.
-        sensor: errors of the phone.
-        colour_every: every n-th frame has colour; 0 for none.
+        scene: the true scene to scan.
+        seed: seed of all random numbers of the scan.
+        strength: factor on depth noise, lost depth values, mixed depths at edges and pose drift; 0 is an ideal sensor.
+        frames: number of frames; None computes it from the size of the room.
+        poses: true camera-to-world poses (N, 4, 4), OpenCV axes; None plans a walk through the room.
+        sensor: parameters of the phone's sensors and their errors.
+        colour_every: every n-th frame has a colour picture; 0 makes no colour pictures.
     Returns:
         The frames, with the poses that the phone estimates, and the true values.
     Raises:
-        SceneError: an empty scene, no free place to stand, or values out of range.
-        PoseError: poses that are not rigid.
+        SceneError: the scene is empty, the room has no free place to stand, or an argument is out of range.
+        PoseError: one of the given poses is not a rigid transform.
     """
     if not len(scene):
         raise SceneError("an empty scene cannot be scanned; add surfaces")
@@ -102,8 +104,9 @@ def scan(
 
 
 def _reflectance(look: Look) -> np.ndarray:
-    """Return the reflectance (F,) in the near infrared: the mean luminance of a face's texture or tint. Organic faces have at least
-    ORGANIC_REFLECTANCE.
+    """Return the reflectance (F,) of each face in the near infrared: the mean luminance of the face's texture or tint.
+
+    Faces of organic material have a reflectance of at least ORGANIC_REFLECTANCE.
     """
     weights = np.array([0.2126, 0.7152, 0.0722])
     bright = look.tint @ weights

@@ -1,4 +1,4 @@
-"""Simulate the errors of a phone with LiDAR: depth noise, confidence, dropouts and pose drift, with the source of each value.
+"""Simulate the errors of a phone with LiDAR: depth noise, confidence, lost depth values and pose drift, with the source of each value.
 
 Sources
     [Apple]  Apple newsroom, 18 March 2020: the LiDAR scanner reaches 5 m. ARDepthData documentation: depth is along the camera's axis,
@@ -7,16 +7,16 @@ Sources
     [TY23]   Teo and Yang 2023, Developments in the Built Environment 14:100169 (iPad Pro): points lie within 1 mm of
              their best plane if the device is held still, and within 1 cm on average if it moves.
     [K22]    Kim et al. 2022, Sensors 22:9873: ARKit's relative pose error grows by about 0.02 m per second of walking (1 m/s).
-    [L24]    Lin et al. 2024, Handheld mapping of specular surfaces using consumer-grade flash LiDAR, ICCP: panes return the room
-             behind them and mirrors the mirrored room, so that both look like holes.
-    [X25]    Xiang et al. 2025, Depth enhancement from a practical light-weight dToF sensor, arXiv:2504.01596: specular surfaces lose
-             spots or return anomalies.
-    [chair]  Measured on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m): fraction
-             of pixels with high, medium and low confidence, how the confidence falls with range and at edges, depth residual for each
-             confidence, and spatial smoothness. See the table in docs/decisions/005-virtual-scanner.md.
+    [L24]    Lin et al. 2024, Handheld mapping of specular surfaces using consumer-grade flash LiDAR, ICCP: through a pane the sensor
+             measures the room behind the pane, and in a mirror it measures the mirrored room, so that both look like holes.
+    [X25]    Xiang et al. 2025, Depth enhancement from a practical light-weight dToF sensor, arXiv:2504.01596: on specular surfaces, laser
+             spots are lost or give wrong depths.
+    [chair]  Our measurement on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m). It
+             gives the fraction of pixels with high, medium and low confidence, the decrease of the confidence with range and at edges,
+             the depth residual for each confidence, and the spatial smoothness. See the table in docs/decisions/005-virtual-scanner.md.
 
-The depth map is a smooth interpolation of the 24 x 24 spots, guided by the colour picture [L21]. Errors of neighbouring pixels are
-correlated (uncorrelated part 0.7 mm [chair]), errors of different frames are not.
+The depth map is a smooth interpolation of the 24 x 24 laser spots, guided by the colour picture [L21]. Depth errors of neighbouring pixels
+are correlated (the uncorrelated part is 0.7 mm [chair]). Depth errors of different frames are independent.
 """
 
 from __future__ import annotations
@@ -31,37 +31,40 @@ from radartwin.testbed.scanner.camera import Sight
 
 @dataclasses.dataclass(frozen=True)
 class Sensor:
-    """Parameters of the phone. The argument `strength` of `scan` multiplies the parameters marked with *.
+    """Parameters of the simulated phone. The argument `strength` of `scan` multiplies the parameters marked with *.
 
     Attributes:
         size: width and height of the depth map in pixels [Apple].
-        colour_size: width and height of the colour picture in pixels; 4:3 as on the phone, but coarser for speed.
-        focal_px: focal length of the depth map in pixels: 193 for 256 pixels, a field of view of 67 degrees [chair].
-        range_m: largest depth [Apple].
-        spots: number of laser spots across and down the map [L21].
-        noise_m, noise_per_m: * standard deviation of the depth of pixels with high confidence, 4 mm + 1 mm per metre. In [chair], 68 % of
-            these pixels lie within 7 to 9 mm of the vendor's mesh at 1 to 3.5 m, including the mesh's error. [L21] and [TY23] give 1 cm.
-        white_m: * standard deviation of the depth noise that is uncorrelated between pixels [chair].
-        unsure: * factors on the depth noise for low, medium and high confidence. The 68 % quantiles of the residuals in [chair] are 20 to
-            110 mm, 12 to 43 mm and 8 mm.
-        medium_signal, high_signal: value of reflectance x cosine / range^2 at which half the pixels reach this confidence. In [chair] half
-            of the pixels have high confidence at 2.9 m, and half have low confidence at 3.4 m, on concrete in the shade with an assumed
-            reflectance of 0.2 and cosine of 0.7.
-        border: columns at the left edge with low, and with at most medium, confidence, because no spots reach them [chair].
-        signal_spread: standard deviation of the logarithm of the signal over a map (speckle, colour) [chair].
+        colour_size: width and height of the colour picture in pixels; the ratio is 4:3 as on the phone, but the resolution is lower.
+        focal_px: focal length of the depth map in pixels: 193 for a width of 256 pixels, a field of view of 67 degrees [chair].
+        range_m: largest depth that the sensor measures, in metres [Apple].
+        spots: number of laser spots across and down the depth map [L21].
+        noise_m, noise_per_m: * standard deviation of the depth at pixels with high confidence: noise_m + noise_per_m x depth, by default
+            4 mm + 1 mm per metre. In [chair], 68 % of these pixels lie within 7 to 9 mm of the vendor's mesh at 1 to 3.5 m, including the
+            error of the mesh. [L21] and [TY23] state 1 cm.
+        white_m: * standard deviation in metres of the part of the depth noise that is uncorrelated between pixels [chair].
+        unsure: * factors on the depth noise at pixels with low, medium and high confidence. The 68 % quantiles of the depth residuals in
+            [chair] are 20 to 110 mm (low), 12 to 43 mm (medium) and 8 mm (high).
+        medium_signal, high_signal: value of reflectance x cosine / range^2 at which half of the pixels reach medium or high confidence.
+            In [chair] half of the pixels have high confidence at 2.9 m, and half have low confidence at 3.4 m, on concrete in the shade
+            with an assumed reflectance of 0.2 and cosine of 0.7.
+        border: number of pixel columns at the left edge with low, and with at most medium, confidence, because no laser spots reach them
+            [chair].
+        signal_spread: standard deviation of the logarithm of the received laser signal over a depth map (speckle, colour) [chair].
         edge_jump: smallest relative depth step within three pixels that counts as an edge.
-        flying: * fraction of edge pixels whose depth lies between front and back surface. In [chair], 19 % of edge pixels have high, 53 %
-            medium and 27 % low confidence.
+        flying: * fraction of edge pixels whose depth lies between the front and the back surface. In [chair], 19 % of edge pixels have
+            high, 53 % medium and 27 % low confidence.
         metal_dropout: * fraction of laser spots lost on metal at more than metal_deg from its normal [X25]; the value is an assumption.
-        pane_dropout: * fraction of laser spots lost at glass; the other spots measure the surface behind it [L24]; the value is an
-            assumption.
-        metal_signal: factor on the signal of bare metal, which reflects most light away from the phone [Apple, X25]; an assumption.
-        drift_m: * standard deviation of the position error per axis after one metre of walking. It grows with the square root of the path.
-            [K22] gives 0.02 m in three axes.
-        yaw_deg: * standard deviation of the heading error after one metre of walking. Roll and pitch do not drift, because the phone
-            measures gravity. A heading error that caused all of the 0.02 m in [K22] would be 0.66 degrees. The default is an assumed sixth
-            of 0.66 degrees, because the position also drifts.
-        tilt_deg: * standard deviation of the roll and pitch error relative to gravity, per frame; an assumption.
+        pane_dropout: * fraction of laser spots lost at glass; all other laser spots measure the surface behind the glass [L24]; the value
+            is an assumption.
+        metal_signal: factor on the laser signal from bare metal, which reflects most light away from the phone [Apple, X25]; the value is
+            an assumption.
+        drift_m: * standard deviation in metres of the position error per axis after one metre of walking. The position error grows with the
+            square root of the walked path. [K22] states 0.02 m for all three axes together.
+        yaw_deg: * standard deviation in degrees of the heading error after one metre of walking. Roll and pitch do not drift, because the
+            phone measures gravity. A heading error that caused all of the 0.02 m in [K22] would be 0.66 degrees. The default heading error
+            is a sixth of 0.66 degrees, an assumption, because the position also drifts.
+        tilt_deg: * standard deviation in degrees of the roll and pitch error of each frame relative to gravity; the value is an assumption.
     """
 
     size: tuple[int, int] = (256, 192)
@@ -88,7 +91,9 @@ class Sensor:
     tilt_deg: float = 0.05
 
     def intrinsics(self, size: tuple[int, int]) -> np.ndarray:
-        """Return the intrinsics (3, 3) of a picture of `size` (width, height) with the same view as the depth map."""
+        """Return the camera intrinsics (3, 3) for a picture of `size` (width, height) pixels with the same field of view as the depth
+        map.
+        """
         scale = size[0] / self.size[0]
         return np.array([[self.focal_px * scale, 0, (size[0] - 1) / 2], [0, self.focal_px * scale, (size[1] - 1) / 2], [0, 0, 1]])
 
@@ -99,12 +104,16 @@ def measured(
     """Simulate the depth sensor's measurement of one view.
 
     Args:
-        reflectance: (h, w), of the reflecting surface, 0..1.
+        seen: true depth and reflecting face at each pixel.
+        reflectance: (h, w) near-infrared reflectance of the reflecting surface at each pixel, 0 to 1.
         metal: (h, w) bool, whether the reflecting surface is metal.
+        sensor: parameters of the phone.
+        strength: factor on the errors of the phone; 0 is an ideal sensor.
+        rng: generator of the random numbers.
     Returns:
-        Depth (h, w) float32 in metres; 0 where the sensor measures no depth.
-        Confidence (h, w) uint8: 0 low, 1 medium, 2 high.
-        Mask (h, w) of the pixels whose depth mixes both sides of an edge.
+        Depth (h, w) float32 in metres; 0 at pixels where the sensor measures no depth.
+        Confidence (h, w) uint8 of the depth: 0 low, 1 medium, 2 high.
+        Mask (h, w) bool, True at pixels whose depth mixes the surfaces on both sides of an edge.
     """
     truth = np.where(np.isfinite(seen.depth), seen.depth, 0).astype(np.float64)
     shape = truth.shape
@@ -122,7 +131,7 @@ def measured(
     confidence[:, low:medium] = np.minimum(confidence[:, low:medium], 1)
 
     sigma = strength * (sensor.noise_m + sensor.noise_per_m * truth) * np.array(sensor.unsure)[confidence]
-    # The depth map is smooth, so the noise must not jump where the confidence jumps.
+    # The depth map is smooth, so the depth noise must not jump where the confidence changes.
     sigma = ndimage.uniform_filter(sigma, 5)
     depth = truth + sigma * _smooth(rng, shape, sensor.spots) + strength * sensor.white_m * rng.standard_normal(shape)
 
@@ -139,9 +148,10 @@ def measured(
 
 
 def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.Generator) -> np.ndarray:
-    """Return the phone's estimates of its poses (N, 4, 4). The first pose is exact; then position and heading drift as a random walk.
+    """Return the phone's estimates (N, 4, 4) of its poses. The first pose is exact; then position and heading drift as a random walk.
 
-    ARKit corrects the drift when it recognises a place. This model does not correct it, so its errors after a long walk are larger.
+    The phone software ARKit corrects the drift when it recognises an earlier position. This model does not correct the drift, so its pose
+    errors after a long walk are larger.
     """
     step = np.sqrt(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     heading = np.radians(strength * sensor.yaw_deg) * step * rng.standard_normal(len(step))
@@ -150,7 +160,7 @@ def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.G
     tilt[0] = 0
     estimated = np.empty_like(poses)
     estimated[0] = poses[0]
-    walked = poses[0].copy()  # without the tilt of single frames, which does not accumulate
+    walked = poses[0].copy()  # without the roll and pitch errors of single frames, which do not accumulate
     for i in range(1, len(poses)):
         relative = np.linalg.inv(poses[i - 1]) @ poses[i]
         walked = walked @ relative
@@ -167,19 +177,22 @@ def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.G
 
 
 def _smooth(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int, int]) -> np.ndarray:
-    """Draw a standard normal field (h, w), interpolated between the laser spots and scaled to unit variance."""
+    """Draw a standard normal random field (h, w) that is interpolated between the laser spots and scaled to unit variance."""
     field = _between(rng.standard_normal((spots[1] + 2, spots[0] + 2)), shape, spots)
     return field / np.sqrt(_between(np.ones((spots[1] + 2, spots[0] + 2)), shape, spots, squared=True))
 
 
 def _uniform(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int, int]) -> np.ndarray:
-    """Draw a field (h, w), uniform in 0..1, that is constant around each laser spot."""
+    """Draw a random field (h, w) with a uniform distribution in 0 to 1 that is constant around each laser spot."""
     rows, columns = np.arange(shape[0]) * spots[1] // shape[0], np.arange(shape[1]) * spots[0] // shape[1]
     return rng.random((spots[1], spots[0]))[rows][:, columns]
 
 
 def _between(values: np.ndarray, shape: tuple[int, ...], spots: tuple[int, int], squared: bool = False) -> np.ndarray:
-    """Interpolate bilinearly between the laser spots, (h, w). `squared` uses squared weights, as for the variance of independent spots."""
+    """Interpolate values of the laser spots bilinearly to (h, w).
+
+    `squared` squares the weights, to interpolate variances of independent spots.
+    """
     v, u = np.arange(shape[0]) * spots[1] / shape[0] + 0.5, np.arange(shape[1]) * spots[0] / shape[1] + 0.5
     i, j = v.astype(int), u.astype(int)
     q, p = (v - i)[:, None], (u - j)[None, :]

@@ -1,4 +1,4 @@
-"""Compiled functions that compute the colour of each pixel from faces, light and textures."""
+"""Compiled functions that compute the colour of each picture pixel from faces, light and textures."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 from radartwin.testbed.scanner.look import LEVELS, to_linear
 
-AMBIENT = 0.45  # fraction of the light that is ambient
-LINEAR = to_linear(np.arange(256)).astype(np.float32)  # of sRGB values
+AMBIENT = 0.45  # fraction of the light in the room that is ambient
+LINEAR = to_linear(np.arange(256)).astype(np.float32)  # linear light (0 to 1) of each sRGB value from 0 to 255
 
 
 class Light(NamedTuple):
     """The light of a scene.
 
     Attributes:
-        lamps: (L, 3) positions.
-        shadows: (L, 6, S, S) float32 depth cube map around each lamp.
-        extremes: (L, 6, S, S, 2) float32 smallest and largest of the nine depths that decide the shadow of a point in this pixel.
+        lamps: (L, 3) positions of the L lamps.
+        shadows: (L, 6, S, S) float32 depth cube map around each lamp, in metres.
+        extremes: (L, 6, S, S, 2) float32 smallest and largest of the nine depths that decide the shadow of a point in each pixel.
         room: (6, M, M, 3) float32 linear colour cube map around the room's centre.
-        blurred: `room` at a lower resolution.
-        exposure: factor from linear light to the picture.
+        blurred: the colour cube map `room` at a lower resolution.
+        exposure: factor from linear light to the linear values of the picture.
     """
 
     lamps: np.ndarray
@@ -34,7 +34,7 @@ class Light(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Buffers of the compiled functions: points, normals and rays (W, 3) and light (W,) of a row; colours (3,) of a pixel."""
+    """Buffers of the compiled functions: points, normals and rays (W, 3) and light (W,) of a pixel row; colours (3,) of one pixel."""
 
     point: np.ndarray
     normal: np.ndarray
@@ -46,7 +46,9 @@ class Row(NamedTuple):
 
 @innermost
 def _side(x, y, z):
-    """Return the side of CUBE in a direction, the two coordinates on this side (-1..1), and the distance along its axis."""
+    """Return the cube-map side in direction (x, y, z), the two coordinates on this side (-1 to 1), and the distance along the side's
+    axis.
+    """
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:
         return (0, -y / ax, -z / ax, ax) if x > 0 else (1, y / ax, -z / ax, ax)
@@ -57,7 +59,7 @@ def _side(x, y, z):
 
 @innermost
 def _sky(z, channel):
-    """Return the linear colour of the sky or the ground in a direction with vertical component z."""
+    """Return one channel of the linear colour of the sky, or of the ground, in a direction with vertical component z."""
     if z > 0:
         low, high = (1.5, 1.6, 1.75), (0.75, 1.1, 1.8)
         return low[channel] + (high[channel] - low[channel]) * min(1.5 * z, 1.0)
@@ -66,7 +68,7 @@ def _sky(z, channel):
 
 @innermost
 def _around(room, x, y, z, colour):
-    """Write the room's colour in a direction, bilinear within a side, to `colour` (3,)."""
+    """Write the linear colour of the room in direction (x, y, z) to `colour` (3,), interpolated bilinearly within a cube-map side."""
     n = room.shape[1]
     side, u, v, _ = _side(x, y, z)
     a, b = min(max((u + 1) * n / 2 - 0.5, 0.0), n - 1.001), min(max((v + 1) * n / 2 - 0.5, 0.0), n - 1.001)
@@ -83,7 +85,7 @@ def _around(room, x, y, z, colour):
 
 @innermost
 def _lit(shadows, extremes, lamp, x, y, z):
-    """Return the fraction of a lamp's light that reaches a point at this offset from the lamp, from nine samples of the depth cube map."""
+    """Return the fraction of a lamp's light that reaches a point at offset (x, y, z) from the lamp, from nine depths of its cube map."""
     side, u, v, forward = _side(x, y, z)
     n = shadows.shape[2]
     a, b = (u + 1) * n / 2 - 1, (v + 1) * n / 2 - 1
@@ -99,7 +101,10 @@ def _lit(shadows, extremes, lamp, x, y, z):
 
 @innermost
 def _illuminate(width, row, light):
-    """Write the light on a row of points, lamp by lamp, because neighbouring points read the same part of a depth cube map."""
+    """Write the light on a row of points.
+
+    The loop over lamps is outermost, so that neighbouring points read the same part of a cube map.
+    """
     for u in range(width):
         row.light[u] = AMBIENT * (0.8 + 0.2 * row.normal[u, 2])
     for k in range(len(light.lamps)):
@@ -115,14 +120,14 @@ def _illuminate(width, row, light):
 
 @innermost
 def _paint(f, x, y, z, spread, look, colour):
-    """Write the linear colour of face f at a point to `colour` (3,). A pixel covers `spread` metres at this point."""
+    """Write the linear colour of face f at point (x, y, z) to `colour` (3,). A pixel covers `spread` metres on the face at this point."""
     to_uv, pool, levels = look.to_uv, look.pool, look.levels
     t = look.texture[f]
     if t < 0:
         for c in range(3):
             colour[c] = look.tint[f, c]
         return
-    # Read the texture level whose texels have about the pixel's size on the surface; bilinear, the texture repeats.
+    # Read the texture level whose texels have about the pixel's size on the surface. Colours are interpolated, and the texture repeats.
     a = to_uv[f, 0, 0] * x + to_uv[f, 0, 1] * y + to_uv[f, 0, 2] * z + to_uv[f, 0, 3]
     b = to_uv[f, 1, 0] * x + to_uv[f, 1, 1] * y + to_uv[f, 1, 2] * z + to_uv[f, 1, 3]
     density = np.sqrt(to_uv[f, 0, 0] ** 2 + to_uv[f, 0, 1] ** 2 + to_uv[f, 0, 2] ** 2)
@@ -142,7 +147,7 @@ def _paint(f, x, y, z, spread, look, colour):
 
 @innermost
 def shade(face, depth, pose, lens, look, light, row, out):
-    """Write the colour of each pixel to `out`, row by row."""
+    """Write the linear colour of each pixel to the picture `out` (h, w, 3), row by row."""
     height, width = face.shape
     for v in range(height):
         _place_row(v, face, depth, pose, lens, look.normals, row)
@@ -178,7 +183,7 @@ def shade(face, depth, pose, lens, look, light, row, out):
 
 @innermost
 def _place_row(v, face, depth, pose, lens, normals, row):
-    """Write the points, unit rays, and normals towards the camera of picture row v."""
+    """Write the points, the unit rays, and the normals towards the camera for picture row v to `row`."""
     for u in range(face.shape[1]):
         rx, ry = (u - lens[2]) / lens[0], (v - lens[3]) / lens[1]
         length, cosine, f = 0.0, 0.0, face[v, u]
@@ -198,7 +203,7 @@ def _place_row(v, face, depth, pose, lens, normals, row):
 
 @compiled
 def glaze(face, depth, pose, lens, normals, room, out):
-    """Tint the pixels of `out` that have a pane in front, and add the pane's reflection."""
+    """Tint the pixels of the picture `out` that have a glass pane in front, and add the reflection of the room in the pane."""
     clear, reflected = (0.84, 0.88, 0.86), np.empty(3)
     for v in range(face.shape[0]):
         for u in range(face.shape[1]):
@@ -213,7 +218,7 @@ def glaze(face, depth, pose, lens, normals, room, out):
             dx, dy, dz = dx / length, dy / length, dz / length
             nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
             cosine = nx * dx + ny * dy + nz * dz
-            gloss = 0.08 + 0.92 * (1 - abs(cosine)) ** 5  # both faces of the pane
+            gloss = 0.08 + 0.92 * (1 - abs(cosine)) ** 5  # reflectance of both faces of the pane together
             sx, sy, sz = dx - 2 * cosine * nx, dy - 2 * cosine * ny, dz - 2 * cosine * nz
             _around(room, sx, sy, sz, reflected)
             for c in range(3):

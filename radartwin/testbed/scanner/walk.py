@@ -13,21 +13,21 @@ from radartwin.reconstruct.distance import covered, farthest_points
 from radartwin.scene.scene import Scene
 
 CELL_M = 0.1
-LOWEST_M, HIGHEST_M = 0.15, 1.9  # objects between these heights block a person
+LOWEST_M, HIGHEST_M = 0.15, 1.9  # objects between these heights above the floor block a person
 
 
-EYE_M = 1.5  # height of the phone
+EYE_M = 1.5  # height of the phone above the floor
 CLEARANCE_M = 0.45  # smallest distance of the phone from walls and furniture
-PAN_DEG, TREMBLE_DEG = 28.0, 1.5  # rotation between frames, and its standard deviation by the trembling hand
-DOWN_DEG = -42.0  # lowest elevation of the camera; the highest elevation shows the ceiling's edge from 1.5 m away
-TURNS_PER_NOD = 2.7  # revolutions of the camera during one period of its elevation
+PAN_DEG, TREMBLE_DEG = 28.0, 1.5  # camera rotation between two frames, and its standard deviation because the hand trembles
+DOWN_DEG = -42.0  # lowest elevation of the camera; at the highest elevation, it sees the ceiling's edge from 1.5 m away
+TURNS_PER_NOD = 2.7  # number of camera revolutions during one period of the camera's elevation
 
 
 def walked(scene: Scene, frames: int, rng: np.random.Generator) -> np.ndarray:
-    """Return camera poses (N, 4, 4) with OpenCV axes, evenly spaced along a closed walk.
+    """Return camera poses (N, 4, 4) with OpenCV axes, evenly spaced along a closed walk through the room.
 
     Raises:
-        SceneError: no free place to stand.
+        SceneError: the room has no free place to stand.
     """
     ground = _closed_walk(scene)
     steps = np.linalg.norm(np.diff(ground, axis=0, append=ground[:1]), axis=1)
@@ -63,7 +63,7 @@ def look_along(positions: np.ndarray, yaw: np.ndarray, pitch: np.ndarray, roll: 
 
 
 def _closed_walk(scene: Scene) -> np.ndarray:
-    """Return points (M, 2) of a smooth closed tour over the free floor."""
+    """Return points (M, 2) in metres along a smooth closed walk over the part of the floor that is free."""
     low, high = scene.bounds
     shape = tuple(np.ceil((high - low)[:2] / CELL_M).astype(int) + 1)
     blocked = np.zeros(shape, dtype=bool)
@@ -84,14 +84,14 @@ def _closed_walk(scene: Scene) -> np.ndarray:
     stops = cells[farthest_points(cells, max(4, round(free.sum() * CELL_M**2 / 2.5)), first)]
     tour = _tour(stops, free, clear)
     smooth = ndimage.gaussian_filter1d(tour.astype(float), 4.0, axis=0, mode="wrap")
-    inside = free[tuple(np.round(smooth).astype(int).T)]  # the tour stays as it is where the smoothed points are not free
+    inside = free[tuple(np.round(smooth).astype(int).T)]  # where a smoothed point is not on free floor, the unsmoothed point is used
     return np.where(inside[:, None], smooth, tour) * CELL_M + low[:2]
 
 
 def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
-    """Return the cells (M, 2) of a closed tour through all stops.
+    """Return the floor cells (M, 2) of a closed walk through all stops, which are points that the walk must visit.
 
-    Nearest neighbour and 2-opt choose the sequence of the stops. Shortest paths that prefer clearance connect the stops.
+    The order of the stops is found by nearest neighbour and 2-opt. Shortest paths that prefer distance from obstacles connect the stops.
     """
     cells = np.argwhere(free)
     number = np.full(free.shape, -1)
