@@ -32,7 +32,7 @@ class Estimate:
 
 
 def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[float, float, float]:
-    """Return (low, mean, high) of a 95 % percentile bootstrap over the samples. For a single sample all three values are equal.
+    """Return (low, mean, high) of a 95 % percentile bootstrap over the samples. For a single sample, low, mean and high are equal.
 
     >>> bootstrap_mean(np.array([2.0]), 100, 0)
     (2.0, 2.0, 2.0)
@@ -101,9 +101,9 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
     """Mantel test: correlation of two (n, n) distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
     p is the share of random permutations of the objects whose correlation is at least as high as that of the original order. The original
-    order counts as one permutation, so p is at least 1 / (permutations + 1). The interval comes from a bootstrap over objects; pairs of an
-    object with itself are left out. Raises InputError if the inputs are not distance matrices of the same three or more objects, or if all
-    distances of one matrix are equal.
+    order counts as one permutation, so p is at least 1 / (permutations + 1). The confidence interval of the Mantel correlation comes from
+    a bootstrap over objects; pairs of an object with itself are left out. Raises InputError if the inputs are not distance matrices of the
+    same three or more objects, or if all distances of one matrix are equal.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -171,8 +171,8 @@ def _r(first: NDArray, second: NDArray) -> NDArray:
 def _interval(drawn: NDArray, value: float, tail: float = (1 - 0.95) / 2) -> tuple[float, float]:
     """Compute the percentile interval of the finite resampled values `drawn`, extended if necessary so that it contains `value`.
 
-    The default tail probability differs from 0.025 by rounding only. The rounding is kept because it decides the last digits of the
-    committed tables.
+    The default tail probability differs from 0.025 by rounding only. This rounding is kept because it decides the last digits of the
+    confidence intervals in the committed tables.
     """
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):

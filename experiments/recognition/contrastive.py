@@ -2,11 +2,11 @@
 
 The encoder (a neural network) is trained to align simulated rotation features with MiniLM text embeddings of the objects' descriptions.
 The trained encoder then embeds measured features, and a probe predicts geometry class and material class of each measured recording. Two
-kinds of probes are trained. A probe trained on all other recordings is one interpretation of the paper; it has seen other recordings of
-the tested object. A probe trained on other objects only has not seen the tested object. Classes have equal weight, so the chance level is
-one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material 40 % (chance 33). An encoder
-trained on simulation alone is exported as a model for `radartwin classify`. Its features exclude brightness, because the gain of another
-radar is unknown.
+kinds of linear classifiers (probes) are trained. A probe trained on all other recordings is one interpretation of the paper; it has seen
+other recordings of the tested object. A probe trained on other objects only has not seen the tested object. Classes have equal weight in
+the accuracy, so the chance level is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50),
+material 40 % (chance 33). An encoder trained on simulation alone is exported as a model for `radartwin classify`. The features of the
+exported model exclude brightness, because the gain of a user's radar is unknown.
 """
 
 from __future__ import annotations
@@ -92,7 +92,9 @@ def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np
 
 
 def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
-    """Train a classifier of the campaign's objects on simulation alone. Its features are scaled by their simulated mean and spread."""
+    """Train a classifier of the campaign's objects on simulation alone. The features of the classifier are scaled by their mean and
+    spread over the simulated recordings.
+    """
     measured, copies = measured_and_copies(config, source, store, Progress(), EXPORT_WITHOUT)
     texts = anchors(copies.samples.classes)
     trained = fit(label_free(standardised(copies.samples), standardised(measured.samples)), texts, settings(config), config.seed)

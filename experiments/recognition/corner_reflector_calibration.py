@@ -2,8 +2,8 @@
 
 The calibrated feature is the brightness of a revolution (radartwin/features/envelope.py). A single reflector gives a single level, so the
 calibration is an offset in decibels. A straight line fitted to the frames of a revolution would get a slope of 0.59 at 1.5 m, because
-echoes of the room dominate at angles where the reflector echoes weakly. Paper: corner-reflector radiometric calibration: metal aligns,
-dielectrics stay too dim, liquid-filled containers most.
+echoes of the room dominate at angles where the reflector echoes weakly. Paper (corner-reflector radiometric calibration): after
+calibration, metal objects agree with the measurement, dielectric objects stay too dim, and liquid-filled containers are the dimmest.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, NDArray], keys: tuple[str, ...]) -> dict[str, float]:
-    """Add rows of the echo power error of each material. Returns the errors after calibration in dB as metrics."""
+    """Add rows of the echo power error of each material. Returns the echo power errors after calibration in dB, as metrics of the run."""
     kinds, metrics = _kinds(scored), {}
     for when, error in errors.items():
         for kind in np.unique(kinds):
@@ -129,7 +129,9 @@ def _errors(measured: Samples, twin: Samples, level: NDArray, column: int) -> ND
 
 
 def _figure(measured: Samples, errors: Mapping[str, NDArray]) -> Figure:
-    """Draw the echo power error of every recording before and after calibration, by object. The objects are sorted by material."""
+    """Draw the echo power error of every recording before and after calibration, by object. The objects on the horizontal axis are
+    sorted by material.
+    """
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.9, sharey=False)
     kinds = dict(zip(measured.label, _kinds(measured), strict=True))
     objects = sorted(kinds, key=lambda name: (kinds[name], name))

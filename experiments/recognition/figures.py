@@ -71,7 +71,9 @@ def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[
 
 
 def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
-    """Draw measured and simulated embeddings on their first two principal components. Colours show classes; filled markers are measured."""
+    """Draw measured and simulated embeddings on their first two principal components. Colours show the classes of the embeddings;
+    filled markers are measured embeddings.
+    """
     from sklearn.decomposition import PCA
 
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)
@@ -97,7 +99,7 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
 def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
     """Draw accuracy against the number of labelled recordings per class, from {method: rows with the column `shots`}.
 
-    The horizontal axis is symmetric-logarithmic, so that it includes zero.
+    The horizontal axis is symmetric-logarithmic, so that it includes zero labelled recordings.
     """
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, found) in enumerate(rows.items()):

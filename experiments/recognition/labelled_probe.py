@@ -1,12 +1,12 @@
 """Labelled probe: how much does an encoder trained on simulation alone help if the classes of some measured recordings are known?
 
 A probe classifies each measured turntable revolution by the nearest class centroid of other measured revolutions, in the space of the
-encoder's embeddings. The same probe on the features without encoder shows the benefit of the training. Revolutions of one recording are
-nearly equal. The "other recordings" probe therefore leaves out all revolutions of the recording that is classified, so the remaining
-revolutions of the same object are at other distances. Paper (recognition with simulation-trained representations): 95.3 +- 1.5 % with
-encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % with raw
-features. This table adds two parts that the paper does not have: accuracy against the number of labelled recordings, and controls with
-shuffled class labels and shuffled domains.
+encoder's embeddings. The same classifier (probe) on the features without the encoder shows how much the training of the encoder helps.
+Turntable revolutions of the same recording are nearly equal. The "other recordings" probe therefore leaves out all revolutions of the
+recording that is classified, so the remaining revolutions of the same object are at other distances. Paper (recognition with
+simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal
+distance 95.3 % with encoder and 90.3 % with raw features. This table adds two parts that the paper does not have: accuracy against the
+number of labelled recordings, and controls with shuffled class labels and shuffled domains.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ CASE = {"level": "few_shot", "setting": "turntable, 12 objects"}
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Features of measured revolutions, and of simulated noisy copies by method. `keys` holds the store keys by method.
+    """Features of measured revolutions, and of simulated noisy copies by method. `keys` holds the store keys of the recordings by method.
 
-    Each set of rows is standardised by its own mean and standard deviation.
+    Measured rows and the rows of each method are standardised separately by their own mean and standard deviation.
     """
 
     measured: Samples
@@ -132,7 +132,9 @@ def score(
 
 
 def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float) -> dict[str, Mapping[str, Any]]:
-    """Add the accuracy of every method, and the accuracy gain from training on simulation. Returns the accuracy rows by method."""
+    """Add the accuracy of every method, and the accuracy gain from training on simulation. Returns a dictionary {method: table row
+    with the accuracy}.
+    """
     figures, gain = PROBES[probe]
     case, shown = CASE | {"probe": probe}, {}
     for method, found in hits.items():
@@ -178,10 +180,12 @@ def gather_data(config: Config, source: RecordingSource, store: Store, progress:
 
 
 def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encoder], chance: float) -> dict[str, list[Mapping[str, Any]]]:
-    """Add the accuracy with k labelled measured revolutions per class. For k = 0, the nearest text description gives the class.
+    """Add the accuracy with k labelled measured revolutions per class. For k = 0 labelled revolutions, the class with the nearest text
+    embedding is predicted.
 
-    For k > 0, the nearest centroid of the labelled revolutions gives the class. Labelled revolutions are drawn from one half of each
-    object's recordings, and the accuracy is computed on the other half. Returns the rows by method; each row has the column `shots` (k).
+    For k > 0 labelled revolutions, the class with the nearest centroid of these revolutions is predicted. Labelled revolutions are drawn
+    from one half of each object's recordings, and the accuracy is computed on the remaining half of the recordings. Returns the rows by
+    method; each row has the column `shots` (k).
     """
     measured = data.measured
     found: dict[str, list[Mapping[str, Any]]] = {PRETRAINED: [], RAW: [], SCRATCH: []}

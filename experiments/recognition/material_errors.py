@@ -1,7 +1,7 @@
 """Effect of wrong materials: how do recognition accuracy and level error change if more surfaces of the room have a wrong material?
 
-The share of wrong material labels grows from none (true materials) to all (materials=random). The configured material source is added for
-comparison. Recognition uses the method of experiments/recognition/reconstruction_ablation.py.
+The share of wrong material labels grows from none (true materials) to all (materials=random). The table also shows the configured material
+source for comparison. Objects are recognised by the method of experiments/recognition/reconstruction_ablation.py.
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
 
 
 def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Progress) -> Result:
-    """Build rows of accuracy, of the accuracy lost by wrong materials, and of level error. `campaigns` has the same keys as `sources`."""
+    """Build rows of accuracy, of the accuracy lost by wrong materials, and of level error. `campaigns` is a dictionary of campaigns
+    with the same keys as the result of `sources`.
+    """
     rows = RecognitionRows(config)
     used: set[str] = set()
     curve: list[dict[str, Any]] = []
@@ -88,7 +90,9 @@ def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Pr
 
 
 def _figure(curve: list[dict[str, Any]]) -> Figure:
-    """Draw accuracy and level error against the share of wrong material labels. A horizontal band shows the configured material source."""
+    """Draw accuracy and level error against the share of wrong material labels. A horizontal band shows the accuracy and level error
+    of the configured material source.
+    """
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     known, configured = [point for point in curve if point["share"] is not None], curve[-1]
     for panel, quantity, label in zip(panels, ("accuracy", "error"), ("label-free accuracy", "level error (dB)"), strict=True):

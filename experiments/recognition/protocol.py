@@ -31,7 +31,9 @@ def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:
-    """Return the encoder settings of a supervision level. Only the level few_shot includes the loss term of simulated-measured pairs."""
+    """Return the encoder settings of a supervision level. Only the supervision level few_shot includes the loss term of
+    simulated-measured pairs.
+    """
     chosen = Settings(**asdict(config.supervision.encoder))
     return chosen if level == "few_shot" else replace(chosen, paired=0.0)
 
@@ -47,7 +49,9 @@ def encoders(config: Config, split: Split) -> list[Encoder]:
 
 
 def cells(recordings: Samples) -> NDArray[np.str_]:
-    """Return the cell (object and distance) of each recording, (N,). Recordings in the same cell are compared with the same simulation."""
+    """Return the cell (object and distance) of each recording, (N,). Measured recordings of the same object and distance (cell) are
+    compared with the same simulation.
+    """
     return np.array([f"{label} {stratum}" for label, stratum in zip(recordings.label, recordings.stratum, strict=True)])
 
 
@@ -101,7 +105,8 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], hits: NDArray, recordings: Samples, keys: Sequence[str], chance: float, claim: Claim = NONE,
         balanced: bool = False,
     ) -> dict[str, Any]:  # fmt: skip
-        """Append the accuracy (share of correct predictions). The claim holds if the whole confidence interval lies above chance.
+        """Append the accuracy (share of correct predictions). The claim holds if the whole confidence interval of the accuracy lies above
+        chance.
 
         Args:
             hits: boolean (seeds, N), whether each prediction is correct.
@@ -119,7 +124,9 @@ class RecognitionRows(list[dict[str, Any]]):
     def gain(
         self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], claim: Claim = NONE
     ) -> dict[str, Any]:
-        """Append the accuracy of `first` minus that of `second` on the same recordings. The claim holds if the interval lies above zero."""
+        """Append the accuracy of `first` minus that of `second` on the same recordings. The claim holds if the confidence interval of
+        this difference lies above zero.
+        """
         difference = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
         interval = seed_mean(difference, cells(recordings), self.config.profile.resamples, self.config.seed)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -130,10 +137,10 @@ class RecognitionRows(list[dict[str, Any]]):
         self, case: Mapping[str, Any], shares: NDArray, draws: int, scored: Samples, keys: Sequence[str], chance: float,
         metric: str = "accuracy",
     ) -> dict[str, Any]:  # fmt: skip
-        """Append the mean of the accuracies `shares` (seeds,) with shuffled labels. The claim is that the mean is at chance level.
+        """Append the mean of the accuracies `shares` (seeds,) with shuffled labels. The claim is that the mean accuracy is at chance level.
 
         Args:
-            draws: number of labels that were shuffled independently for each seed, such as the number of simulated recordings.
+            draws: number of class labels that were shuffled independently for each seed (the number of simulated recordings).
         """
         low, value, high = exact_interval(float(np.mean(shares)), draws * len(shares))
         case = {**case, **statistics_columns(len(scored), chance, None, shares)}

@@ -40,14 +40,17 @@ def recording_name(domain: str, case: Case) -> str:
 
 
 def stratum(case: Case) -> str:
-    """Return as text the distance of a case. Recordings of equal distance form a stratum, within which features are ranked."""
+    """Return as text the distance of a case. Recordings of equal distance form a stratum (group); features are ranked within each
+    stratum.
+    """
     return f"{case.distance_m:g} m"
 
 
 def shared_cases(source: RecordingSource, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Case], list[Case]]:
     """Return (measured, simulated) cases of the objects, rooms and distances that both domains contain.
 
-    Distances with fewer than two objects are left out. All objects in the same room and distance have equally many measured cases.
+    Distances with fewer than two objects are left out. For all objects in the same room and at the same distance, the number of measured
+    cases is equal.
 
     Raises:
         InputError: no case is left.
@@ -151,8 +154,8 @@ def noise_copies(
 ) -> Readings:  # fmt: skip
     """Compute features of `supervision.copies` noisy copies per simulated recording, with the noise level of measured recordings.
 
-    The noise level of a copy comes from the measured recordings at the same distance. The store keeps the computed rows. Measured
-    recordings contribute target energies and noise floors, but no class labels.
+    The noise level of a copy comes from the measured recordings at the same distance. The store keeps the computed feature rows of the
+    noisy copies. The noisy copies use target energies and noise floors of measured recordings, but no class labels.
 
     Args:
         measured_source: source of the measured recordings; None stands for the same source as the simulated recordings (`source`).

@@ -26,11 +26,10 @@ class Accuracy:
     """Distances between a reconstructed mesh and the true scene, and shares of the true surface.
 
     Attributes:
-        median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. The mesh is first moved by
-            the
-            rigid motion that fits best, because the coordinate frame of a scan is arbitrary.
-        placed_median_m: median distance in metres without the rigid motion.
-        coverage: share of the true area seen by the sensor that has the mesh within COVERED_M, after the rigid motion.
+        median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. Before the distance is
+            computed, the mesh is moved by the best-fitting rigid motion, because the coordinate frame of a scan is arbitrary.
+        placed_median_m: median distance in metres from the mesh to the true surfaces, without the best-fitting rigid motion of the mesh.
+        coverage: share of the true area seen by the sensor that is within COVERED_M of the mesh, after the rigid motion of the mesh.
         seen: share of the true area that the sensor saw.
     """
 

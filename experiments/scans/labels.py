@@ -1,10 +1,11 @@
 """Accuracy of the materials that are assigned to scanned surfaces, and the reflection error of wrong materials, for three sources.
 
 The surfaces of the simulated phone scans (`experiments.scans.virtual_scan`) get a material label from the recorded answers of the
-vision-language model, from one uniform material, or at random. Labels are scored by area. A label is right if it is the true MINC
-category. A label is close if the mean reflection of its material is within 1 dB of that of the true material, where the mean is over
-angles and the frequency sweep. For example, plaster instead of paint is close, metal instead of wood is not. The table then compares the
-mean reflection error of each source in decibels with that of uniform plasterboard.
+vision-language model, from one uniform material, or at random. Material labels are scored by surface area. A material label is right if it
+is the true category of the MINC data set. A material label is close if the mean reflection (over angles and the frequency sweep) of its
+material is within 1 dB of the true material's mean reflection. For example, the label plaster is close to a true paint surface, but the
+label metal is not close to a true wood surface. The table then compares the mean reflection error of each source in decibels with that of
+uniform plasterboard.
 """
 
 from __future__ import annotations
@@ -81,7 +82,9 @@ def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
 
 
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
-    """Return a row with the share of the scan's area that has a recorded answer. All other surfaces get the substitute material."""
+    """Return a row with the share of the scan's area that has a recorded answer. Surfaces without a recorded answer get the
+    substitute material.
+    """
     area = np.array([s.mesh.area for s in scene])
     share = float(area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum())
     return {
@@ -115,7 +118,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
     """Return a row with a source's mean reduction of the reflection error against uniform plasterboard, in dB.
 
-    The mean is weighted by area, and its interval comes from a bootstrap over surfaces.
+    The mean error reduction is weighted by area, and its confidence interval comes from a bootstrap over surfaces.
     """
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])

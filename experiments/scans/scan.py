@@ -3,8 +3,9 @@
 Scans of procedural rooms (experiments/scans/virtual_scan.py) are compared with the true room, which the reconstruction never reads. The
 paper gives no accuracy of its scan, so the limits in this table are the project's own. Two limits need an explanation. A wall counts as
 one segment if the intersection over union of wall and segment exceeds 0.8. A wall that the reconstruction cuts at a door, or merges with a
-neighbouring wall, stays below 0.8. A wall behind furniture can exceed 0.8. For glass the limit is only half of the area, because a depth
-sensor measures nothing on glass, and the reconstruction completes a pane from its frame only.
+neighbouring wall, stays below the limit of 0.8. For a wall that is partly hidden by furniture, the intersection over union can exceed 0.8.
+For glass, the limit requires only that half of the area is found, because a depth sensor measures nothing on glass, and the reconstruction
+completes a pane from its frame only.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -
 def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
     """Return the scores of a reconstructed scene folder against the true room.
 
-    The function simulates the scan again to find out which surfaces the scan saw.
+    The function simulates the scan again to find out which true surfaces the scan saw.
     """
     import trimesh
 
@@ -119,7 +120,8 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
     """Return the rows of one room and strength of scanner errors.
 
-    Scores of a whole scan are averaged over scans. Scores of single surfaces are averaged over the surfaces of all scans.
+    Scores that describe a whole scan are averaged over scans. Scores that describe single surfaces are averaged over the surfaces of all
+    scans.
     """
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]

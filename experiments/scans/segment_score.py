@@ -1,13 +1,13 @@
 """Compare the segments of a reconstructed scan with the true surfaces of the room.
 
 A true surface in separate pieces, such as the legs of a table, is scored piece by piece. A true surface can have several segments that lie
-mostly on it. Among these segments, the segment that covers most of the true surface is called its segment. A true surface without such a
-segment has recall 0. Recall is the share of the seen true surface that lies in its segment. To compute the recall, evenly spread true
-points are looked up in the scan, within REACH_M and with an agreeing normal. Precision is the share of the segment that lies on the true
-surface. IoU is the intersection of segment and seen true surface divided by their union. A reconstruction may add areas that the sensor
-did not see. Added area on the true surface does not change precision or recall. Added area off the true surface lowers the precision. The
-boundary error is the distance from the edges of segments to the nearest edge of a true surface. Depth sensors miss glass and mirrors, so
-these surfaces are scored separately and over their whole true area.
+mostly on it. The segment of a true surface is the segment that covers most of this surface, among all segments that lie mostly on it. A
+true surface without a segment has recall 0. Recall is the share of the seen true surface that lies in its segment. To compute the recall,
+evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal. Precision is the share of the segment that
+lies on the true surface. IoU is the intersection of segment and seen true surface divided by their union. A reconstruction may add areas
+that the sensor did not see. Unseen area that the reconstruction adds on the true surface does not change precision or recall. Unseen area
+that it adds off the true surface lowers the precision. The boundary error is the distance from the edges of segments to the nearest edge
+of a true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true area.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ class Score:
 
     Attributes:
         surfaces: scores of all surfaces except glass and mirrors; the largest surface comes first.
-        clear: scores of glass and mirrors.
+        clear: scores of all surfaces of glass and mirrors.
         boundary_median_m, boundary_p95_m: median and 95 % quantile of the boundary error in metres, over the segments of `surfaces`.
-        missed_flush: share of the missed area of `surfaces` that belongs to surfaces flush with another surface.
+        missed_flush: share of the area missed by the segments of `surfaces` that belongs to surfaces flush with another surface.
     """
 
     surfaces: list[SurfaceScore]

@@ -34,11 +34,11 @@ class Truth:
     """True surfaces of a room, cut into K pieces and sampled at N points.
 
     Attributes:
-        scene: scene in which each piece is a surface.
-        clear: (K,) whether a piece is glass or a mirror.
+        scene: scene whose K surfaces are the pieces of the true surfaces.
+        clear: boolean (K,), true for each piece that is glass or a mirror.
         points, normals: (N, 3) sampled points in metres, one point per SPACING_M^2, and their unit normals.
         piece: (N,) index of the piece on which each sampled point lies.
-        seen: (N,) whether the sensor saw each sampled point.
+        seen: boolean (N,), true for each sampled point that the sensor saw.
         outlines: (E, 3) points in metres along the edges of the pieces.
     """
 
@@ -64,8 +64,8 @@ class Truth:
     def owners(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
         """Return a function that finds the index (M,) of the piece to which points (M, 3) with normals (M, 3) belong.
 
-        A point belongs to the nearest piece with an agreeing normal, otherwise to the nearest piece. The index is -1 if no piece is within
-        REACH_M.
+        A point belongs to the nearest piece with an agreeing normal, otherwise to the nearest piece. The index is -1 for a point that is
+        farther than REACH_M from every piece.
         """
         close = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
         points, normals, unit = _joined(self.scene, close)
@@ -110,7 +110,8 @@ def nearest(
 ) -> np.ndarray:
     """Return for each point the entry of `owner` (N,) of the nearest sample, and -1 if no sample is within REACH_M.
 
-    Samples whose normal agrees with the point's normal are preferred. With `strict`, only samples with an agreeing normal count.
+    Samples whose surface normal agrees with the point's normal are preferred. If `strict` is true, only samples with an agreeing normal
+    count.
     """
     ranks: Any = range(1, min(10, tree.n) + 1)
     distance, near = tree.query(points, k=ranks, distance_upper_bound=REACH_M, workers=-1)

@@ -1,7 +1,9 @@
-"""Simulate a phone scan of a procedural room, reconstruct the scan and store it. The radar simulation knows the room only from this scan.
+"""Simulate a phone scan of a procedural room, reconstruct the scan and store it. The radar simulation knows the room only from this
+simulated scan.
 
-The simulated phone with LiDAR moves through the room (radartwin.testbed.scanner). Its depth noise, dropouts and pose drift follow published
-evaluations, and `strength` scales all these errors. The frames are fused and segmented in the same way as those of a user's own scan.
+The simulated phone with LiDAR moves through the room (radartwin.testbed.scanner). The depth noise, dropouts and pose drift of the
+simulated phone have the size that publications report, and `strength` scales all these errors. The depth frames are fused and segmented in
+the same way as those of a user's own scan.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ FOLDER = "scene"
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
-    """Return the scanned and reconstructed room as a stored result. A missing result is computed; `seed=None` uses the configured seed.
+    """Return the scanned and reconstructed room as a stored result. A scan that is not in the store is computed; `seed=None` uses the
+    configured seed.
 
     At strength 0 the stored result is the true furnished room itself, without the clutter of the scanned room.
     """
@@ -44,7 +47,7 @@ def key(config: Config, store: Store, room: str, strength: float) -> str:
 
 
 def specification(config: Config, room: str, strength: float, seed: int | None = None) -> dict[str, Any]:
-    """Return all parameters that determine a scan. They are the specification from which the store key is computed."""
+    """Return all parameters that determine a scan. These parameters are the specification from which the store key is computed."""
     return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
 
 

@@ -1,4 +1,5 @@
-"""Benchmarks of run time per frame. The results are ratios within one run, because absolute times differ between machines.
+"""Benchmarks of run time per frame. The results are ratios of run times within one run of the benchmarks, because absolute times differ
+between machines.
 
     python -m experiments.speed.bench [--repeats 5] [--only synthesis frames memory scan] [--variant cuda] [--history]
 
@@ -101,7 +102,9 @@ def frames(repeats: int, rows: Rows, variant: str) -> None:
     calls = itertools.count()
 
     def moving(room: str) -> None:
-        """Simulate a moving sensor and object. Each call shifts the sensor, so that no paths of the room come from the cache."""
+        """Simulate a moving sensor and object. Each call of this function shifts the sensor, so that no paths of the room come from
+        the cache.
+        """
         frames = MOVING_FRAMES[room]
         sensor = np.repeat(pose, frames, axis=0)
         sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + 1e-3 * next(calls)
@@ -147,9 +150,10 @@ def scan(repeats: int, rows: Rows, variant: str) -> None:
 
 
 def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line with commit, machine and ratios to the history file, and return the path of this file. The file is replaced as a whole.
+    """Add a line with commit, machine and ratios to the history file, and return the path of this file. The history file is replaced as a
+    whole.
 
-    If the run did not measure a ratio, the cell of this ratio is empty. A new ratio adds a column at the end.
+    If the run did not measure a ratio, the cell of this ratio is empty. A ratio that is new in the history file adds a column at the end.
     """
     head, changed = checkout.commit()
     line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}

@@ -55,7 +55,9 @@ def write_scan(path: Path, faces: int, seed: int = 0) -> int:
 
 
 def measure(faces: int = FACES) -> dict[str, float]:
-    """Return faces, seconds, core_seconds and peak_gib of a reconstruction. The times include reading the scan and writing the scene."""
+    """Return faces, seconds, core_seconds and peak_gib of a reconstruction. The times include reading the scan file and writing the
+    reconstructed scene.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scan.ply"
         count = write_scan(path, faces)

@@ -1,12 +1,13 @@
 """Compare simulation methods by run time, feature error and recognition error on the turntable recordings of the campaign.
 
 The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same object.
-It is the root mean square of the differences over features, in standard deviations of each feature over the measured recordings. Brightness
-is compared after one common gain, which a measured corner reflector would give, so that methods without an absolute level are not at a
-disadvantage. The recognition error comes from a linear classifier that separates symmetric from asymmetric objects. The classifier uses
-feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong class. The run
+The feature error is the root mean square of the differences over features, in standard deviations of each feature over the measured
+recordings. Brightness is compared after one common gain, which a measured corner reflector would give, so that methods without an absolute
+level are not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from asymmetric objects. The
+classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong
+class. The run
 time is in processor seconds: the median over the recordings that reused a traced room, plus the shortest time to trace the room divided by
-the number of all frames. Each method runs in new processes. Every profile uses the recordings of the quick profile.
+the number of all frames. Each simulation method runs in new processes. Every profile uses the recordings of the quick profile.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ def _configured(config: Config, method: Twin) -> Config:
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
     """Return the processor seconds per frame over the recordings that reused a set-up: the median, and the value of each recording.
 
-    All values include the shortest set-up time, divided by the number of all frames.
+    All run times per frame include the shortest set-up time, divided by the number of all frames.
     """
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [one["told"]["frames"] for one in made]

@@ -1,11 +1,12 @@
-"""Measure run time and memory of simulation methods on this machine. The repetitions of the methods alternate.
+"""Measure run time and memory of simulation methods on this machine. The repetitions of the compared methods alternate.
 
 The timing starts after all kernels are compiled. If the radar is at rest, the timed recordings reuse the room that the first recording
 traced. The additional time of the first recording is the set-up time `setup_s`, which is divided by `Problem.frames`, the number of frames
-of a whole recording. The seconds per frame are this part of the set-up time plus the median time per frame of the later recordings. A
+of a whole recording. The seconds per frame are the set-up time per frame plus the median time per frame of the later recordings. A
 moving radar is timed without cached rooms. The methods alternate, so that a slow phase of the machine affects all methods. Seconds are
 processor seconds of all threads, including the processes of other simulators, because processor time depends little on the load of the
-machine. The table also gives wall-clock seconds. If a GPU traces the rays, the table uses wall-clock seconds instead of processor seconds.
+machine. In addition, the table gives wall-clock seconds. If a GPU traces the rays, the table uses wall-clock seconds instead of processor
+seconds.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ class Timed:
     def once(self, moved: bool = False) -> tuple[float, float]:
         """Simulate all recordings once. Returns (seconds of `clock`, wall-clock seconds) per frame.
 
-        `moved` shifts the radar slightly, so that no cached paths are reused.
+        If `moved` is true, the radar is shifted slightly, so that no cached paths are reused.
         """
         if self.method.published:
             settings = self.method.simulator.settings

@@ -1,8 +1,8 @@
 """The simulation methods compared in speed, accuracy and stability: RadarTwin's tracer at several settings, and other simulators.
 
-RF-Genesis appears in two versions. The first version uses the same synthesis of samples as all other methods. The second version
-(`published`) uses the signal generator of the published program, which adds echoes one by one. Only one of this generator's sums is timed,
-and its time is multiplied by the number of sums, because all sums take the same time.
+RF-Genesis appears in two versions. The first version of RF-Genesis uses the same synthesis of samples as all other methods. The second
+version of RF-Genesis (`published`) uses the signal generator of the published program, which adds echoes one by one. Only one of the sums
+of RF-Genesis' signal generator is timed, and its time is multiplied by the number of sums, because all sums take the same time.
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
 
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
-    """Return the methods that run on a test problem; RadarTwin's default is the first. `full` includes all settings, not a selection."""
+    """Return the methods that run on a test problem; RadarTwin's default is the first. If `full` is true, all settings of the methods
+    are included, else a selection.
+    """
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
     return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
@@ -105,7 +107,9 @@ def _peers(full: bool) -> list[Method]:
 
 @dataclass(frozen=True)
 class ExactImages:
-    """A simulator that returns the exact image sources of the empty office. It traces no rays and ignores the scene argument."""
+    """A simulator that returns the exact image sources of the empty office. This simulator traces no rays and ignores the scene
+    argument.
+    """
 
     bounces: int = 4
     name = "images"

@@ -6,9 +6,9 @@
 - `object`: a filled bottle on a turntable in the furnished laboratory; the reference is the tracer with finer settings and one more bounce.
 - `rover`: a radar that drives towards a can in the furnished squash court; the reference is the tracer with the same finer settings.
 
-The exact references exist for a single isotropic element that transmits and receives. Errors are therefore computed with this element, and
-run times are measured with the whole antenna array. A reference from finer settings of RadarTwin's tracer shows how far a run is from
-convergence. Such a reference does not show the error from physics that the tracer leaves out.
+The exact references exist for a single isotropic element that transmits and receives. Errors are therefore computed with a single
+isotropic element, and run times are measured with the whole antenna array. A reference from finer settings of RadarTwin's tracer shows how
+far a run is from convergence. A reference from finer settings does not show the error from physics that the tracer leaves out.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Problem:
     cache: dict[str, np.ndarray] = field(default_factory=dict)
 
     def reference(self, part: Part) -> np.ndarray:
-        """Return the reference samples of a recording. They are computed at the first call and then kept."""
+        """Return the reference samples of a recording. The reference samples are computed at the first call and then kept."""
         if part.name not in self.cache:
             self.cache[part.name] = part.reference()
         return self.cache[part.name]
@@ -84,7 +84,7 @@ class Problem:
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
     """Return samples (1, 1, 1, samples) of an echo.
 
-    `echo` is a function of frequencies (F,). The length of its path is about twice `distance_m`.
+    `echo` is a function of frequencies (F,). The length of the echo's propagation path is about twice `distance_m`.
     """
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2

@@ -81,7 +81,9 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer claims that its safe region is the largest."""
+    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer has the claim that the tracer's safe region is
+    the largest.
+    """
     best = max(safe(errors) for _, errors in found)
     rows = []
     for method, errors in found:
@@ -109,7 +111,9 @@ def safe_words(sweep: Sweep, count: int) -> str:
 
 
 def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with the error of every method at every value of the sweeps. Text on the right gives the first unsafe value."""
+    """Draw a map with the error of every method at every value of the sweeps. The text on the right of the map gives the first value
+    of each sweep at which a method fails.
+    """
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     rows = [row for row in rows if row["family"]]

@@ -3,7 +3,6 @@
 The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the
 scanned room with the configured materials. Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void
 and +0.42 in the reconstructed scene; about 75 % of the energy arrives from beyond the target.
-the energy arrives from beyond the target.
 """
 
 from __future__ import annotations
@@ -71,7 +70,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def check(config: Config) -> None:
-    """Raise ConfigError for options that the table would ignore. The check comes before any simulation."""
+    """Raise ConfigError for options that the table would ignore. The options are checked before any simulation starts."""
     for key, value, used in (
         ("scene", config.scene.name, ROOM_NAME),
         ("scene.target", config.scene.target, TARGET),
@@ -118,7 +117,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
     """Read the reflector's recordings: measured, simulated with the room, and simulated without the room ("void").
 
-    The distances are the configured distances (default: all). Each of the three kinds of recordings must have each distance.
+    The function reads the configured distances (default: all). Each of the three kinds of recordings must exist at each of these distances.
     """
     sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
     cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]
@@ -151,7 +150,7 @@ def _add_correlations(
 ) -> None:
     """Add the correlation of the simulated profiles, without and with the room, with the measured profiles on each scale.
 
-    The function also adds the gain of correlation by the room and writes it into `gains`.
+    The function also adds the increase of the correlation due to the simulated room, and writes this increase into `gains`.
     """
     for scale in SCALES:
         correlations = {}

@@ -100,7 +100,7 @@ def keys(turns: Turns, names: Sequence[str] | None = None, distance_m: float | N
 
 
 def keys_of_both(turns: dict[str, Turns], names: Sequence[str] | None = None, distance_m: float | None = None) -> list[str]:
-    """Return the store keys of the measured and the simulated recordings. The arguments are those of `keys`."""
+    """Return the store keys of the measured and the simulated recordings. The arguments have the same meaning as those of `keys`."""
     return [key for domain in COMPARED for key in keys(turns[domain], names, distance_m)]
 
 

@@ -55,7 +55,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
     """Build the table rows for each distance.
 
-    The rows hold the brightness of each material class, the contrasts between classes in each domain, and the differences of the contrasts.
+    The rows hold the brightness of each material class, the contrasts between classes in measurement and simulation, and the differences
+    between simulated and measured contrast.
 
     Raises:
         ConfigError: the campaign has no distance with objects of two material classes.

@@ -1,12 +1,12 @@
 """Shape: do objects differ in the modulation of their echo over a revolution in the same way in simulation and measurement?
 
 The table compares measurement and simulation by the harmonic ratio of each object (power of harmonics 1 to 6 of the echo's modulation over
-a revolution, relative to harmonic 0), and by the ranking of objects by this ratio (Spearman). It also compares the distances between
-objects in the space of all rotation features except brightness (Mantel test), and the range-Doppler signatures of a revolution. The
-signature of a measured object is compared by SSIM with the simulation of the same object and of other objects. Further rows give the
-change of the corner reflector's harmonic ratio with distance. Paper: disentangled fidelity, shape, and turntable fidelity. An object
-counts as cleanly localised if the strongest echo over all ranges lies in the target gate in at least half of its measured recordings; the
-paper gives no criterion.
+a revolution, relative to harmonic 0), and by the ranking of objects by this ratio (Spearman). The table also compares the distances
+between objects in the space of all rotation features except brightness (Mantel test), and the range-Doppler signatures of a revolution.
+The signature of a measured object is compared by SSIM with the simulation of the same object and of other objects. Further rows give the
+change of the corner reflector's harmonic ratio with distance. The corresponding sections of the paper are "disentangled fidelity, shape"
+and "turntable fidelity". An object counts as cleanly localised if the strongest echo over all ranges lies in the target gate in at least
+half of its measured recordings; the paper gives no criterion.
 """
 
 from __future__ import annotations
@@ -107,7 +107,9 @@ def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict
 
 
 def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add the harmonic ratio of each object in each domain, and how far objects that are not round (`peaked`) lie above the cans."""
+    """Add the harmonic ratio of each object in each domain, and how far the ratio of objects that are not round (`peaked`) lies above
+    the ratio of the cans.
+    """
     known = catalogue()
     cans = [name for name in names if rotations.is_can(name)]
     peaked = [name for name in names if known[name].shape != "symmetric"]

@@ -1,12 +1,12 @@
 """Compare the specular panel paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
-Both references treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone. The image
-sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the orders in which a
-path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT searches paths from a
-point back to the same point ("co-located"). In this case Sionna RT misses corners, because the mirror points of a corner lie on edges. If
-the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner. In the co-located case, the compared
-path lengths are those that Sionna returns in single precision. In the apart case, only the facets of Sionna's paths are used, and the
-length of each path is computed again for a single point.
+Sionna RT and the image sources treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel
+zone. The image sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the
+orders in which a path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT
+searches paths from a point back to the same point ("co-located"). In the co-located case, Sionna RT misses corners, because the mirror
+points of a corner lie on edges. If the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner.
+In the co-located case, the compared path lengths are those that Sionna returns in single precision. In the apart case, only the facets of
+Sionna's paths are used, and the length of each path is computed again for a single point.
 
 The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
 RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately. The metric
@@ -74,7 +74,7 @@ CLAIMS = {
 class Compared:
     """Comparison of RadarTwin's paths with the paths of one reference at one position of the radar.
 
-    Only strong paths (within DYNAMIC_DB of the strongest path) are compared.
+    The comparison uses only strong paths, within DYNAMIC_DB of the strongest path.
     """
 
     matched: np.ndarray  # (N,) whether each path of the reference has a partner among ours
@@ -118,7 +118,7 @@ def _found(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
     """Return a sensor pose (4, 4) near the rover's start.
 
-    The pose is off all symmetry planes of the room, and tilted so that no image source lies on the antenna's axis.
+    The sensor pose is off all symmetry planes of the room, and tilted so that no image source lies on the antenna's axis.
     """
     pose = rooms.bench(room).sensor_pose.copy()
     draw = np.random.default_rng([seed, place])

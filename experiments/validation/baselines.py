@@ -1,9 +1,9 @@
 """Errors of the simulator RF-Genesis: levels, range law, convergence, and measured target speed of each version of simulator=rfgenesis.
 
 Each row has the value expected from physics, the result of the published RF-Genesis program for the same scene (column paper; versions
-`shipped` and `columns`), and the result of RadarTwin's re-implementation. A claim holds if the published program and the re-implementation
-agree within a tolerance. Rows of the version `corrected` show what RF-Genesis returns after its errors are corrected; the published
-program has no value for these rows.
+`shipped` and `columns`), and the result of RadarTwin's re-implementation. A claim holds if the published RF-Genesis program and
+RadarTwin's re-implementation agree within a tolerance. Rows of the version `corrected` show what RF-Genesis returns after its errors are
+corrected; the published program has no value for these rows.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 
 def published_radar() -> Radar:
-    """Return the radar in the configuration file of the published program (TI1843_config.json). Its ADC starts 6 us into the chirp."""
+    """Return the radar in the configuration file of the published program (TI1843_config.json). The ADC of this radar starts 6 us
+    after the start of the chirp.
+    """
     half = SPEED_OF_LIGHT / 77e9 / 2
     slope = 60.012e12
     return Radar(
@@ -115,7 +117,7 @@ def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float = SPEED_MP
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table. The results of single rows are not stored, because each takes a fraction of a second."""
+    """Compute the table. The results of single table rows are not stored, because computing each row takes a fraction of a second."""
     rows: list[dict] = []
     metrics: dict[str, float] = {}
 

@@ -2,8 +2,8 @@
 
 The unfolded path to the image source with (i, j, k) reflections along x, y, z is a straight line that crosses the image's walls one after
 another. A monostatic path into an edge or corner crosses several walls at the same point, so the order of the walls is ambiguous. If the
-line is shifted slightly aside, the direction of the shift decides the order. Each order of walls is weighted by its share of all shift
-directions, because the stationary phase weights all directions alike.
+line of the path is shifted slightly aside, the direction of the shift decides the order of the walls. Each order of walls is weighted by
+its share of all shift directions, because the stationary phase weights all directions alike.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -92,7 +92,9 @@ def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
 
 
 def carried(axes: Sequence[int], direction: np.ndarray, axis: np.ndarray, reflections: Sequence[Reflection]) -> complex:
-    """Return the received field of a path that hits walls perpendicular to `axes` one after another. Each wall has its own reflection."""
+    """Return the received field of a path that hits walls perpendicular to `axes` one after another. Each wall has its own entry of
+    `reflections`.
+    """
     ray = direction.copy()
     field = across(axis, ray).astype(complex)
     for wall, reflection in zip(axes, reflections, strict=True):

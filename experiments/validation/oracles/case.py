@@ -31,7 +31,7 @@ class Finding:
 
 
 class Untestable(Exception):
-    """Exception: a file or package that the case needs is absent. The message names the file or package."""
+    """Exception: a file or package that the case needs is absent. The message of the exception names the absent file or package."""
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 Ref: Balanis (2012), section 11.5. Symbols: a_n -> coefficients of the outgoing wave relative to J_n of the incident wave, k_i ->
 wavenumber in layer i. Time convention exp(+j omega t): outgoing waves are Hankel functions of the second kind, loss is eta' - j eta''. The
-field in each layer is J_n(k r) + b_n H_n(k r); the electric field E and its radial derivative are continuous. Scaled Bessel functions
-prevent overflow in lossy liquids.
+field in each layer is J_n(k r) + b_n H_n(k r); the electric field E and its radial derivative are continuous at the boundaries of the
+layers. Scaled Bessel functions prevent overflow in lossy liquids.
 """
 
 from collections.abc import Sequence
