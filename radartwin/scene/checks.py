@@ -7,14 +7,14 @@ import trimesh
 
 from radartwin.errors import MeshError
 
-MAX_EXTENT_M = 100.0  # a larger mesh has wrong units; for comparison, the range of the default radar folds at 11 m
+MAX_EXTENT_M = 100.0  # a larger mesh has a wrong length unit; for comparison, the maximum unambiguous range of the default radar is 11 m
 
 
 def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
-    """Refuse a mesh that cannot be simulated.
+    """Raise an error for a mesh that cannot be simulated.
 
     Args:
-        where: the name of the mesh in error messages.
+        where: name of the mesh in error messages.
     Raises:
         MeshError: the mesh is not a triangle mesh, is empty, has face indices out of range, has NaN or infinite vertices, or has an extent
             of zero or over 100 m.
@@ -37,7 +37,7 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
 
 
 def unit_hint(extent: float) -> str:
-    """Return a question that suggests the unit in which an extent over the limit would be plausible."""
+    """Return a question for an error message that suggests a length unit in which the extent of a too large mesh would be plausible."""
     if extent / 1000 <= MAX_EXTENT_M and extent / 1000 >= 0.5:
         return "is it in millimetres? Scale it by 0.001 to metres (radartwin reconstruct --unit mm)"
     if extent / 100 <= MAX_EXTENT_M:
@@ -46,7 +46,9 @@ def unit_hint(extent: float) -> str:
 
 
 def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a copy in which vertices at the same position are merged, so that sharp edges and texture seams do not open the mesh."""
+    """Return a copy of a mesh in which vertices at the same position are merged, so that sharp edges and texture seams do not open the
+    mesh.
+    """
     out = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     out.merge_vertices(merge_tex=True, merge_norm=True)
     return out
@@ -55,13 +57,13 @@ def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 def inside_solid(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     """Test whether each point lies inside a watertight mesh of positive volume.
 
-    The test computes the generalised winding number (van Oosterom and Strackee 1983, solid angle of a triangle). Unlike a test
-    that casts rays, it needs no special case for edges.
+    The test computes the generalised winding number from the solid angles of the triangles (van Oosterom and Strackee 1983). Unlike ray
+    casting, the winding number needs no special treatment of edges.
 
     Args:
-        points: (N, 3).
+        points: (N, 3) positions in metres, in the frame of the mesh.
     Returns:
-        (N,) bool; all False for an open mesh and for a mesh whose normals point inwards.
+        (N,) boolean mask of the points inside; all False for an open mesh and for a mesh whose normals point inwards.
 
     >>> box = trimesh.creation.box((2, 2, 2))
     >>> inside_solid(box, np.array([[0, 0, 0], [0, 0, 1.5]])).tolist()

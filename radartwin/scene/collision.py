@@ -1,7 +1,7 @@
 """Compute the overlap of two meshes, the crossings of a sensor path with surfaces, and the height of a mesh below a point.
 
-Bounding boxes select candidate triangles, and tests of edges against triangles follow. Meshes may be open, but only a watertight
-mesh of positive volume has an inside.
+All tests first select candidate triangles by their bounding boxes, and then intersect edges with these triangles. Meshes may be open, but
+only a watertight mesh of positive volume has an inside.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from radartwin.errors import PoseError
 from radartwin.scene.checks import inside_solid, welded
 from radartwin.scene.scene import Scene
 
-CONTACT_M = 0.002  # shallower overlaps count as contact, because they come from rounding and from flattened scans
+CONTACT_M = 0.002  # shallower overlaps count as contact, because rounding and the flattening of scans cause such overlaps
 _BLOCK_PAIRS = 2_000_000  # point-triangle pairs per block
-_MAX_SAMPLES = 500  # vertices tested for being inside a solid
+_MAX_SAMPLES = 500  # largest number of vertices that are tested for being inside a solid
 
 
 def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
     """Compute the depth of the overlap of two meshes in metres; 0 if they are apart or overlap by less than CONTACT_M.
 
-    The depth is the shortest side of the box around the common volume. If one mesh is an open surface, such as a wall, the common
-    part is flat. The depth is then the second-shortest side of the box or, if smaller, the distance by which one mesh extends
-    beyond the mean plane of the other.
+    The depth is the shortest side of the axis-parallel box around the common volume. If a mesh is an open surface, such as a wall, the
+    common part is flat. The depth is then the second-shortest side of the box or, if smaller, the distance by which the second mesh extends
+    beyond the mean plane of the open surface.
     """
     low, high = np.maximum(a.bounds[0], b.bounds[0]), np.minimum(a.bounds[1], b.bounds[1])
     if (high - low < 0).any():
@@ -44,7 +44,10 @@ def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
 
 
 def first_crossing(starts: np.ndarray, ends: np.ndarray, mesh: trimesh.Trimesh) -> int | None:
-    """Return the index of the first line segment, from `starts` (S, 3) to `ends` (S, 3), that passes through the mesh, or None."""
+    """Return the index of the first line segment that passes through the mesh, or None if no segment does.
+
+    The S segments lead from `starts` (S, 3) to `ends` (S, 3), in metres.
+    """
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
     near = np.flatnonzero(((high >= mesh.bounds[0]) & (low <= mesh.bounds[1])).all(axis=1))
     if not near.size:
@@ -55,10 +58,10 @@ def first_crossing(starts: np.ndarray, ends: np.ndarray, mesh: trimesh.Trimesh) 
 
 
 def check_path(scene: Scene, poses: np.ndarray) -> None:
-    """Refuse a sensor path that passes through a surface or lies inside a solid.
+    """Raise an error for a sensor path that passes through a surface or lies inside a solid.
 
     Args:
-        poses: (F, 4, 4) sensor-to-world, or (F, 3) positions.
+        poses: (F, 4, 4) sensor-to-world poses of F frames, or (F, 3) positions in metres.
     Raises:
         PoseError: the path crosses a surface; the message names the frame and the surface.
         SceneError: the sensor is inside a solid; the message names the frame and the surface.
@@ -77,13 +80,13 @@ def check_path(scene: Scene, poses: np.ndarray) -> None:
 
 
 def top_below(mesh: trimesh.Trimesh, points: np.ndarray, limit_m: float | np.ndarray = np.inf) -> np.ndarray:
-    """Return the height at which a vertical line through each point first meets the mesh, coming down from a limit.
+    """Return the height of the mesh below each point: where a line that goes down from the height `limit_m` first meets the mesh.
 
     Args:
-        points: (P, 2), x and y.
-        limit_m: height from which the line starts, scalar or (P,).
+        points: (P, 2) x and y coordinates in metres.
+        limit_m: height in metres from which the vertical line starts, scalar or (P,).
     Returns:
-        (P,) metres; -inf where the line does not meet the mesh.
+        (P,) heights in metres; -inf for a point whose vertical line does not meet the mesh.
     """
     out = np.full(len(points), -np.inf)
     if not len(points):
@@ -109,13 +112,13 @@ def top_below(mesh: trimesh.Trimesh, points: np.ndarray, limit_m: float | np.nda
 
 
 def _triangles_in_box(mesh: trimesh.Trimesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return the triangles (T, 3, 3) whose bounding boxes meet a box."""
+    """Return the triangles (T, 3, 3) of a mesh whose bounding boxes overlap the box from `low` to `high`."""
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     return triangles[((triangles.max(axis=1) >= low) & (triangles.min(axis=1) <= high)).all(axis=1)]
 
 
 def _vertices_inside(a: trimesh.Trimesh, b: trimesh.Trimesh, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return vertices (N, 3) of `a` inside the solid `b`; of a fine mesh only a sample, because crossings also bound the overlap."""
+    """Return the vertices (N, 3) of mesh `a` inside the solid `b`. Of a fine mesh, only a sample of the vertices is tested."""
     vertices = np.asarray(a.vertices, dtype=np.float64)
     vertices = vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
     vertices = vertices[:: max(1, len(vertices) // _MAX_SAMPLES)]
@@ -127,7 +130,8 @@ def _edge_crossings(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     if not len(a) or not len(b):
         return np.zeros((0, 3))
     edges = np.concatenate([a[:, [0, 1]], a[:, [1, 2]], a[:, [2, 0]]])
-    once = (edges[:, 0] <= edges[:, 1]).all(axis=1) | ~(edges[:, 0] >= edges[:, 1]).all(axis=1)  # drops most duplicates of shared edges
+    # drops most duplicates of edges that two triangles share
+    once = (edges[:, 0] <= edges[:, 1]).all(axis=1) | ~(edges[:, 0] >= edges[:, 1]).all(axis=1)
     edges = edges[once]
     segment, share = _crossings(edges[:, 0], edges[:, 1], b)
     return edges[segment, 0] + share[:, None] * (edges[segment, 1] - edges[segment, 0])

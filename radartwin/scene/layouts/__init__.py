@@ -1,1 +1,1 @@
-"""Place objects in a room according to a layout, which is a file or a sentence."""
+"""Place objects in a room according to an object layout, which is given as a YAML file or as an English sentence."""

@@ -1,4 +1,4 @@
-"""Find the anchors of a placement. An anchor is furniture, a wall, an object or the sensor, relative to which an object is placed."""
+"""Find the anchor of an object. An anchor is the furniture, wall, earlier object or sensor relative to which an object is placed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from radartwin.errors import LayoutError
 from radartwin.scene.layouts.layout import SENSOR_NAMES
 from radartwin.scene.scene import Scene, Surface
 
-# Words at the end of a surface's name that mean a part of an object.
+# Words at the end of a surface name that denote a part of a larger object (table_top, table_legs).
 PARTS = {
     "top", "legs", "leg", "feet", "foot", "soil", "shrub", "frame", "seat", "back", "handle", "body", "contents", "lid", "cap",
     "board", "boards", "side", "sides",
@@ -26,14 +26,15 @@ _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
 @dataclass(frozen=True, eq=False)
 class Anchor:
-    """Describe a reference for the place of an object: furniture, a wall, another object or the sensor.
+    """Describe an anchor: the furniture, wall, earlier object or sensor relative to which an object is placed.
 
     Attributes:
-        name: name in messages.
-        surfaces: parts of the anchor; empty for the sensor.
-        points: (N, 2) vertices of the anchor, seen from above.
-        front: (2,) unit vector that points out of the anchor's front.
-        left: (2,) unit vector to the left of a person who looks at the front; for the sensor, to the sensor's left.
+        name: name of the anchor in error messages.
+        surfaces: surfaces that belong to the anchor; empty for the sensor.
+        points: (N, 2) x and y coordinates of the anchor's vertices, metres.
+        front: (2,) horizontal unit vector that points out of the front side of the anchor.
+        left: (2,) horizontal unit vector to the left of a person who looks at the front of the anchor; for the sensor, to the sensor's
+            left.
     """
 
     name: str
@@ -48,7 +49,7 @@ class Anchor:
 
 
 def words(text: str) -> list[str]:
-    """Split a name into lower-case words and numbers, without articles.
+    """Split a name into lower-case words and numbers, and omit articles.
 
     >>> words("the Table_left-top 2")
     ['table', 'left', 'top', '2']
@@ -57,12 +58,12 @@ def words(text: str) -> list[str]:
 
 
 def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
-    """Find all anchors that `text` may mean: the surface of exactly this name, or else all surfaces whose names contain all its words.
+    """Find all anchors that `text` may mean: the surface with exactly this name, or else all surfaces whose names contain all words of `text`.
 
-    Parts of one object (table_left_top, table_left_legs) form one anchor.
+    Parts of the same object (table_left_top, table_left_legs) form a single anchor.
 
     Raises:
-        LayoutError: no anchor matches (the message lists the names), or `text` means the sensor and `sensor_pose` is None.
+        LayoutError: no surface name matches (the message lists all names), or `text` means the sensor and `sensor_pose` is None.
     """
     wanted = words(text)
     if len(wanted) == 1 and wanted[0] in SENSOR_NAMES:
@@ -83,10 +84,10 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
 
 
 def supports(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Surface]:
-    """Return the supports that `text` may mean: of each anchor the part with the largest level area.
+    """Return the surfaces named by `text` on which an object can stand: the part with the largest horizontal area of each matching anchor.
 
     Raises:
-        LayoutError: no anchor matches, or an object can stand on none of them.
+        LayoutError: no surface name matches `text`, or no matching surface has a horizontal area on which an object can stand.
     """
     parts = [max(anchor.surfaces, key=level_area) for anchor in find(text, scene, sensor_pose) if anchor.surfaces]
     level = [part for part in parts if level_area(part) > STANDS_ON_M2]
@@ -105,10 +106,10 @@ def level_area(surface: Surface) -> float:
 
 
 def floor(scene: Scene) -> Surface:
-    """Return the surface named floor, or else the lowest large level surface.
+    """Return the surface named "floor", or else the lowest large horizontal surface of the scene.
 
     Raises:
-        LayoutError: the scene has neither.
+        LayoutError: the scene has neither a surface named "floor" nor a large horizontal surface.
     """
     named = [s for s in scene if "floor" in words(s.name)]
     level = named or [s for s in scene if s.kind == "room" and level_area(s) > 1.0]
@@ -141,10 +142,10 @@ def _anchor(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
 
 
 def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Return the horizontal unit vector (2,) out of the front.
+    """Return the horizontal unit vector (2,) that points out of the front side of an anchor.
 
-    For a flat, upright anchor the vector is the normal into the room. For furniture the vector is normal to a side of the smallest
-    enclosing rectangle: the side that faces the middle of the room best.
+    For a flat, upright anchor, the vector is the normal that points into the room. For furniture, the vector is the normal of a side of the
+    smallest enclosing rectangle, namely the side that faces the middle of the room best.
     """
     from scipy.spatial import QhullError
 
@@ -158,6 +159,6 @@ def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) 
         return mean if mean @ inward >= 0 else -mean
     try:
         axes = trimesh.bounds.oriented_bounds_2D(points)[0][:2, :2]
-    except (QhullError, ValueError):  # all points on a line: a wall seen from above
+    except (QhullError, ValueError):  # all points lie on a line, as for a wall seen from above
         axes = np.eye(2)
     return max(np.vstack([axes, -axes]), key=lambda side: (round(float(side @ inward), 6), *side.round(6)))

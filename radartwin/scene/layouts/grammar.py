@@ -1,11 +1,11 @@
-"""Convert simple English sentences to layouts, without a language model.
+"""Convert simple English sentences to object layouts with a fixed grammar, without a language model. Three examples follow.
 
     a mug on the table 1.5 m in front of the door
     put the corner reflector 2 m in front of the radar, and a can 30 cm left of it
     a crate under the desk turned by 45 degrees
 
-A sentence is a list of objects joined by "and", commas or full stops. Each object is a name of the catalogue followed by phrases:
-`on THING`, `[DISTANCE] RELATION THING`, or `turned by ANGLE degrees`. A sentence with any other word is refused.
+A sentence is a list of objects joined by "and", commas or full stops. Each object is a name from the object catalogue, followed by phrases
+such as `on THING`, `[DISTANCE] RELATION THING`, or `turned by ANGLE degrees`. A sentence with any other word raises an error.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _PRONOUNS = {"it", "that", "this"}
 
 
 def parse(sentence: str) -> Layout:
-    """Convert a sentence to a layout.
+    """Convert an English sentence to an object layout.
 
     Raises:
-        LayoutError: a part of the sentence is not understood; the message names this part and the supported phrases.
+        LayoutError: the grammar does not cover a part of the sentence; the message names this part and the supported phrases.
     """
     sentence = " ".join(sentence.split())
     text = sentence.lower().replace("one and a half", "1.5").replace("a half metre", "0.5 m")
@@ -74,7 +74,10 @@ def parse(sentence: str) -> Layout:
 
 
 def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Item], index: int, sentence: str) -> Item:
-    """Return the item with index `index`, extended by the phrases of a clause. A pronoun refers to the preceding object."""
+    """Return a copy of `item` (number `index` in `items`) with the positions from the phrases of a clause added.
+
+    A pronoun such as "it" refers to the preceding object.
+    """
     for phrase, following in zip(phrases, [*phrases[1:], None], strict=True):
         thing = clause[phrase.end() : following.start() if following else len(clause)].strip()
         if phrase["yaw"] is not None:
@@ -102,7 +105,7 @@ def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Ite
 
 
 def _named(items: list[Item], index: int, pronoun: str, sentence: str) -> str:
-    """Return the name of the object that a pronoun refers to; if the object has no name, it gets a name."""
+    """Return the name of the object to which a pronoun refers. An object without a name gets a name first."""
     if index < 0:
         raise _refusal(sentence, f"'{pronoun}' refers to no object before it")
     if not items[index].name:
@@ -119,7 +122,7 @@ def _metres(phrase: re.Match[str]) -> float | None:
 
 
 def _plain(name: str) -> str:
-    """Remove names that contain numbers (can_355_2, table 2) from the text."""
+    """Remove names that contain numbers (such as can_355_2 or table 2) from a text."""
     return re.sub(r"\b[a-z]\w*_\w*|\b[a-z]+ \d+$", "", name)
 
 

@@ -1,6 +1,6 @@
-"""Define the layout, which lists objects and their places in a room, and its file format.
+"""Define the object layout, a list of objects with their positions in a room, and the format of layout files.
 
-A layout file is YAML:
+A layout file is a YAML file such as:
 
     objects:
       - object: mug                  # a name of the catalogue
@@ -23,12 +23,14 @@ A layout file is YAML:
         up: y                        # its upward axis: z (default) or y
         on: table
 
-Relations hold in the plane of the floor. *In front of* means out of the front of a surface into the room. The front of furniture is the
-side towards the middle of the room, and the front of the sensor is its boresight. *Behind* is the opposite. *Left* and *right* are those
-of a person who looks at the front; for the sensor, the sensor's own left and right. *Beside* is left or right, whichever is free. *Under*
-is below the anchor's middle. A distance runs from the anchor's front (for the sensor, from its origin) to the centre of the object;
-without a distance the object is close by. Sideways the object stays within the anchor's width. Without `on` the object stands on the
-support of its anchor if the anchor is an object, and on the floor otherwise.
+An object is placed relative to an anchor, which is a surface, an earlier object, or the sensor. Relations describe directions in the plane
+of the floor. *In front of* means from the front side of the anchor into the room. The front of furniture is the side towards the middle of
+the room, and the front of the sensor is its boresight. *Behind* is the direction opposite to *in front of*. *Left* and *right* are as seen
+by a person who looks at the front of the anchor; if the anchor is the sensor, they are the sensor's own left and right. *Beside* is left or
+right of the anchor, whichever is free. *Under* is below the middle of the anchor. The distance is measured from the anchor's front (for the
+sensor, from its origin) to the centre of the object. Without a distance, the object stands about 5 cm from the anchor. Sideways, the object
+stays within the anchor's width. If `on` is not given, the object stands on the support of its anchor if the anchor is an object, and on the
+floor otherwise.
 """
 
 from __future__ import annotations
@@ -91,7 +93,7 @@ SCHEMA: dict[str, Any] = {
     },
 }
 
-FILE_SCHEMA = copy.deepcopy(SCHEMA)  # of a layout file, in which an object may also be a mesh file
+FILE_SCHEMA = copy.deepcopy(SCHEMA)  # schema of a layout file, in which an object may also be a mesh file
 FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
     "material": {
         "type": ["string", "null", "object"],
@@ -109,7 +111,7 @@ FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
 
 @dataclass(frozen=True)
 class Relation:
-    """Describe the place of an object relative to an anchor, as defined at the top of this module."""
+    """Describe the position of an object relative to an anchor (furniture, wall, earlier object or sensor)."""
 
     relation: str
     anchor: str
@@ -118,11 +120,13 @@ class Relation:
 
 @dataclass(frozen=True)
 class Item:
-    """Describe one object and its place: a position, a support, or relations to anchors.
+    """Describe an object of a layout and where it stands: by coordinates, by the surface below it, or by relations to anchors.
 
     Attributes:
         object: name of a catalogue object, or path of a mesh file.
-        material, unit, up: material, length unit and upward axis of a mesh file.
+        material: material of an object from a mesh file; None for a catalogue object.
+        unit: length unit of a mesh file: m, cm, mm or in.
+        up: axis of a mesh file that points up: z or y.
     """
 
     object: str
@@ -143,16 +147,16 @@ class Item:
 
 @dataclass(frozen=True)
 class Layout:
-    """Hold objects in the order of their placement. A later object may stand on or beside an earlier object."""
+    """Hold the objects of a layout in the order in which they are placed. A later object may stand on or beside an earlier object."""
 
     items: tuple[Item, ...]
 
     @classmethod
     def from_dict(cls, value: Any, source: str = "layout") -> Layout:
-        """Build a layout from a parsed file or from the answer of a language model.
+        """Build an object layout from a parsed YAML file or from the JSON answer of a language model.
 
         Raises:
-            LayoutError: the document is not a layout; the message, one line, names the place in the document.
+            LayoutError: the document is not a layout; the message has a single line and names the wrong entry of the document.
         """
         from jsonschema import Draft202012Validator
         from jsonschema.exceptions import best_match
@@ -167,7 +171,7 @@ class Layout:
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
-        """Read a layout file. Paths of mesh files are relative to the folder of the layout file.
+        """Read an object layout file. Paths of mesh files are relative to the folder of the layout file.
 
         Raises:
             MissingError: the file does not exist.
@@ -201,10 +205,10 @@ def _loader() -> type[yaml.SafeLoader]:
 
 
 def check_places(items: Sequence[Item], source: str) -> None:
-    """Refuse objects without a place, with contradictory places, or with the settings of a mesh on a catalogue object.
+    """Raise an error for an object without a position, with contradictory positions, or with mesh settings on a catalogue object.
 
     Raises:
-        LayoutError: the message names the object.
+        LayoutError: an object is not valid; the message names the object.
     """
     for index, item in enumerate(items):
         where = f"{source}: objects[{index}] ({item.object})"

@@ -1,7 +1,8 @@
-"""Convert sentences to layouts with a language model, if `grammar` cannot read them.
+"""Convert sentences to object layouts with a language model, if the fixed grammar of `grammar` cannot read the sentences.
 
-The model gets the sentence, the names of the catalogue and of the scene's surfaces, and answers in the layout's JSON schema. If an answer
-is not a layout or has an unknown name, the model gets the reason and answers again. `place` computes the positions, not the model.
+The model gets the sentence, the names of the catalogue objects and the names of the scene's surfaces. The model answers in the JSON schema
+of layouts. If an answer is not a layout or contains an unknown name, the model gets the reason and answers again. The model gives only
+names and relations; the module `place` computes the coordinates.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from radartwin.scene.layouts.layout import RELATIONS, SCHEMA, SENSOR_NAMES, Layo
 from radartwin.scene.layouts.stock import names as stock_names
 from radartwin.scene.scene import Scene
 
-ANSWERS = 3  # attempts per sentence
+ANSWERS = 3  # largest number of answers that are requested from the model per sentence
 _MAX_NAMES = 300  # number of surface names in the question to the model; larger surfaces have priority
 
 
 def read_sentence(sentence: str, scene: Scene, sensor_pose: np.ndarray | None = None, endpoint: Endpoint | None = None) -> Layout:
-    """Convert a sentence to a layout with the grammar, or with the language model if the grammar fails and `endpoint` is given.
+    """Convert a sentence to an object layout with the fixed grammar, or else with the language model at `endpoint`.
 
     Raises:
-        LayoutError: the grammar cannot read the sentence and `endpoint` is None.
-        BackendError: the model's server does not respond, or gives no usable answer in ANSWERS attempts.
+        LayoutError: the fixed grammar cannot read the sentence and `endpoint` is None.
+        BackendError: the server of the language model does not respond, or none of ANSWERS answers of the model is usable.
     """
     try:
         return grammar.parse(sentence)
@@ -68,7 +69,7 @@ def _task(scene: Scene) -> str:
 
 
 def _parsed(text: str) -> object:
-    """Extract the JSON object from an answer, because small models often put the object into a code block."""
+    """Extract the JSON object from the model's answer, because small models often put the object into a code block."""
     start, end = text.find("{"), text.rfind("}")
     try:
         return untrusted_json.load(text[start : end + 1])
@@ -77,7 +78,7 @@ def _parsed(text: str) -> object:
 
 
 def _check_names(layout: Layout, scene: Scene, sensor_pose: np.ndarray | None) -> None:
-    """Refuse unknown objects and anchors."""
+    """Raise an error if the layout names an unknown object or an anchor that the scene does not contain."""
     placed: set[str] = set()
     for item in layout.items:
         if item.object not in stock_names():

@@ -1,4 +1,4 @@
-"""Place a layout's objects in a scene. An impossible placement is refused; the message has the reason and, for example, the overlap."""
+"""Place the objects of a layout in a scene. An impossible placement raises an error whose message gives the reason, such as an overlap."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ Stock = Callable[[str], Sequence[Surface]]
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Hold an object in its own frame (z up), rotated by its yaw about the vertical through its origin."""
+    """Hold the surfaces of an object, rotated by its yaw angle about the vertical axis through the object's origin."""
 
     surfaces: tuple[Surface, ...]
     mesh: trimesh.Trimesh
-    base: np.ndarray  # (N, 3), vertices within BASE_M of the lowest point
-    low: np.ndarray  # (N, 3), samples of its faces within COVER_M of the lowest point
-    radius_m: float  # largest horizontal distance of the base from the origin
+    base: np.ndarray  # (N, 3), vertices at most BASE_M above the lowest point
+    low: np.ndarray  # (N, 3), sample points of the faces at most COVER_M above the lowest point
+    radius_m: float  # largest horizontal distance of a base vertex from the object's origin
 
     @classmethod
     def of(cls, surfaces: Sequence[Surface], yaw_deg: float) -> Body:
@@ -49,19 +49,23 @@ class Body:
         vertices = np.asarray(mesh.vertices)  # type: ignore[union-attr]
         bottom = vertices[:, 2].min()
         base = vertices[vertices[:, 2] < bottom + BASE_M]
-        return cls(rotated, mesh, base, _samples_below(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))  # type: ignore[arg-type]
+        # type: ignore[arg-type]
+        return cls(rotated, mesh, base, _samples_below(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))
 
 
 def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None, make: Stock = stock) -> Scene:
     """Add the objects of a layout to a scene.
 
     Args:
-        sensor_pose: (4, 4) sensor-to-world, required for relations to the sensor.
-        make: function from an object's name to its surfaces in its own frame (z up, front towards +x); by default the catalogue.
+        sensor_pose: (4, 4) sensor-to-world pose, needed only if an object is placed relative to the sensor.
+        make: function that returns the surfaces of an object, given the object's name, in the object's own frame (z up, front towards +x);
+            by default the function builds catalogue objects.
     Returns:
-        A new scene that ends with the objects' surfaces. provenance["layout"] of these surfaces describes their place.
+        A new scene that also contains the surfaces of the objects, at the end. provenance["layout"] of each of these surfaces describes the
+            position of the object.
     Raises:
-        LayoutError: a name is unknown or ambiguous, or an object overlaps a surface, floats, or is outside the room.
+        LayoutError: the name of an object or surface is unknown or ambiguous, or an object overlaps a surface, floats, or is outside the
+            room.
     """
     for item in layout.items:
         scene = scene + Scene(_placed(item, scene, sensor_pose, make))
@@ -94,7 +98,7 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
 
 
 def _free_name(item: Item, scene: Scene) -> str:
-    """Return the item's name, or the name of its object, with a number if the scene already has that name."""
+    """Return the name of a placed object: the item's own name or the catalogue name, with a number if the scene already has that name."""
     taken = set(scene.names)
     if item.name:
         if item.name in taken:
@@ -105,7 +109,10 @@ def _free_name(item: Item, scene: Scene) -> str:
 
 
 def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
-    """Return the pose of an object with a given height, and the name of its support; the name of a held object's support is empty."""
+    """Return the pose of an object whose x, y and height are given, and the name of the surface below it.
+
+    The name is empty for an object with `held: true`, which may float.
+    """
     assert item.position_m is not None
     x, y, z = item.position_m
     lift = pose([x, y, z - body.base[:, 2].min()])
@@ -124,9 +131,9 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
 
 
 def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
-    """Return the pose of an object on a support at (x, y).
+    """Return the pose of an object that stands at (x, y) on a supporting surface.
 
-    The object stands upright on the highest point of the support and of flat covers on it, such as rugs.
+    The object stands upright on the highest point of the supporting surface and of flat covers on this surface, such as rugs.
     """
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
     if not np.isfinite(heights).any():
@@ -162,14 +169,16 @@ def _tilt_deg(support: Surface, at: np.ndarray, limit_m: float) -> float:
 
 
 def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
-    """Return points (N, 3) of a mesh below the height `limit_m`, at most a centimetre apart."""
+    """Return sample points (N, 3), at most a centimetre apart, of the part of a mesh below the height `limit_m`."""
     low = np.asarray(mesh.triangles)[:, :, 2].min(axis=1) < limit_m
     points = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces[low], 0.01, max_iter=20)[0]
     return points[points[:, 2] < limit_m]
 
 
 def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | None, name: str) -> tuple[np.ndarray, str]:
-    """Return the best free pose of an object with a support or relations, and the name of its support."""
+    """Return the best free pose of an object that is placed by `on` or by relations, and the name of the surface on which the object
+    stands.
+    """
     choices = [[(relation, a) for a in find(relation.anchor, scene, sensor_pose)] for relation in item.relations]
     on = None if item.on is None else supports(item.on, scene, sensor_pose)
     possible: list[tuple[Surface, tuple[tuple[Relation, Anchor], ...], np.ndarray]] = []
@@ -196,7 +205,10 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
 
 
 def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:
-    """Return the support of an object without `on`: the support of its first anchor if that anchor is an object, else the floor."""
+    """Return the surface on which an object without `on` stands.
+
+    If the first anchor of the object is a placed object, the surface is the one on which the anchor stands. Otherwise it is the floor.
+    """
     ground = floor(scene)
     if not related or related[0][1].is_sensor or related[0][0].relation == "under":
         return ground
@@ -212,7 +224,7 @@ def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surfac
 
 
 def _check(body: Body, at: np.ndarray, scene: Scene, name: str) -> None:
-    """Refuse an object that is outside the room or overlaps a surface."""
+    """Raise an error for an object that is outside the room or overlaps a surface."""
     mesh = body.mesh.copy().apply_transform(at)
     _check_inside(mesh, scene, name)
     depths = [(overlap_m(mesh, s.mesh), s.name) for s in scene]
@@ -232,12 +244,16 @@ def _check_inside(mesh: trimesh.Trimesh, scene: Scene, name: str) -> None:
 
 
 def _spread(count: int) -> np.ndarray:
-    """Return the indices of the positions to test: the best position first, then positions at growing steps down the list."""
+    """Return the indices of the candidate positions to test for overlaps: the best first, and then at growing
+    steps down the sorted list.
+    """
     return np.unique(np.round(np.geomspace(1, count, min(count, _MAX_TRIES))).astype(int)) - 1
 
 
 def _fine_last(places: np.ndarray, body: Body, scene: Scene) -> np.ndarray:
-    """Move positions (N, 2) inside the box of a finely meshed object to the end, because testing them is slow; keep the order otherwise."""
+    """Move candidate positions (N, 2) inside the bounding box of a finely meshed object to the end, because their
+    overlap tests are slow.
+    """
     low, high = body.mesh.bounds[:, :2]
     near = np.zeros(len(places), dtype=bool)
     for s in scene:
@@ -262,7 +278,7 @@ def _extent(support: Surface) -> str:
 
 
 def _described(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[Surface] | None) -> str:
-    """Describe the positions of the anchors and supports of a sentence for an error message."""
+    """Describe in words the requested position of an object, from its anchors and supporting surfaces, for an error message."""
     places = [f"{s.name} {_extent(s)}" for s in on or ()]
     for _, anchor in itertools.chain(*choices):
         x, y = (anchor.points.min(axis=0) + anchor.points.max(axis=0)) / 2

@@ -1,4 +1,4 @@
-"""Find the candidate positions of an object on a support that satisfy its relations, and sort them, the best first."""
+"""Find the candidate positions of an object on a supporting surface that satisfy the object's relations to anchors, the best first."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from radartwin.scene.layouts.anchor import Anchor
 from radartwin.scene.layouts.layout import Relation
 from radartwin.scene.scene import Surface
 
-STEP_M = 0.02  # grid step of the candidates on supports up to 3 m; larger supports have a larger step
-_MAX_STEPS = 150  # largest number of grid steps along one side of a support
-CLEAR_M = 0.05  # gap to an anchor if the relation has no distance
-ASIDE_M = 0.3  # how far an object left or right of an anchor may stand beyond the anchor's front or back
+STEP_M = 0.02  # grid step of the candidate positions on supporting surfaces up to 3 m; larger surfaces have a larger step
+_MAX_STEPS = 150  # largest number of grid steps along a side of the supporting surface
+CLEAR_M = 0.05  # gap between object and anchor if the relation has no distance
+ASIDE_M = 0.3  # largest distance by which an object left or right of an anchor may stand beyond the anchor's front or back
 
-Side = tuple[Anchor, np.ndarray, np.ndarray, float | None]  # anchor, direction, across, distance
+# anchor, unit vector of the relation, unit vector across the relation, distance in metres or None
+Side = tuple[Anchor, np.ndarray, np.ndarray, float | None]
 
 
 def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation, Anchor]]) -> np.ndarray:
-    """Return candidate positions (N, 2) of an object's axis on a support, the best first.
+    """Return candidate positions (N, 2), in metres, of the vertical axis of an object on a supporting surface, the best first.
 
-    The best position is nearest to the axes of the anchors or, without relations, to the middle of the support.
+    The best position is nearest to the axes of the anchors. Without relations, the best position is nearest to the middle of the surface.
 
     Args:
-        radius_m: radius of the object's base, which must lie within the support.
-        relations: relations with their anchors; the relation "beside" allows both sides.
+        radius_m: radius in metres of the object's base, which must lie within the supporting surface.
+        relations: relations of the object with their anchors; the relation "beside" allows positions on the left and on the right.
     """
     low, high = support.mesh.bounds[:, :2]
     step = max(STEP_M, float((high - low).max()) / _MAX_STEPS)
@@ -52,7 +53,10 @@ def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation,
 
 
 def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | Anchor]]:
-    """Convert relations to directions: one list for each choice of left or right. The relation "under" becomes its anchor."""
+    """Convert relations to directions. The result has a list for each combination of left and right that "beside" allows.
+
+    In these lists, the relation "under" is represented by its anchor.
+    """
     out: list[list[Side | Anchor]] = [[]]
     for relation, anchor in relations:
         front, left, distance = anchor.front, anchor.left, relation.distance_m
@@ -69,14 +73,18 @@ def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | 
 
 
 def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Shift grid points to the given distances; return the points that satisfy all relations, and their costs in metres."""
+    """Shift grid points to the distances of the relations.
+
+    Return the points that satisfy all relations, and a cost in metres for each point.
+    """
     exact = [(side, side[3]) for side in sides if isinstance(side, tuple) and side[3] is not None]
     points = grid
     if exact:
         normals = np.array([direction for (_, direction, _, _), _ in exact])
         offsets = np.array([_end(anchor, direction) + distance for (anchor, direction, _, _), distance in exact])
         points = grid + (offsets - grid @ normals.T) @ np.linalg.pinv(normals).T
-        points = points[(np.abs(points @ normals.T - offsets) < 1e-6).all(axis=1)]  # several distances may contradict each other
+        # the distances of several relations may contradict each other
+        points = points[(np.abs(points @ normals.T - offsets) < 1e-6).all(axis=1)]
     cost = np.zeros(len(points))
     for side in sides:
         if isinstance(side, Anchor):
@@ -91,11 +99,11 @@ def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) 
 
 
 def _beyond(points: np.ndarray, side: Side, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Test points against one relation.
+    """Test which points (N, 2) satisfy a relation to an anchor.
 
     Returns:
-        valid: mask (N,) of the points beyond the anchor's end and within the anchor's width.
-        cost: (N,) in metres, distance from the anchor's axis plus gap to the anchor.
+        valid: boolean mask (N,) of the points beyond the end of the anchor and within the width of the anchor.
+        cost: (N,) cost in metres of each point: the distance from the anchor's axis plus the gap to the anchor.
     """
     anchor, direction, across, distance = side
     along = points @ direction - _end(anchor, direction)
@@ -103,12 +111,12 @@ def _beyond(points: np.ndarray, side: Side, radius_m: float) -> tuple[np.ndarray
     lateral = np.abs(points @ across - (sideways.min() + sideways.max()) / 2)
     width = (0.5 * np.abs(along) if anchor.is_sensor else np.ptp(sideways) / 2) + 1e-6
     close = radius_m + CLEAR_M
-    if abs(direction @ anchor.front) < 0.5:  # left or right of the anchor
+    if abs(direction @ anchor.front) < 0.5:  # the relation is left or right of the anchor
         width = width + radius_m + ASIDE_M
     valid = (lateral <= np.maximum(width, radius_m)) & (along > -1e-9 if distance is not None else along >= close - 1e-9)
     return valid, lateral + (0 if distance is not None else along - close)
 
 
 def _end(anchor: Anchor, direction: np.ndarray) -> float:
-    """Return the coordinate of the anchor's end along a direction."""
+    """Return the largest coordinate in metres of the anchor's points along a direction."""
     return float((anchor.points @ direction).max())

@@ -1,4 +1,4 @@
-"""Build the objects of layouts: catalogue objects, two canonical shapes, and meshes from files."""
+"""Build the objects that a layout can name: catalogue objects, two canonical radar targets, and meshes from files."""
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ def names() -> list[str]:
 
 
 def identifier(name: str) -> str:
-    """Return the identifier of the object that `name` means: an identifier, a label, or words that occur in one of these only.
+    """Return the identifier of the object that `name` means.
+
+    `name` is an identifier, an everyday name, or words that occur in the names of a single object only.
 
     >>> identifier("the Corner reflector")
     'corner_reflector'
 
     Raises:
-        LayoutError: no object or several objects match; the message lists the names.
+        LayoutError: no object or several objects match `name`; the message lists the names of the objects.
     """
     wanted = words(name)
     spellings = {n: [words(n)] for n in names()} | {n: [words(n), words(e.label)] for n, e in objects.catalogue().items()}
@@ -51,21 +53,21 @@ def identifier(name: str) -> str:
 
 
 def stock(name: str) -> Sequence[Surface]:
-    """Build the surfaces of an object in its own frame: z up, origin on its axis, front towards +x."""
+    """Build the surfaces of an object in the object's own frame: z up, origin on the object's vertical axis, front towards +x."""
     name = identifier(name)
     return [Surface(CANONICAL[name](), "metal", name, role="object")] if name in CANONICAL else objects.make(name)
 
 
 def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: str = "z") -> tuple[Surface, ...]:
-    """Read a mesh file as an object in the frame of `stock`: in metres, z up, standing on z = 0, centred on the z axis.
+    """Read a mesh file as an object: in metres, with z up, standing on z = 0, and centred on the z axis.
 
     Args:
-        path: .obj, .ply or .glb file; the surfaces have its texture and colours.
+        path: .obj, .ply or .glb file, whose texture and colours are kept.
         material: material of the whole object.
-        unit: length unit of the file: m, cm, mm or in.
-        up: upward axis of the file, z or y.
+        unit: length unit of the file's coordinates: m, cm, mm or in.
+        up: axis of the file's coordinates that points up: z or y.
     Returns:
-        One surface per mesh of the file, all with the stem of the file name as their name.
+        A surface for each mesh in the file; all surfaces have the file name without suffix as their name.
     Raises:
         MissingError: the file does not exist.
         MeshError: the mesh is unreadable, empty, or not between 1 cm and 1 m long.
@@ -88,6 +90,6 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
 
 
 def _unit_hint(length: float) -> str:
-    """Return a question that suggests the units in which the object would be 5 to 35 cm long, like a household object."""
+    """Return a question for an error message that suggests the length units in which the object would be 5 to 35 cm long."""
     fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
     return f" Pass unit={' or unit='.join(fits)}?" if fits else ""
