@@ -1,7 +1,11 @@
-"""Read mesh files with trimesh, without its silent repairs. Meshes keep their textures and colours; a missing texture causes a warning.
+"""Read mesh files with trimesh, without the silent repairs of trimesh.
 
-The size of a .glb and of its pictures is checked before unpacking, because a file of a kilobyte can unpack to more than the memory.
-Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; one without a buffer view is zeros), 3.5.2 (the node tree) and 4.4 (binary container).
+Meshes keep their textures and colours; a missing texture causes a warning.
+
+The unpacked size of a .glb and of its pictures is checked before unpacking, because a file of a kilobyte can unpack to more than the memory
+of the computer.
+Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; an accessor without a buffer view is all zeros), 3.5.2 (the node tree) and 4.4 (binary
+container).
 """
 
 from __future__ import annotations
@@ -23,27 +27,29 @@ from radartwin.io.files import inside
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj")
 HEAD_BYTES = 65_536  # bytes at the start of an .obj that are searched for the names of its material files
-MAX_INSTANCES = 1_000_000  # largest number of mesh copies that the nodes place
-MAX_BYTES = 16 << 30  # largest size of all mesh copies together
+MAX_INSTANCES = 1_000_000  # largest number of mesh copies that the node tree of a .glb places
+MAX_BYTES = 16 << 30  # largest size in bytes of all mesh copies together
 MAX_PIXELS = 1_000_000_000  # largest number of pixels of all textures together, 3 GB of colours
 PICTURES = ("image", "baseColorTexture", "emissiveTexture", "normalTexture", "occlusionTexture", "metallicRoughnessTexture")
-SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of a component
-COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # components of an element
+SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes per number, for each glTF component type
+COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}  # numbers per element, for each glTF element type
 _JSON = 0x4E4F534A
 
 
 class TextureWarning(UserWarning):
-    """Warn that a texture file of a mesh is missing; the mesh has the plain colour of its material instead."""
+    """Warn that a texture file of a mesh is missing; the mesh then has the plain colour given in the mesh file."""
 
 
 def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
-    """Read the triangle meshes of a .glb, .ply or .obj, as a dictionary by name. Node transforms are applied; no mesh is merged or dropped.
+    """Read the triangle meshes of a .glb, .ply or .obj, and return them in a dictionary by name.
+
+    Node transforms are applied. No mesh is merged with a second mesh or dropped.
 
     Raises:
         MissingError: the file does not exist.
-        MeshError: the file has another format, is damaged, or exceeds the limits of size.
+        MeshError: the file has an unsupported format, is damaged, or exceeds the size limits of this module.
     Warns:
-        TextureWarning: a picture is missing; its surfaces have the plain colour of their material.
+        TextureWarning: a texture file is missing; the meshes with this texture have the plain colour given in the mesh file.
     """
     path = Path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
@@ -80,7 +86,7 @@ def _load(path: Path) -> trimesh.Scene:
             return trimesh.load_scene(stream, file_type=kind, process=False, resolver=resolver, maintain_order=True)
     except MeshError:
         raise
-    except Exception as error:  # trimesh's readers raise errors of many types
+    except Exception as error:  # the readers of trimesh raise errors of many types
         reason = (" ".join(str(error).split()) or type(error).__name__)[:200]
         raise MeshError(f"{path} cannot be read as {kind}: {reason}; export it again") from error
 
@@ -100,7 +106,7 @@ def missing_textures(path: Path) -> list[str]:
 
 
 def _is_beside(path: Path, name: str) -> bool:
-    """Return whether the name refers to a file in the mesh's folder; trimesh reads no files outside it."""
+    """Return whether `name` refers to a file in the folder of the mesh file; trimesh reads no files outside this folder."""
     try:
         return inside(path.parent, name).is_file()
     except (OSError, InputError):  # an overlong name, or a path outside the folder
@@ -112,18 +118,18 @@ def _pictures_of_glb(path: Path) -> list[str]:
         try:
             named = [image.get("uri", "data:") for image in _glb_document(stream).get("images", [])]
             return [uri for uri in named if uri and not uri.startswith("data:")]
-        except (ValueError, TypeError, AttributeError, struct.error):  # trimesh's reader reports damage
+        except (ValueError, TypeError, AttributeError, struct.error):  # the reader of trimesh reports the damage
             return []
 
 
 def _values_of(text: bytes, key: str) -> list[str]:
-    """Return the text after the key in each line of a Wavefront file that begins with this key."""
+    """Return the text after `key` in each line that begins with `key`, from the bytes of a Wavefront file (.obj or .mtl)."""
     lines = [line.split(None, 1) for line in text.decode("utf-8", "replace").splitlines()]
     return [line[1].strip() for line in lines if len(line) == 2 and line[0] == key]
 
 
 def _use_plain_colour_without_picture(mesh: trimesh.Trimesh) -> None:
-    """Replace a texture that has no picture by the material's colour at the vertices."""
+    """Replace a texture without a picture by vertex colours, which all have the plain colour given in the mesh file."""
     visual: Any = mesh.visual
     if visual.kind != "texture":
         return
@@ -135,7 +141,10 @@ def _use_plain_colour_without_picture(mesh: trimesh.Trimesh) -> None:
 
 
 def _check_glb(stream: IO[bytes], path: Path) -> None:
-    """Refuse a .glb that unpacks to far more than its size. A damaged file passes, because the reader of the file reports the damage."""
+    """Raise an error for a .glb that unpacks to more than MAX_BYTES or MAX_INSTANCES mesh copies.
+
+    A damaged file passes this check, because the reader of trimesh reports the damage.
+    """
     length = stream.seek(0, 2)
     stream.seek(0)
     try:
@@ -152,7 +161,7 @@ def _check_glb(stream: IO[bytes], path: Path) -> None:
 
 
 def _check_pictures(materials: Iterable[Any], path: Path) -> None:
-    """Refuse textures with too many pixels. The check reads the pictures' headers and does not decompress them."""
+    """Raise an error for textures with more than MAX_PIXELS pixels. The check reads only the headers of the pictures."""
     from PIL.Image import Image
 
     pictures = {
@@ -164,7 +173,7 @@ def _check_pictures(materials: Iterable[Any], path: Path) -> None:
 
 
 def _glb_document(stream: IO[bytes]) -> dict[str, Any]:
-    """Read the JSON chunk of a .glb. A damaged file raises ValueError or struct.error."""
+    """Read the JSON chunk of a .glb file. A damaged file raises ValueError or struct.error."""
     _, _, _, length, kind = struct.unpack("<5I", stream.read(20))
     if kind != _JSON:
         raise ValueError("the first chunk is not JSON")
@@ -172,7 +181,9 @@ def _glb_document(stream: IO[bytes]) -> dict[str, Any]:
 
 
 def _sizes(document: dict[str, Any]) -> tuple[int, int, int]:
-    """Return the bytes of all accessors, the bytes of all mesh copies, and the number of mesh copies."""
+    """Return the unpacked bytes of all accessors, the unpacked bytes of all mesh copies, and the number of mesh
+    copies of a glTF document.
+    """
     accessors = [_bytes(accessor) for accessor in document.get("accessors", [])]
     meshes = []
     for mesh in document.get("meshes", []):
@@ -181,7 +192,7 @@ def _sizes(document: dict[str, Any]) -> tuple[int, int, int]:
     nodes, known = document.get("nodes", []), dict[int, tuple[int, int]]()
 
     def subtree(index: int, ancestors: frozenset[int]) -> tuple[int, int]:
-        """Return bytes and number of the mesh copies that a node and its descendants place."""
+        """Return the unpacked bytes and the number of the mesh copies that a node and its descendants place."""
         if index in ancestors:
             return 0, MAX_INSTANCES + 1
         if index not in known:

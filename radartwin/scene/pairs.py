@@ -1,4 +1,4 @@
-"""Compiled loops over pairs of points, line segments and triangles."""
+"""Compute winding numbers of points and crossings of line segments with triangles, in compiled loops."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def winding_number(triangles, points):
 def crossing(starts, ends, triangles, segment, share):
     """Find the crossings of line segments, from `starts` (S, 3) to `ends` (S, 3), with triangles (T, 3, 3). Moeller and Trumbore 1997.
 
-    For each crossing, the function writes the segment's index into `segment` (N,) and the position of the crossing, as a fraction of
-    the segment's length, into `share` (N,). Crossings are in the order of segments. At most N crossings are written; the return
-    value is the number of all crossings.
+    For each crossing, the function writes the index of the line segment into `segment` (N,) and the position of the crossing, as a fraction
+    of the segment's length, into `share` (N,). Crossings are sorted by the index of the line segment. The function writes at most N
+    crossings and returns the number of all crossings.
     """
     count = 0
     for s in range(len(starts)):

@@ -1,6 +1,7 @@
-"""Draw patterns of surfaces as arrays: grain, joints, weave, mottling. Each pattern repeats without a seam.
+"""Draw the visible patterns of surfaces as pictures: wood grain, joints, weave, mottling. Each pattern repeats without a seam.
 
-Every pattern takes (rng, (h, w), metres per pixel, colours (K, 3) in 0..1) and returns (h, w, 3) in 0..1, row 0 at the top.
+Every pattern function has the arguments (rng, picture size (h, w), metres per pixel, colours (K, 3) in 0..1). It returns a picture (h, w,
+3) with values in 0..1 and row 0 at the top.
 """
 
 from __future__ import annotations
@@ -11,16 +12,16 @@ Shape = tuple[int, int]
 
 
 def rgb(value: int) -> tuple[float, float, float]:
-    """Convert 0xRRGGBB to three floats in 0..1."""
+    """Convert a colour 0xRRGGBB to three floats in 0..1."""
     return ((value >> 16) / 255, (value >> 8 & 255) / 255, (value & 255) / 255)
 
 
 def noise(rng: np.random.Generator, shape: Shape, across_px: float, along_px: float | None = None) -> np.ndarray:
-    """Draw periodic Gaussian noise of unit standard deviation, (h, w).
+    """Draw a picture (h, w) of periodic Gaussian noise with a standard deviation of 1.
 
     Args:
-        across_px: correlation length along a row, pixels.
-        along_px: correlation length along a column, pixels; `across_px` by default.
+        across_px: correlation length of the noise along a row, in pixels.
+        along_px: correlation length of the noise along a column, in pixels; `across_px` by default.
     """
     rows, columns = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])[None]
     along_px = across_px if along_px is None else along_px
@@ -30,28 +31,31 @@ def noise(rng: np.random.Generator, shape: Shape, across_px: float, along_px: fl
 
 
 def mixed(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Mix two colours to (h, w, 3); `share` (h, w) is the weight of the second colour."""
+    """Mix two colours or pictures to a picture (h, w, 3); `share` (h, w) is the weight, 0 to 1, of the second colour."""
     share = np.clip(share, 0, 1)[..., None]
     return first * (1 - share) + second * share
 
 
 def shaded(colour: np.ndarray, tone: np.ndarray) -> np.ndarray:
-    """Multiply a colour or a picture by the brightness factor 1 + tone (h, w); returns (h, w, 3)."""
+    """Multiply a colour or a picture by the brightness factor 1 + tone, where `tone` is an array (h, w).
+
+    The result is a picture (h, w, 3).
+    """
     return colour * (1 + tone[..., None])
 
 
 def grid(shape: Shape, pixel_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position of each pixel's centre in metres: to the right (1, w), and down (h, 1)."""
+    """Return the coordinates of the pixel centres in metres: to the right as an array (1, w), and down as an array (h, 1)."""
     return (np.arange(shape[1])[None] + 0.5) * pixel_m, (np.arange(shape[0])[:, None] + 0.5) * pixel_m
 
 
 def joints(position_m: np.ndarray, pitch_m: float, width_m: float) -> np.ndarray:
-    """Return whether each position lies in a joint; joints lie at the multiples of the pitch."""
+    """Return whether each position lies in a joint of width `width_m`; joints are at the multiples of `pitch_m`."""
     return (position_m + width_m / 2) % pitch_m < width_m
 
 
 def wood(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Wood grain along the columns."""
+    """Draw wood grain that runs along the columns of the picture."""
     drift = noise(rng, shape, 0.08 / pixel_m, 0.9 / pixel_m)
     rings = 0.5 + 0.5 * np.sin(2 * np.pi * (3 * drift + 0.15 * noise(rng, shape, 0.01 / pixel_m, 0.2 / pixel_m)))
     fibre = noise(rng, shape, 1.5, 0.06 / pixel_m)
@@ -59,7 +63,7 @@ def wood(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.nda
 
 
 def planks(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray, width_m: float = 0.12) -> np.ndarray:
-    """Floor boards along the columns with staggered ends."""
+    """Draw floor boards that run along the columns of the picture and have staggered ends."""
     right, down = grid(shape, pixel_m)
     board = (right / width_m).astype(int)
     count = int(board.max()) + 1
@@ -72,12 +76,12 @@ def planks(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.n
 
 
 def long_planks(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Narrow floor boards of a sports court, along the rows."""
+    """Draw the narrow floor boards of a sports court, which run along the rows of the picture."""
     return planks(rng, (shape[1], shape[0]), pixel_m, colours, 0.08).transpose(1, 0, 2)
 
 
 def panelling(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Veneered panels of 0.6 x 1.2 m with open joints."""
+    """Draw veneered wood panels of 0.6 x 1.2 m with open joints."""
     right, down = grid(shape, pixel_m)
     column, row = (right / 0.6).astype(int), (down / 1.2).astype(int)
     leaf = wood(rng, shape, pixel_m, colours)
@@ -89,13 +93,13 @@ def panelling(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: n
 
 
 def plaster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Rolled paint: faint vertical bands and fine stipple."""
+    """Draw rolled paint, with faint vertical bands and fine dots."""
     bands = noise(rng, shape, 0.12 / pixel_m, 0.5 / pixel_m)
     return shaded(colours[0], 0.012 * bands + 0.008 * noise(rng, shape, 1.5) + np.zeros(shape))
 
 
 def concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Concrete: grey clouds with pores."""
+    """Draw bare concrete, with grey clouds and pores."""
     clouds = 0.35 + 0.2 * noise(rng, shape, 0.35 / pixel_m) + 0.1 * noise(rng, shape, 0.05 / pixel_m)
     image = shaded(mixed(colours[0], colours[1], clouds), 0.03 * noise(rng, shape, 1.2))
     pores = noise(rng, shape, 2.0) > 2.7
@@ -103,7 +107,7 @@ def concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np
 
 
 def painted_concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A painted hard wall with faint clouds and scuffs."""
+    """Draw a painted concrete wall with faint clouds and scuff marks."""
     clouds = 0.3 + 0.25 * noise(rng, shape, 0.4 / pixel_m)
     image = shaded(mixed(colours[0], colours[1], clouds), 0.01 * noise(rng, shape, 1.5))
     scuffs = noise(rng, shape, 0.03 / pixel_m, 0.008 / pixel_m) > 3.0
@@ -111,7 +115,9 @@ def painted_concrete(rng: np.random.Generator, shape: Shape, pixel_m: float, col
 
 
 def brick(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Brick wall in running bond: rows of 75 mm, bricks of 225 mm, both including 10 mm of mortar."""
+    """Draw a brick wall: rows 75 mm high and bricks 225 mm long, both including 10 mm of mortar, shifted by half a
+    brick from row to row.
+    """
     right, down = grid(shape, pixel_m)
     course = (down / 0.075).astype(int)
     shifted = right + 0.1125 * (course % 2)
@@ -123,12 +129,12 @@ def brick(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.nd
 
 
 def carpet(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Cut pile in two colours of yarn."""
+    """Draw a carpet of cut pile in two colours of yarn."""
     return shaded(mixed(colours[0], colours[1], 0.35 + 0.3 * noise(rng, shape, 1.6)), 0.12 * noise(rng, shape, 1.0))
 
 
 def tiles(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Porcelain tiles of 0.6 m, veined, with grey joints."""
+    """Draw veined porcelain tiles of 0.6 x 0.6 m with grey joints."""
     right, down = grid(shape, pixel_m)
     column, row = (right / 0.6).astype(int), (down / 0.6).astype(int)
     tone = rng.normal(0, 0.025, (int(row.max()) + 1, int(column.max()) + 1))[row, column]
@@ -138,7 +144,7 @@ def tiles(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.nd
 
 
 def ceiling_board(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Acoustic boards of 0.6 m in a metal grid, perforated."""
+    """Draw perforated acoustic ceiling boards of 0.6 x 0.6 m in a metal grid."""
     right, down = grid(shape, pixel_m)
     face = shaded(colours[0], 0.015 * noise(rng, shape, 2))
     holes = noise(rng, shape, 2.2, 1.6) > 1.9
@@ -149,37 +155,37 @@ def ceiling_board(rng: np.random.Generator, shape: Shape, pixel_m: float, colour
 
 
 def brushed(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Metal with fine horizontal lines and a broad sheen."""
+    """Draw brushed metal with fine horizontal lines and a broad sheen."""
     return shaded(colours[0], 0.09 * noise(rng, shape, 0.1 / pixel_m, 1.0) + 0.05 * noise(rng, shape, 0.3 / pixel_m))
 
 
 def glass(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Pale panes with soft reflections running across."""
+    """Draw pale glass panes with soft, oblique reflections."""
     right, down = grid(shape, pixel_m)
     streak = np.sin(2 * np.pi * (right + down) / (shape[1] * pixel_m)) + 0.4 * noise(rng, shape, 0.4 / pixel_m)
     return mixed(colours[0], colours[1], 0.35 + 0.3 * streak)
 
 
 def fabric(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Plain weave of two yarns with a period of 6 mm."""
+    """Draw a plain weave of two yarns with a period of 6 mm."""
     right, down = grid(shape, pixel_m)
     weave = np.sign(np.sin(2 * np.pi * right / 0.006) * np.sin(2 * np.pi * down / 0.006))
     return shaded(mixed(colours[0], colours[1], 0.4 + 0.3 * weave + 0.1 * noise(rng, shape, 2)), 0.05 * noise(rng, shape, 8))
 
 
 def leather(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Leather: creases between cells, with worn patches."""
+    """Draw leather with creases between cells and with worn patches."""
     creases = np.exp(-np.abs(noise(rng, shape, 0.008 / pixel_m)) * 5)
     return shaded(mixed(colours[0], colours[1], 0.7 * creases), 0.07 * noise(rng, shape, 0.08 / pixel_m))
 
 
 def plastic(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """One colour with a trace of texture."""
+    """Draw a single colour with a faint texture, as of plastic or paint."""
     return shaded(colours[0], 0.012 * noise(rng, shape, 2) + 0.01 * noise(rng, shape, 0.1 / pixel_m))
 
 
 def cardboard(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Corrugated board with visible flutes and a strip of tape."""
+    """Draw corrugated cardboard with visible flutes and a strip of tape."""
     right, down = grid(shape, pixel_m)
     image = shaded(colours[0], 0.02 * np.sin(2 * np.pi * right / 0.008) + 0.03 * noise(rng, shape, 0.05 / pixel_m))
     tape = np.abs(down - shape[0] * pixel_m / 2) < 0.025
@@ -187,14 +193,14 @@ def cardboard(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: n
 
 
 def foliage(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Leaves with light edges and midribs on dark green."""
+    """Draw leaves with light edges and midribs on dark green."""
     layers = noise(rng, shape, 0.05 / pixel_m, 0.09 / pixel_m)
     ribs = np.exp(-np.abs(np.sin(4 * layers)) * 6)
     return shaded(mixed(colours[0], colours[1], 0.3 + 0.2 * layers + 0.3 * ribs), 0.1 * noise(rng, shape, 4))
 
 
 def monitor(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A screen with a dark bezel, a coloured desktop and windows with lines of text."""
+    """Draw a computer screen with a dark frame, a coloured desktop and windows with lines of text."""
     image = np.broadcast_to(colours[0], (*shape, 3)).copy()
     h, w = shape
     inside = (slice(round(0.05 * h), round(0.95 * h)), slice(round(0.03 * w), round(0.97 * w)))
@@ -208,7 +214,7 @@ def monitor(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.
 
 
 def poster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A sheet with a heading, a picture of coloured shapes and lines of text."""
+    """Draw a poster with a heading, a picture of coloured shapes and lines of text."""
     h, w = shape
     image = np.broadcast_to(colours[0], (*shape, 3)).copy()
     image[round(0.05 * h) : round(0.13 * h), round(0.1 * w) : round(0.9 * w)] = colours[2]
@@ -222,7 +228,7 @@ def poster(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.n
 
 
 def label(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """A can's label: coloured upper half, medallion, name and small print; bare metal at both seams."""
+    """Draw the paper label of a can, with a coloured upper half, a medallion, a name and small print, and bare metal at both rims."""
     right, down = grid(shape, pixel_m)
     width, height = shape[1] * pixel_m, shape[0] * pixel_m
     image = np.where((down < 0.5 * height)[..., None], colours[1], colours[0]) * np.ones((*shape, 3))

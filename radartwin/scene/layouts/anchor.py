@@ -58,7 +58,7 @@ def words(text: str) -> list[str]:
 
 
 def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
-    """Find all anchors that `text` may mean: the surface with exactly this name, or else all surfaces whose names contain all words of `text`.
+    """Find all anchors that `text` may mean: the surface with exactly this name, or else surfaces whose names contain all words of `text`.
 
     Parts of the same object (table_left_top, table_left_legs) form a single anchor.
 

@@ -74,7 +74,7 @@ def parse(sentence: str) -> Layout:
 
 
 def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Item], index: int, sentence: str) -> Item:
-    """Return a copy of `item` (number `index` in `items`) with the positions from the phrases of a clause added.
+    """Return a copy of `item` (number `index` in `items`) with the support, relations and rotation from the phrases of a clause.
 
     A pronoun such as "it" refers to the preceding object.
     """

@@ -278,7 +278,7 @@ def _extent(support: Surface) -> str:
 
 
 def _described(choices: Sequence[Sequence[tuple[Relation, Anchor]]], on: Sequence[Surface] | None) -> str:
-    """Describe in words the requested position of an object, from its anchors and supporting surfaces, for an error message."""
+    """Return a text for an error message with the positions of the anchors and supporting surfaces that an object could refer to."""
     places = [f"{s.name} {_extent(s)}" for s in on or ()]
     for _, anchor in itertools.chain(*choices):
         x, y = (anchor.points.min(axis=0) + anchor.points.max(axis=0)) / 2

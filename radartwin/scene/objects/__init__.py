@@ -1,6 +1,7 @@
-"""Build objects as triangle meshes: canonical targets and the twelve catalogue objects of the study.
+"""Build objects as triangle meshes: canonical radar targets, and the twelve catalogue objects of the recognition study.
 
-All dimensions are in metres and all windings are consistent. `catalogue()` lists the catalogue objects, `make(name)` builds one of them.
+All dimensions are in metres, and the faces of each mesh have a consistent winding direction. `catalogue()` lists the catalogue objects, and
+`make(name)` builds a catalogue object.
 """
 
 from radartwin.scene.objects.catalogue import Entry, catalogue, entry, make

@@ -1,12 +1,13 @@
-"""Define the catalogue of the twelve objects of the study: shape, size, materials, classes and the sources of the dimensions.
+"""Define the catalogue of the twelve objects of the recognition study: shape, size, materials, class labels and the sources of the dimensions.
 
-Objects stand on z = 0 with their axis on z, the axis of the turntable. The side +x faces the radar first: the opening of the reflector
-and the handle of the mug point to +x, and the narrow side of a bottle lies along y. `aim_m` is the height at which a level radar aims:
-half the height of the object, or the apex of the reflector.
+Objects stand on z = 0. The vertical axis of each object is the z axis, which is also the axis of the turntable. In the first turntable
+frame, the side +x of an object faces the radar. The opening of the corner reflector and the handle of the mug point to +x, and the narrow
+side of a bottle lies along y. `aim_m` is the height at which a level radar aims: half the height of the object, or the apex of the
+reflector.
 
-Can sizes are those of the Can Manufacturers Institute: diameter x height over the seams, in inches and sixteenths (211 is 2 11/16 inches,
-68.3 mm). All six cans have the diameter 211 and differ mainly in height; the wall of the two drink cans has a diameter of 66 mm. Bottles
-are filled without head space and have a separate cap.
+Can sizes are those of the Can Manufacturers Institute: outer diameter x height, measured at the rim seams, in inches and sixteenths (211 is
+2 11/16 inches, 68.3 mm). All six cans have the diameter 211 and differ mainly in height. The wall of the two drink cans has a diameter of
+66 mm. Bottles are filled completely, without air below the cap, and have a separate cap.
 """
 
 from __future__ import annotations
@@ -27,17 +28,18 @@ from radartwin.scene.surface import Surface
 ShapeClass = Literal["symmetric", "faceted", "asymmetric"]
 MaterialClass = Literal["metal", "ceramic", "plastic"]
 
-CAN_M = 0.0683  # diameter of can size 211: 2 11/16 inches
-OUNCE_ML = 28.35  # an avoirdupois ounce of water
+CAN_M = 0.0683  # outer diameter of can size 211: 2 11/16 inches
+OUNCE_ML = 28.35  # volume of an avoirdupois ounce of water
 CMI = "Can Manufacturers Institute, dimensional food can standards"
-# No drawing or data sheet is public for these bottles. Height and section are estimates; the inside volume is that of the label.
+# No drawing or data sheet is public for these bottles. Height and cross-section are estimates; the inside volume is that printed on the
+# bottle's label.
 VOLUME = (
     "order of magnitude, no data sheet: ordinary retail proportions, sized so that the inside holds the label's volume; PET of 0.5 mm too"
 )
 
 
 class Part(NamedTuple):
-    """Hold one closed part of an object: mesh, material, roughness class and look (a name of `textures`)."""
+    """Hold a closed part of an object: mesh, material, roughness class, and appearance (name of a texture in `textures.LOOKS`)."""
 
     mesh: trimesh.Trimesh
     material: str | Layered
@@ -47,22 +49,23 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Entry:
-    """Describe one object of the catalogue.
+    """Describe an object of the catalogue.
 
     Attributes:
-        name: identifier.
-        label: everyday name.
-        size_m: width along x (with handle), depth along y, height.
-        wall_m: thickness of the wall; 0 for the sheet metal of the reflector.
-        material: material of the wall.
-        contents: material inside, or None for air.
-        shape, material_class: class labels of the study.
-        minc: MINC category.
-        volume_ml: inside volume, of a can to the brim and of a bottle by its label; None for the reflector.
-        description: text for a text encoder.
-        source: source of the dimensions.
-        build: function from the contents ("air" if empty) to the parts.
-        aim_m: height at which a level radar aims.
+        name: identifier of the object, such as "can_355".
+        label: everyday name of the object.
+        size_m: width along x (with handle), depth along y, and height of the object in metres.
+        wall_m: thickness of the object's wall in metres; 0 for the sheet metal of the corner reflector.
+        material: name of the material of the object's wall.
+        contents: name of the material inside the object, or None for air.
+        shape, material_class: the object's shape class and material class, the class labels of the recognition study.
+        minc: category of the wall material in the MINC data set of material photographs.
+        volume_ml: inside volume in millilitres: of a can filled to the brim, and of a bottle as printed on its label; None for the
+            reflector.
+        description: description of the object in words, from which a text encoder computes a text embedding of the class name.
+        source: publication or standard from which the dimensions come.
+        build: function that returns the parts of the object, given its contents ("air" if the object is empty).
+        aim_m: height in metres above the object's base at which a level radar aims.
         rover: whether the rover experiments use the object.
     """
 
@@ -87,11 +90,11 @@ class Entry:
         return self.shape == "symmetric"
 
     def surfaces(self, pose: np.ndarray | None = None, *, name: str | None = None) -> tuple[Surface, ...]:
-        """Build the object's parts as surfaces of the same name, so that they move together.
+        """Build the parts of the object as surfaces with the same name, so that all parts move together.
 
         Args:
-            pose: (4, 4) object-to-world; by default the parts stay in the object's frame.
-            name: name of the surfaces; by default the name of the entry.
+            pose: (4, 4) object-to-world pose; by default the parts stay in the object's own frame.
+            name: name of the surfaces; by default the name of the catalogue object.
         """
         parts = self.build(self.contents or "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
@@ -130,7 +133,9 @@ def _bottle(
     cap: tuple[float, float],
     cap_look: str,
 ) -> Callable[[str], tuple[Part, ...]]:
-    """Return the build function of a bottle: a lofted body and, a millimetre above it, a cap of (radius, height)."""
+    """Return the function that builds a bottle, which has a lofted body and a cap of size `cap` (radius, height) a millimetre above the
+    body.
+    """
 
     def build(contents: str) -> tuple[Part, ...]:
         radius, height = cap
@@ -153,9 +158,10 @@ def _mug(contents: str) -> tuple[Part, ...]:
 
 
 REFLECTOR_LEG_M = 0.1
-MUG_M, MUG_WALL_M = (0.082, 0.095, 0.034), 0.004  # diameter, height, reach of the handle
+MUG_M, MUG_WALL_M = (0.082, 0.095, 0.034), 0.004  # diameter, height, and reach of the handle; wall thickness
 
-# Sections of the bottles: height, half width, half depth in metres, exponent. The cap is above the last section.
+# Cross-sections of the bottles: height, half width and half depth in metres, and exponent of the superellipse. The cap is above the last
+# cross-section.
 MUSTARD = (
     (0.000, 0.0430, 0.0265, 2.4), (0.004, 0.0453, 0.0280, 2.3), (0.015, 0.0480, 0.0287, 2.3), (0.027, 0.0480, 0.0276, 2.4),
     (0.038, 0.0466, 0.0262, 2.6), (0.050, 0.0436, 0.0256, 2.7), (0.061, 0.0407, 0.0253, 2.8), (0.073, 0.0402, 0.0256, 2.7),
@@ -231,7 +237,7 @@ ENTRIES: tuple[Entry, ...] = (
 
 
 def catalogue() -> dict[str, Entry]:
-    """Return the twelve objects as a dictionary by name.
+    """Return the twelve catalogue objects as a dictionary by name.
 
     >>> sum(entry.symmetric for entry in catalogue().values()), len(catalogue())
     (7, 12)
@@ -240,7 +246,7 @@ def catalogue() -> dict[str, Entry]:
 
 
 def entry(name: str) -> Entry:
-    """Return one object of the catalogue; an unknown name raises SceneError."""
+    """Return the catalogue object with the given name; an unknown name raises SceneError."""
     known = catalogue()
     if name not in known:
         raise SceneError(f"the catalogue has no object {name!r}; choose {', '.join(known)}")
@@ -248,5 +254,5 @@ def entry(name: str) -> Entry:
 
 
 def make(name: str) -> tuple[Surface, ...]:
-    """Build the surfaces of one object of the catalogue in its own frame."""
+    """Build the surfaces of the catalogue object with the given name, in the object's own frame."""
     return entry(name).surfaces()

@@ -1,4 +1,4 @@
-"""Build canonical targets as smooth parametric meshes: trihedral, dihedral, plate, sphere, cylinder, any body of revolution.
+"""Build canonical radar targets as parametric meshes: trihedral, dihedral, plate, sphere, cylinder, and any body of revolution.
 
 All dimensions are in metres. Normals point outwards on solids and into the opening on reflectors, which open towards +x. Curved sides have
 exact vertex normals. Sharp rims have separate vertices, so that no normal is an average across an edge.
@@ -13,18 +13,18 @@ import trimesh
 
 from radartwin.errors import MeshError
 
-SMOOTH_RAD = np.radians(30.0)  # an edge with a smaller angle belongs to a curved surface
+SMOOTH_RAD = np.radians(30.0)  # an edge with a smaller angle between its two faces belongs to a curved surface
 
 
 def plate(width_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build a flat rectangle centred at the origin, width along y, height along z, facing +x."""
+    """Build a flat rectangle that is centred at the origin and faces +x, with its width along y and its height along z."""
     _positive(width_m=width_m, height_m=height_m)
     y, z = width_m / 2, height_m / 2
     return flat([[[0, -y, -z], [0, y, -z], [0, y, z], [0, -y, z]]])
 
 
 def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build two plates of face_m x height_m at right angles, with the fold along z through the origin and the opening towards +x."""
+    """Build a dihedral reflector: two plates of face_m x height_m at right angles, which meet on the z axis and open towards +x."""
     _positive(face_m=face_m, height_m=height_m)
     d, z = face_m / np.sqrt(2), height_m / 2
     left = [[0, 0, -z], [d, d, -z], [d, d, z], [0, 0, z]]
@@ -35,11 +35,12 @@ def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
 def trihedral(leg_m: float) -> trimesh.Trimesh:
     """Build a triangular trihedral corner reflector of three right isosceles triangles, with its boresight towards +x.
 
-    The origin is the apex, which is the phase centre. One leg rises in the xz plane; the other two legs spread to the left and right
-    below it. The peak radar cross section in the far field is 4 pi leg^4 / (3 lambda^2).
+    The origin is the apex, which is the phase centre. Of the three edges that meet at the apex, the first rises in the xz plane,
+    and the second and third spread to the left and right below the first. The peak radar cross section in the far field is
+    4 pi leg_m^4 / (3 lambda^2).
 
     Args:
-        leg_m: length of the two equal sides of each triangle.
+        leg_m: length in metres of the two equal sides of each triangle.
     """
     _positive(leg_m=leg_m)
     azimuth = np.radians([90.0, 210.0, 330.0])
@@ -49,7 +50,7 @@ def trihedral(leg_m: float) -> trimesh.Trimesh:
 
 
 def sphere(radius_m: float, subdivisions: int = 4) -> trimesh.Trimesh:
-    """Build a sphere about the origin with exact normals and 20 * 4^subdivisions faces."""
+    """Build a sphere about the origin with exact vertex normals and 20 * 4^subdivisions faces."""
     _positive(radius_m=radius_m)
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius_m)
     normals = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
@@ -67,9 +68,9 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
     """Build a body of revolution about z.
 
     Args:
-        profile_m: (N, 2) radius and height along the outside, from the bottom upwards; a radius of zero closes an end.
-            A bend of less than 30 degrees is smooth, any other bend is a sharp rim.
-        segments: number of facets around z.
+        profile_m: (N, 2) radius and height in metres of points along the outside, from the bottom upwards; a radius of zero closes an end.
+            A profile point with a bend of less than 30 degrees becomes smooth, and a larger bend becomes a sharp rim.
+        segments: number of facets around the z axis.
     Raises:
         MeshError: the profile has fewer than two points or a negative radius, or there are fewer than 3 segments.
     """
@@ -102,7 +103,7 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
 
 
 def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
-    """Build a solid box between two corners; every side has its own vertices."""
+    """Build a solid box between the corners `low_m` and `high_m`; every side has its own vertices."""
     low, high = np.asarray(low_m, float), np.asarray(high_m, float)
     if not (high > low).all():
         raise MeshError(f"box: the corner {high.tolist()} is not above {low.tolist()}")
@@ -120,7 +121,7 @@ def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
 
 
 def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """Join several meshes into a single mesh, with unchanged vertices and normals."""
+    """Join several meshes into a single mesh, without changing their vertices and normals."""
     offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
     return trimesh.Trimesh(
         np.vstack([m.vertices for m in meshes]),
@@ -131,7 +132,10 @@ def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]) -> trimesh.Trimesh:
-    """Build a mesh of convex planar polygons, counter-clockwise seen from the front; each polygon has its own vertices and normal."""
+    """Build a mesh from convex planar polygons, whose corners are counter-clockwise seen from the front.
+
+    Each polygon has its own vertices and its own normal.
+    """
     vertices, faces, normals = [], [], []
     for polygon in polygons:
         corners = np.asarray(polygon, dtype=np.float64)
@@ -144,7 +148,9 @@ def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]
 
 
 def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
-    """Return the profile normal at one end of a band, averaged with the neighbour's normal if the profile is smooth there."""
+    """Return the profile normal at an end of a band, averaged with the normal of the neighbour band if the profile
+    is smooth at this end.
+    """
     own = normals[band]
     if 0 <= neighbour < len(normals) and own @ normals[neighbour] > np.cos(SMOOTH_RAD):
         own = own + normals[neighbour]
@@ -153,7 +159,7 @@ def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
 
 
 def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Merge vertices of equal position and normal; at a sharp rim two vertices remain."""
+    """Merge vertices that have equal positions and equal normals; at a sharp rim, two vertices with different normals remain."""
     key = np.round(np.hstack([mesh.vertices, mesh.vertex_normals]), 9)
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[mesh.faces]

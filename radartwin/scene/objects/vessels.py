@@ -1,6 +1,7 @@
-"""Build vessels as smooth parametric meshes: cans with seams, bottles of any oval or flat-sided section, a mug and its handle.
+"""Build vessels as smooth parametric meshes: cans with rim seams, bottles with oval or flat-sided cross-sections, and a mug with a handle.
 
-All meshes stand on z = 0 with their axis on z, are closed, and have outward normals that are smooth except at edges of 30 degrees or more.
+All meshes stand on z = 0 and are closed; the z axis is their vertical axis. Vertex normals point outwards and are smooth, except at edges
+of 30 degrees or more.
 """
 
 from __future__ import annotations
@@ -14,17 +15,17 @@ import trimesh
 from radartwin.errors import MeshError
 from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
 
-AROUND = 128  # facets of a body of revolution; the tracer restores the curvature from vertex normals
-QUADRANT = 24  # facets of a quarter of an oval
-RING_M = 0.004  # largest distance between rings of an oval
-SEAM_M = 0.0012  # protrusion of the seams of a food can
-END_M = 0.054  # diameter of a drink can over the seam of its end
+AROUND = 128  # number of facets around a body of revolution; the ray tracer restores the curvature from vertex normals
+QUADRANT = 24  # number of facets in a quarter of an oval
+RING_M = 0.004  # largest vertical distance between two rings of vertices of an oval vessel
+SEAM_M = 0.0012  # distance by which the rim seams of a food can protrude from its wall
+END_M = 0.054  # outer diameter of the seam at the upper end of a drink can
 
 
 def straightened(profile_m: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Add profile points at 0.3 mm from both ends of every straight segment that is at least 5 mm long.
 
-    Without these points the averaged vertex normals at a bend would make the whole straight facet curved for the tracer.
+    Without these points, the averaged vertex normals at a bend would make the whole straight facet look curved to the ray tracer.
     """
     out = [profile_m[0]]
     for start, stop in itertools.pairwise(np.asarray(profile_m, float)):
@@ -36,16 +37,16 @@ def straightened(profile_m: Sequence[tuple[float, float]]) -> list[tuple[float, 
 
 
 def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Average vertex normals across edges of less than 30 degrees, and duplicate the vertices along all other edges."""
+    """Average the vertex normals of a mesh across edges of less than 30 degrees, and duplicate the vertices along sharper edges."""
     out = trimesh.graph.smooth_shade(mesh, angle=float(SMOOTH_RAD), facet_minarea=None)
     return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
 
 
 def food_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build a three-piece can: a straight body between two protruding double seams, with ends recessed by 4 mm.
+    """Build a three-piece food can: a straight body between two protruding rim seams, with ends recessed by 4 mm.
 
     Args:
-        diameter_m: diameter over the seams, as in can sizes.
+        diameter_m: outer diameter of the rim seams in metres, as in trade can sizes.
     """
     outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - SEAM_M, 0.003, 0.004
     half = [(0, deep), (body - 0.002, deep), (body - 0.001, 0.0005), (body, 0), (outer - 0.0004, 0), (outer, 0.0004), (outer, rim)]
@@ -54,10 +55,10 @@ def food_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
 
 
 def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build a two-piece can: domed base with a standing ring, straight wall, neck, and an end recessed below its seam.
+    """Build a two-piece drink can: domed base with a standing ring, straight wall, neck, and an upper end recessed below the rim seam.
 
     Args:
-        diameter_m: diameter of the wall.
+        diameter_m: diameter of the straight wall in metres.
     """
     wall, ring, end = diameter_m / 2, 0.024, END_M / 2
     dome = [(float(r), 0.0105 - 0.0095 * float(r / (ring - 0.002)) ** 2) for r in np.linspace(0, ring - 0.002, 9)]
@@ -69,13 +70,16 @@ def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
 
 
 def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -> trimesh.Trimesh:
-    """Build a vessel lofted through superellipses |x/a|^n + |y/b|^n = 1, with monotone cubic interpolation between them.
+    """Build a closed vessel whose cross-sections are superellipses |x/a|^n + |y/b|^n = 1.
+
+    Between the given cross-sections, the parameters a, b and n are interpolated by monotone cubic polynomials of the height.
 
     Args:
-        sections_m: (N, 4) rows of height z, half width a along x, half depth b along y, and exponent n (2: an ellipse, 6: flat sides with
-            rounded corners), from the bottom upwards; flat ends close the first and the last section.
+        sections_m: (N, 4) cross-sections from the bottom upwards, as rows of height z, half width a along x and half depth b along y in
+            metres, and exponent n (2: an ellipse, 6: flat sides with rounded corners). Flat ends close the first and the last
+            cross-section.
     Raises:
-        MeshError: there are fewer than two sections, heights do not rise, or a width, depth or exponent is invalid.
+        MeshError: there are fewer than two cross-sections, heights do not rise, or a width, depth or exponent is invalid.
     """
     sections = np.asarray(sections_m, float)
     if sections.ndim != 2 or sections.shape[1] != 4 or len(sections) < 2 or (np.diff(sections[:, 0]) <= 0).any():
@@ -107,7 +111,9 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -
 
 
 def superellipse(a: float, b: float, n: float) -> np.ndarray:
-    """Return points (4 * QUADRANT, 2) of a superellipse, counter-clockwise; their density follows arc length and curvature equally.
+    """Return points (4 * QUADRANT, 2) of the superellipse |x/a|^n + |y/b|^n = 1, in counter-clockwise order.
+
+    The spacing of the points depends in equal parts on arc length and on curvature.
 
     >>> bool(np.allclose(np.linalg.norm(superellipse(1, 1, 2), axis=1), 1, atol=1e-3))
     True
@@ -128,9 +134,10 @@ def superellipse(a: float, b: float, n: float) -> np.ndarray:
 
 
 def mug(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build the outside of a mug: a straight cup with a rounded foot; a lid of the wall's material closes its mouth.
+    """Build the outside of a mug: a straight cup with a rounded foot, closed at the top by a lid of the same material.
 
-    The ray tracer needs closed hollow bodies. A level radar sees the mouth edge-on, so the lid has little effect.
+    The lid is needed because the ray tracer needs closed bodies. A level radar sees the lid edge-on, so the lid has little effect on the
+    echo.
     """
     radius = diameter_m / 2
     foot = [(radius - 0.006 + 0.006 * np.sin(t), 0.006 - 0.006 * np.cos(t)) for t in np.linspace(0, np.pi / 2, 7)]
@@ -139,12 +146,14 @@ def mug(diameter_m: float, height_m: float) -> trimesh.Trimesh:
 
 
 def handle(wall_m: float, low_m: float, high_m: float, reach_m: float) -> trimesh.Trimesh:
-    """Build a handle: a bow in the xz plane from (wall_m, low_m) out to wall_m + reach_m and back to (wall_m, high_m), with flat ends.
+    """Build the handle of a mug: a bow in the xz plane with flat ends, which reaches from the wall out to x = wall_m + reach_m.
 
-    The ends stay 1 mm off the wall. The section is an ellipse, 13 mm along y and 9 mm in the plane of the bow.
+    The bow begins at (x, z) = (wall_m, low_m) and ends at (wall_m, high_m).
+
+    The ends of the bow stay 1 mm off the wall. The cross-section is an ellipse, 13 mm along y and 9 mm in the plane of the bow.
 
     Args:
-        wall_m: distance of the wall from the axis.
+        wall_m: distance in metres of the mug's wall from the z axis.
     """
     t = np.linspace(0, np.pi, 33)
     middle, rise = (low_m + high_m) / 2, (high_m - low_m) / 2
