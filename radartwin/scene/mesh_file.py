@@ -141,7 +141,7 @@ def _use_plain_colour_without_picture(mesh: trimesh.Trimesh) -> None:
 
 
 def _check_glb(stream: IO[bytes], path: Path) -> None:
-    """Raise an error for a .glb that unpacks to more than MAX_BYTES or MAX_INSTANCES mesh copies.
+    """Raise an error for a .glb that is much larger unpacked than its file, or that places too many mesh copies.
 
     A damaged file passes this check, because the reader of trimesh reports the damage.
     """

@@ -1,4 +1,4 @@
-"""Define the scene: surfaces in a world frame with z up, in metres."""
+"""Define the scene, a collection of surfaces in a world frame with z up, in metres."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ __all__ = ["Scene", "Surface"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """Hold the surfaces of one place. A scene is iterable over its surfaces, and `room + target` joins two scenes.
+    """Hold the surfaces of a room, of an object, or of both.
+
+    Iterating over a scene gives its surfaces, and `room + target` joins two scenes.
 
     >>> import trimesh
     >>> scene = Scene([Surface(trimesh.creation.box((0.1, 0.1, 0.1)), "metal", "box")])
@@ -54,30 +56,31 @@ class Scene:
 
     @property
     def bounds(self) -> np.ndarray:
-        """Lowest and highest corner of the bounding box, (2, 3) metres; zeros for a scene without surfaces."""
+        """Lowest and highest corner of the scene's bounding box, (2, 3), in metres; zeros for a scene without surfaces."""
         if not self.surfaces:
             return np.zeros((2, 3))
         corners = np.array([s.mesh.bounds for s in self.surfaces])
         return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
     def only(self, kind: Literal["object", "room"]) -> Scene:
-        """Return a scene of the surfaces of one kind."""
+        """Return a scene with only the surfaces of the given kind ("object" or "room")."""
         return Scene((s for s in self.surfaces if s.kind == kind), self.provenance)
 
     def without(self, names: Iterable[str]) -> Scene:
-        """Return a scene without the named surfaces; an unknown name raises SceneError."""
+        """Return a scene without the surfaces with the given names; an unknown name raises SceneError."""
         names = set(names)
         if unknown := sorted(names - set(self.names)):
             raise SceneError(f"the scene has no surface '{unknown[0]}'; it has {', '.join(sorted(set(self.names)))}")
         return Scene((s for s in self.surfaces if s.name not in names), self.provenance)
 
     def check_sensor(self, positions: np.ndarray) -> None:
-        """Refuse a sensor inside a solid. A solid is a watertight mesh of positive volume.
+        """Raise an error if the sensor is inside a solid. A solid is a watertight mesh of positive volume.
 
-        A room is not a solid, because a mesh with normals into the room has negative volume and separate walls are not watertight.
+        A room is not a solid, because separate walls are not watertight, and a closed room mesh with normals into the room has negative
+        volume.
 
         Args:
-            positions: (F, 3) world positions, or (3,).
+            positions: (F, 3) world positions of the sensor in F frames, or (3,) for a single frame, metres.
         """
         positions = np.atleast_2d(np.asarray(positions, dtype=np.float64))
         for index, surface in enumerate(self.surfaces):
@@ -91,7 +94,7 @@ class Scene:
                 )
 
     def save(self, folder: str | Path) -> Path:
-        """Write `scene.glb` and then `manifest.json` into `folder`, each atomically. Return the folder.
+        """Write `scene.glb` and then `manifest.json` into `folder`, each file atomically, and return the folder.
 
         Raises:
             SceneError: the scene has no surfaces.
@@ -101,17 +104,17 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | Path, material: str | Layered | None = None) -> Scene:
-        """Read a scene folder, or a plain mesh file with one material for all of it.
+        """Read a scene folder, or a plain mesh file whose surfaces all have the same material.
 
-        A plain .glb, .ply or .obj is read as metres with z up. `radartwin reconstruct` converts units and axes, repairs defects
-        and separates surfaces.
+        The coordinates of a plain .glb, .ply or .obj are taken as metres with z up. For files with different units or axes, or with
+        defects, use `radartwin reconstruct`, which also separates surfaces.
 
         Args:
-            path: folder with `scene.glb` and `manifest.json` (or either of the two files), or a .glb, .ply, .obj file.
+            path: scene folder with `scene.glb` and `manifest.json` (or the path of either file), or a plain .glb, .ply or .obj file.
             material: material of a plain mesh; None for a scene folder, which defines its own materials.
         Raises:
             MissingError: the path, or a file of the folder, does not exist.
             MeshError: a mesh is unreadable, empty, too large, or has NaN vertices.
-            SceneError: `material` is missing for a plain mesh, or the manifest does not match its geometry.
+            SceneError: `material` is None for a plain mesh, or the manifest does not match the geometry in `scene.glb`.
         """
         return cls(*read_scene(Path(path), material))

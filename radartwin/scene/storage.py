@@ -1,8 +1,8 @@
 """Write and read the surfaces of a scene folder: `scene.glb` and `manifest.json`.
 
-`scene.glb` holds the geometry in world coordinates, z up, one mesh per surface, as float32 (an error of about 1 um at 10 m).
-`manifest.json` lists name, material, roughness, role and provenance of each mesh and the SHA-256 of `scene.glb`. The manifest is written
-last, so its checksum detects a folder whose writing was interrupted or whose geometry was replaced.
+`scene.glb` holds the geometry in world coordinates with z up, one mesh per surface. Coordinates are float32 numbers, which have a rounding
+error of about 1 um at 10 m. `manifest.json` lists the name, material, roughness, role and provenance of each mesh, and the SHA-256 checksum
+of `scene.glb`. The manifest is written last, so that the checksum reveals an interrupted write or a replaced geometry file.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ UV_STEPS = 2**17
 
 
 def write_scene(surfaces: Sequence[Surface], provenance: Mapping[str, Any], folder: Path) -> Path:
-    """Write a scene folder, see `Scene.save`."""
+    """Write the surfaces of a scene to a scene folder; `Scene.save` documents the errors."""
     if not surfaces:
         raise SceneError("the scene has no surfaces, so there is nothing to save")
     out = trimesh.Scene()
@@ -70,14 +70,14 @@ def write_scene(surfaces: Sequence[Surface], provenance: Mapping[str, Any], fold
 
 
 def scene_folder(path: Path) -> Path | None:
-    """Return the scene folder for a path to the folder or to one of its two files, and None for a plain mesh."""
+    """Return the scene folder if `path` is a scene folder or a file in it (`scene.glb` or `manifest.json`); None for a plain mesh."""
     if path.name == MANIFEST or (path.name == GEOMETRY and (path.parent / MANIFEST).exists()):
         return path.parent
     return path if path.is_dir() else None
 
 
 def read_scene(path: Path, material: str | Layered | None = None) -> tuple[list[Surface], dict[str, Any]]:
-    """Read the surfaces and the provenance of a scene folder or a plain mesh, see `Scene.load`."""
+    """Read the surfaces and the provenance of a scene folder or a plain mesh file; `Scene.load` documents the errors."""
     if not path.exists():
         raise MissingError(f"scene {path} is not there; give a scene folder or a .glb, .ply or .obj file")
     folder = scene_folder(path)
@@ -101,17 +101,20 @@ def _with_vertex_visual(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def material_to_json(material: str | Layered) -> str | dict[str, Any]:
-    """Convert a material to JSON: a name is unchanged; a stack becomes {"layers": [[material, thickness_m], ...], "backing": ...}."""
+    """Convert a material to a JSON value. A material name stays unchanged.
+
+    A stack of layers becomes {"layers": [[material, thickness_m], ...], "backing": ...}.
+    """
     if isinstance(material, str):
         return material
     return {"layers": [[name, float(thickness)] for name, thickness in material.layers], "backing": material.backing}
 
 
 def material_from_json(value: Any) -> str | Layered:
-    """Convert the result of `material_to_json` back to a material.
+    """Convert a JSON value from `material_to_json` back to a material.
 
     Raises:
-        SceneError: the value is neither a name nor a stack.
+        SceneError: the value is neither a material name nor a stack of layers.
     """
     if isinstance(value, str):
         return value

@@ -16,27 +16,28 @@ from radartwin.scene.checks import check_mesh
 
 Role = Literal["auto", "object", "room"]
 
-# Limits of role "auto". A surface below any of these limits is an object.
-OBJECT_EXTENT_M = 0.5  # length; the largest of the twelve catalogue objects is a 0.3 m bottle
-OBJECT_WIDTH_M = 0.2  # width, for any length; at 3 m about ten ray tubes of role "room" fit side by side
-CURVED_EXTENT_M = 2.0  # length of a curved mesh; a larger mesh with bent edges is a flat surface with scan noise
+# Size limits in metres with which role "auto" decides. A surface below any of these limits is an object.
+OBJECT_EXTENT_M = 0.5  # limit of the longest extent; the largest of the twelve catalogue objects is a 0.3 m bottle
+# limit of the second-longest extent; about ten ray tubes of role "room" fit side by side into this width at a range of 3 m
+OBJECT_WIDTH_M = 0.2
+CURVED_EXTENT_M = 2.0  # limit of the longest extent of a curved mesh; a larger mesh with bent edges is a flat surface with scan noise
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surface:
-    """Hold a mesh with its material.
+    """Hold a triangle mesh with its material and roughness.
 
     Args:
-        mesh: triangles in metres, world frame (or the object's own frame if `simulate(motion=...)` moves it).
-        material: a name of `radartwin.materials` or a `Layered` stack, outermost layer first.
-        name: name in motion, labels and reports; surfaces of one name move together.
-        roughness_m: standard deviation of the surface height.
-        role: "object" is traced with wavelength-scale tubes, "room" with wide tubes; "auto" decides by size.
-        provenance: origin of the material (source, confidence, whether it is a substitute), stored in the manifest.
+        mesh: triangle mesh in metres, in the world frame (or in the object's own frame if `simulate(motion=...)` moves the surface).
+        material: name of a material in `radartwin.materials`, or a `Layered` stack of materials, outermost layer first.
+        name: name of the surface in motions, material labels and reports; surfaces with the same name move together.
+        roughness_m: standard deviation of the surface height in metres.
+        role: "object" means that the surface is traced with wavelength-scale ray tubes, "room" with wide ray tubes; "auto" decides by size.
+        provenance: where the material comes from (source, confidence, whether it is a substitute), stored in the scene's manifest.
     Raises:
         MeshError: the mesh is not a triangle mesh, is empty, has NaN vertices, or spans over 100 m.
-        MaterialError: the material is unknown.
-        SceneError: the roughness is negative or the role is unknown.
+        MaterialError: the material name is unknown, or the stack of layers is empty.
+        SceneError: the roughness is negative or not finite, or the role is unknown.
     """
 
     mesh: trimesh.Trimesh
@@ -63,7 +64,7 @@ class Surface:
 
     @property
     def kind(self) -> Literal["object", "room"]:
-        """Role of the surface. "auto" becomes "room" for a large, wide and flat mesh, and "object" for any other mesh."""
+        """Role of the surface, where "auto" is replaced by "room" for a large, wide and flat mesh, and by "object" for any other mesh."""
         if self.role != "auto":
             return self.role
         _, width, length = sorted(float(extent) for extent in self.mesh.extents)
@@ -72,14 +73,17 @@ class Surface:
         return "object" if length <= CURVED_EXTENT_M and self.is_curved() else "room"
 
     def is_curved(self) -> bool:
-        """Return whether more than a fifth of the edges bend by 0.5 to 30 degrees, as in a tessellated curved surface but not in a box."""
+        """Return whether the mesh approximates a curved surface: more than a fifth of its edges bend by 0.5 to 30 degrees."""
         angles = np.degrees(self.mesh.face_adjacency_angles)
         return bool(len(angles) and ((angles > 0.5) & (angles < 30)).mean() > 0.2)
 
     def replaced(self, **changes: Any) -> Surface:
-        """Return a copy with some fields changed, e.g. `surface.replaced(material="concrete")`."""
+        """Return a copy of the surface with some fields changed, for example `surface.replaced(material="concrete")`."""
         return dataclasses.replace(self, **changes)
 
     def moved(self, pose: np.ndarray) -> Surface:
-        """Return a copy with its mesh moved by a (4, 4) rigid transform; role "auto" is resolved before the move."""
+        """Return a copy of the surface with its mesh moved by the rigid transform `pose` (4, 4).
+
+        The copy has the role `kind` of the original instead of "auto", because a rotation changes the extents of the mesh.
+        """
         return dataclasses.replace(self, mesh=self.mesh.copy().apply_transform(pose), role=self.kind)

@@ -1,8 +1,8 @@
-"""Define the appearance of surfaces: procedural bitmaps by name, and meshes with these bitmaps at true size.
+"""Define the visible appearance of surfaces: named textures that are drawn procedurally, and meshes with these textures at true size.
 
-A `Look` is a pattern with its colours and the size of its bitmap in metres. The bitmap repeats without a seam. Each face is projected onto
-the side of a box that it faces; texture coordinates are metres on that side divided by the size of the bitmap. The same name and seed give
-the same pixels.
+A texture (class `Look`) is a pattern with its colours and the size of its bitmap in metres. The bitmap repeats without a seam. Each face of
+a mesh is projected onto the side of a box that the face is most parallel to. Texture coordinates are positions on that side in metres,
+divided by the size of the bitmap. The same name and seed give the same pixels.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from radartwin.scene import patterns
 if TYPE_CHECKING:
     from trimesh.visual.material import PBRMaterial
 
-PIXEL_M = 0.004  # default pixel size; a pixel of a phone's camera covers 3 mm at 4 m
+PIXEL_M = 0.004  # default size of a bitmap pixel in metres; a pixel of a phone's camera covers 3 mm at 4 m
 
 
 class Look(NamedTuple):
-    """Describe a pattern with its colours.
+    """Describe a texture: a pattern with its colours and its size.
 
     Attributes:
-        draw: (rng, (h, w), metres per pixel, colours) -> (h, w, 3) floats in 0..1.
-        colours: 0xRRGGBB, the main colour first.
-        width_m, height_m: size of the bitmap, which is the period of the pattern.
-        metallic: metallic factor of the rendered material.
-        pixel_m: metres per pixel.
-        fits: whether the bitmap is stretched over one side of an object, as for screens and posters.
-        wraps: whether the bitmap is a label, stretched over the height of a can and repeated around its axis; the can's ends have the
-            colours of the bitmap's bottom row.
+        draw: function of (rng, (h, w), metres per pixel, colours) that draws a bitmap (h, w, 3) with floats in 0..1.
+        colours: colours of the pattern as 0xRRGGBB, the main colour first.
+        width_m, height_m: size of the bitmap in metres, which is the period of the pattern.
+        metallic: metallic factor (0 to 1) of the material when the mesh is rendered.
+        pixel_m: size of a bitmap pixel in metres.
+        fits: whether the bitmap is stretched over a side of an object, as for screens and posters.
+        wraps: whether the bitmap is the paper label of a can, which is stretched over the can's height and repeated around the can's axis;
+            the ends of the can have the colours of the bitmap's bottom row.
     """
 
     draw: Callable[[np.random.Generator, tuple[int, int], float, np.ndarray], np.ndarray]
@@ -93,7 +93,7 @@ LOOKS: dict[str, Look] = {
 
 @lru_cache(maxsize=128)
 def bitmap(name: str, seed: int = 0) -> np.ndarray:
-    """Draw the bitmap of a look: (h, w, 3) uint8, read-only, row 0 at the top."""
+    """Draw the bitmap of the texture `name`: a read-only uint8 array (h, w, 3) with row 0 at the top."""
     look = _look(name)
     shape = (round(look.height_m / look.pixel_m), round(look.width_m / look.pixel_m))
     rng = np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
@@ -104,14 +104,14 @@ def bitmap(name: str, seed: int = 0) -> np.ndarray:
 
 
 def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0, fit: bool = False) -> trimesh.Trimesh:
-    """Return a copy of a mesh with the texture of a look.
+    """Return a copy of a mesh with the texture `name`.
 
     Vertices are duplicated only where their faces are projected onto different sides of a box. Faces keep their order and winding.
 
     Args:
-        fit: whether one bitmap is stretched over each side of the mesh instead of repeated, as for screens and posters.
+        fit: whether the texture's bitmap is stretched over each side of the mesh instead of repeated, as for screens and posters.
     Raises:
-        SceneError: the look does not exist.
+        SceneError: there is no texture with this name.
     """
     look = _look(name)
     if look.wraps:
@@ -126,12 +126,12 @@ def _look(name: str) -> Look:
 
 
 def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, along: np.ndarray, up: np.ndarray) -> trimesh.Trimesh:
-    """Return a copy of a flat mesh covered by one picture.
+    """Return a copy of a flat mesh that is covered by a picture.
 
     Args:
-        image: (h, w, 3) floats in 0..1, row 0 at the top.
-        corner: (3,) position of the picture's lower left corner.
-        along, up: (3,) vectors along the picture's lower and left edge, as long as the edges, in metres.
+        image: (h, w, 3) picture with floats in 0..1 and row 0 at the top.
+        corner: (3,) position of the picture's lower left corner, metres.
+        along, up: (3,) vectors from the picture's lower left corner to the lower right and to the upper left corner, metres.
     """
     offset = np.asarray(mesh.vertices) - corner
     uv = np.stack([offset @ along / (along @ along), offset @ up / (up @ up)], axis=1)
@@ -139,7 +139,7 @@ def with_image(mesh: trimesh.Trimesh, image: np.ndarray, corner: np.ndarray, alo
 
 
 def tiled(name: str, size_m: tuple[float, float], pixel_m: float) -> np.ndarray:
-    """Repeat a look over a rectangle (width, height); returns (h, w, 3) floats in 0..1."""
+    """Repeat the texture `name` over a rectangle of `size_m` (width, height), and return a picture (h, w, 3) with floats in 0..1."""
     look, tile = LOOKS[name], bitmap(name)
     columns = ((np.arange(round(size_m[0] / pixel_m)) + 0.5) * pixel_m % look.width_m / look.width_m * tile.shape[1]).astype(int)
     rows = ((np.arange(round(size_m[1] / pixel_m)) + 0.5) * pixel_m % look.height_m / look.height_m * tile.shape[0]).astype(int)
@@ -159,7 +159,7 @@ def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[f
         corner = np.take_along_axis(np.broadcast_to(low, points.shape), plane, axis=1)
         extent = np.take_along_axis(np.broadcast_to(high - low, points.shape), plane, axis=1)
         uv = (flat - corner) / np.maximum(extent, 1e-9)
-        # From outside, the picture must read from left to right.
+        # Seen from outside, text in the picture must read from left to right.
         outward = np.take_along_axis(normals[vertex], side[:, None], axis=1)[:, 0]
         mirrored = np.where(side == 1, outward > 0, outward < 0)
         uv[mirrored, 0] = 1 - uv[mirrored, 0]
@@ -172,12 +172,16 @@ def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[f
 
 
 def _with_label(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) -> trimesh.Trimesh:
-    """Put a label around a body of revolution about z. Vertices are duplicated along the label's seam and at the rims of the ends."""
+    """Put a paper label around a body of revolution about z.
+
+    Vertices are duplicated along the label's seam and at the rims of both ends.
+    """
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     low, high = np.asarray(mesh.bounds)
     repeats = max(1, round(np.pi * float((high - low)[:2].max()) / width_m))
     turn = np.arctan2(vertices[:, 1], vertices[:, 0])[faces] / (2 * np.pi) % 1.0
-    over = (np.ptp(turn, axis=1, keepdims=True) > 0.5) & (turn < 0.5)  # a face across the seam continues beyond one turn
+    # the texture coordinates of a face across the seam continue beyond a full turn
+    over = (np.ptp(turn, axis=1, keepdims=True) > 0.5) & (turn < 0.5)
     end = np.repeat(np.abs(mesh.face_normals[:, 2:]) > 0.5, 3, axis=1)
     key, index = np.unique(np.stack([faces.ravel(), over.ravel(), end.ravel()], axis=1), axis=0, return_inverse=True)
     vertex, over, end = key.T
@@ -193,7 +197,7 @@ def _textured(vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: 
 
 
 def _as_bytes(image: np.ndarray) -> np.ndarray:
-    """Convert (h, w, 3) floats in 0..1 to uint8."""
+    """Convert a picture (h, w, 3) of floats in 0..1 to uint8 values 0..255."""
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 

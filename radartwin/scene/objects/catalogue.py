@@ -1,4 +1,4 @@
-"""Define the catalogue of the twelve objects of the recognition study: shape, size, materials, class labels and the sources of the dimensions.
+"""Define the twelve catalogue objects of the recognition study: shape, size, materials, class labels and the sources of the dimensions.
 
 Objects stand on z = 0. The vertical axis of each object is the z axis, which is also the axis of the turntable. In the first turntable
 frame, the side +x of an object faces the radar. The opening of the corner reflector and the handle of the mug point to +x, and the narrow

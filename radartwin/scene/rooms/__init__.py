@@ -1,9 +1,11 @@
-"""Build procedural rooms with known materials. World frame: origin on the floor, x along the room, y to the left, z up; metres.
+"""Build procedural rooms with known materials.
 
-Walls, floor and ceiling are single-sided rectangles that face into the room. Windows and doors fill openings in their walls, so no two
-surfaces overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls, because faces in contact shadow each other: the
-ray tracer starts rays up to 1 mm off a face (at 10 m). Every surface has a material, a roughness and a look (a name of `textures`); its
-provenance contains the true MINC category.
+The world frame has its origin on the floor, x along the room, y to the left and z up, in metres.
+
+Walls, floor and ceiling are single-sided rectangles that face into the room. Windows and doors fill openings in their walls, so that
+surfaces never overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls. The gap is needed because the ray tracer
+starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other. Every surface has a material, a roughness and
+a texture (a name in `textures.LOOKS`). The provenance of a surface contains its true category in the MINC data set of material photographs.
 """
 
 from __future__ import annotations
@@ -26,17 +28,17 @@ from radartwin.scene.trajectories.trajectory import look_at, pose
 __all__ = ["CLUTTER", "ROOMS", "atrium", "bench", "empty", "lab", "lab_bench", "rectangle", "room", "squash_court", "support", "void"]
 
 ROVER_HEIGHT_M = 0.4  # height of the rover's radar above the floor
-# Start of the rover (x, y) on the long axis; (1, 0) in all other rooms.
+# Start position (x, y) of the rover in metres for some rooms; in rooms without an entry, the rover starts at (1, 0).
 _STARTS = {"atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
 
 
 def empty() -> Scene:
-    """Return free space: a scene without surfaces."""
+    """Return a scene without surfaces, which represents free space."""
     return Scene([], {"room": "empty"})
 
 
 def void() -> Scene:
-    """Return a scene without a room, to which only an object and its stand are added."""
+    """Return a scene without a room, for an object on a stand in otherwise free space."""
     return Scene([], {"room": "void"})
 
 
@@ -47,7 +49,7 @@ def room(name: str, **options: Any) -> Scene:
     """Build a room by name, e.g. `room("squash_court", back="glass", detail="cluttered")`.
 
     Raises:
-        SceneError: the room or an option is unknown, or a value is invalid.
+        SceneError: the room name or an option of the room is unknown, or the value of an option is invalid.
 
     >>> room("empty").provenance["room"]
     'empty'
@@ -61,7 +63,10 @@ def room(name: str, **options: Any) -> Scene:
 
 
 def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
-    """Return the sensor pose at the rover's start in a room, looking along +x; targets stand on the boresight at 0.5 to 2 m."""
+    """Return the sensor pose at the rover's start position in a room.
+
+    The sensor looks along +x. Targets stand on the boresight, 0.5 to 2 m from the sensor.
+    """
     if name not in ROOMS:
         raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")
     position = np.array([*_STARTS.get(name, (1.0, 0.0)), height_m])
@@ -69,17 +74,18 @@ def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
 
 
 def lab_bench(height_m: float = 1.0) -> Bench:
-    """Return the sensor pose of the turntable experiments in the lab, 1 m in front of the back wall, looking along +x.
+    """Return the sensor pose of the turntable experiments in the laboratory: 1 m in front of the back wall, looking along +x.
 
-    In the default room, targets at 0.5 to 2 m are free of clutter; furniture and walls reflect from 2 to 6 m.
+    In the default laboratory, no furniture is within 2 m of the sensor, where the targets stand; furniture and walls reflect at ranges of 2
+    to 6 m.
     """
     return bench("lab", height_m)
 
 
 def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0.03) -> Scene:
-    """Build the stand of an object: a turntable disc on a wooden post, with the centre of its top at `position` (3,).
+    """Build the stand of an object: a turntable disc on a wooden post, with the centre of the disc's upper side at `position` (3,).
 
-    The post is round and thin, and the disc is below the object's base, so that no flat face points at the radar.
+    The post is round and thin, and the disc is below the object's base, so that no flat face of the stand points at the radar.
     """
     x, y, top = (float(v) for v in position)
     post = top - thickness_m - 2 * GAP
@@ -88,4 +94,4 @@ def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0
     disc = objects.cylinder(radius_m, thickness_m).apply_transform(pose([x, y, top - thickness_m / 2]))
     column = objects.cylinder(0.03, post, 32).apply_transform(pose([x, y, GAP + post / 2]))
     parts = (surface("turntable", disc, "turntable", role="object"), surface("stand", column, "solid wood", role="object"))
-    return Scene(part.replaced(roughness_m=0.0) for part in parts)  # turned and varnished
+    return Scene(part.replaced(roughness_m=0.0) for part in parts)  # the stand is turned and varnished, so it is smooth

@@ -1,7 +1,8 @@
-"""Build a furnished atrium: wood-panelled walls, glass doors, metal fixtures, plasterboard.
+"""Build a furnished atrium (entrance hall) with wood-panelled walls, glass doors, metal fixtures and plasterboard.
 
-The paper lists these features (caption of its rover setup, and "a furnished atrium (glass doors, metal fixtures, plasterboard walls)")
-without dimensions; size and furniture are those of an ordinary entrance hall. A strip 2 m wide along the long axis is free for the rover.
+The paper that RadarTwin reproduces names these features ("a furnished atrium (glass doors, metal fixtures, plasterboard walls)", and the
+caption of its rover setup) without dimensions. The size and the furniture here are therefore those of an ordinary entrance hall. A strip 2
+m wide along the long axis of the atrium is free for the rover.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
 CLUTTER = ("parcel", "laptop", "desk_vase", "magazines", "bag", "umbrella_stand", "litter_bin", "coffee_cup")
-FRAME_M = 0.06  # bars of door frames
-THIN_M = 0.012  # of boards, plates and rugs, see furniture
+FRAME_M = 0.06  # width of the bars of door frames
+THIN_M = 0.012  # thickness of boards, plates and rugs; the module `furniture` gives the reason
 
 
 def atrium(size_m: Sequence[float] = (12.0, 9.0, 5.0), detail: Detail = "furnished") -> Scene:
-    """Build an atrium, x in [0, length], y in [-width/2, width/2], z in [0, height]; the glass doors are in the front wall.
+    """Build an atrium with x in [0, length], y in [-width/2, width/2] and z in [0, height] and with glass doors in the front wall.
 
     Args:
-        size_m: length, width, height; furniture keeps its size and its place at the walls.
+        size_m: length, width and height in metres; for any size, furniture keeps its own size and stands at the same walls.
         detail: "shell" (walls, doors, windows, lifts), "furnished" (columns, desk, seats, planters, railing, metal fixtures, lamps) or
             "cluttered" (also the small items of CLUTTER).
     """
@@ -103,7 +104,7 @@ def _fixtures(length: float, width: float, height: float) -> list[Surface]:
 
 def _seats(length: float, width: float) -> list[Surface]:
     y = width / 2
-    x = length / 2 + 0.2  # start of the seating group along the right wall
+    x = length / 2 + 0.2  # x at which the seating group along the right wall begins
     rug = objects.box([x + 0.3, -y + 1.35, GAP], [x + 2.7, -y + 2.85, GAP + THIN_M])
     return [
         *furniture.sofa("sofa", [x + 0.4, -y + 0.35], [x + 2.5, -y + 1.25], "-y", "fabric"),

@@ -1,8 +1,9 @@
-"""Build furniture of closed boxes with outward normals and gaps of a few millimetres between the parts.
+"""Build furniture from closed boxes with outward normals and gaps of a few millimetres between the boxes.
 
-No parts touch, because the ray tracer starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other. Legs
-end 5 mm below a top, and all furniture stands `GAP` off floor and walls. No part is thinner than 12 mm, because the tracer does not treat
-faces narrower than 10 mm as panels and would trace the whole surface with wavelength-scale tubes.
+Boxes never touch, because the ray tracer starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other.
+Table legs end 5 mm below the table top, and all furniture stands at a distance `GAP` from floor and walls. Every box is at least 12 mm
+thick. If a surface had a face narrower than 10 mm, the ray tracer would not treat the face as a flat panel and would trace the whole
+surface with wavelength-scale ray tubes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from radartwin.scene import objects
 from radartwin.scene.rooms.parts import GAP, surface
 from radartwin.scene.scene import Surface
 
-JOINT = 0.005  # gap between parts of one piece, metres
+JOINT = 0.005  # gap in metres between the parts of a piece of furniture
 
 
 def table(
@@ -29,7 +30,10 @@ def table(
     top: str = "table top",
     legs: str = "dark metal",
 ) -> list[Surface]:
-    """Build a table top of `size` (x, y), with its corner of smallest x and y at `corner`, on metal legs that end GAP above `floor`."""
+    """Build a table: a top of `size` (x, y) with its corner of smallest x and y at `corner`, on metal legs.
+
+    The legs end at the distance GAP above the height `floor`. All lengths are in metres.
+    """
     (x, y), (depth, width) = corner, size
     board = objects.box([x, y, height - 0.025], [x + depth, y + width, height])
     side, inset = 0.04, 0.03
@@ -42,7 +46,7 @@ def table(
 
 
 def shelf(x: float, y: float, depth: float, width: float, height: float = 1.8, boards: int = 5) -> trimesh.Trimesh:
-    """Build an open shelf along y: two sides with evenly spaced boards between them."""
+    """Build an open shelf whose width is along y: two sides with evenly spaced boards between them."""
     t, gap = 0.018, JOINT
     parts = [objects.box([x, v, GAP], [x + depth, v + t, height]) for v in (y, y + width - t)]
     for z in np.linspace(0.08, height - t, boards):
@@ -54,7 +58,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
     """Build a sofa or armchair on metal feet, within the rectangle from `low` (x, y) to `high` (x, y).
 
     Args:
-        back: side of the backrest: "-x", "+x", "-y" or "+y".
+        back: side on which the backrest stands: "-x", "+x", "-y" or "+y".
     """
     axis, sign = "xy".index(back[1]), 1 if back[0] == "+" else -1
     corner, size = np.asarray(low, float), np.asarray(high, float) - np.asarray(low, float)
@@ -62,7 +66,10 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
     arm, depth, seat, top, rest = 0.16, 0.2, 0.42, 0.62, 0.82
 
     def part(span: tuple[float, float], run: tuple[float, float], z: tuple[float, float]) -> trimesh.Trimesh:
-        """Build a box: `span` along the backrest, `run` perpendicular to it; both are measured from the side of smaller x or y."""
+        """Build a box from its extents: `span` along the backrest, `run` perpendicular to the backrest, and `z`.
+
+        `span` and `run` are measured in metres from the side of smaller x or y.
+        """
         a, b = np.zeros(2), np.zeros(2)
         a[across], b[across] = span
         a[axis], b[axis] = run if sign > 0 else (size[axis] - run[1], size[axis] - run[0])
@@ -87,7 +94,7 @@ def sofa(name: str, low: Sequence[float], high: Sequence[float], back: str, fini
 
 
 def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.5, tall: float = 1.1) -> list[Surface]:
-    """Build a brick box with soil and a shrub, centred at (x, y)."""
+    """Build a planter centred at (x, y): a brick box with soil and a shrub."""
     h, t = side / 2, 0.06
     walls = [
         objects.box([x - h, y - h, GAP], [x - h + t, y + h, height]),
@@ -104,9 +111,10 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
 
 
 def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
-    """Build a shrub with its base at `base` (3,), an eight-sided body that is widest at a third of its height.
+    """Build a shrub on the point `base` (3,) as an eight-sided body that is widest at a third of its height.
 
-    All edges have angles of 30 degrees or more, so the tracer treats its faces as panels, like all furniture.
+    All edges of the shrub have angles of 30 degrees or more, so that the ray tracer treats its faces as flat panels, like those of all
+    furniture.
     """
     azimuth = np.pi / 4 * np.arange(8) + np.pi / 8
     around = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(8)], axis=1)

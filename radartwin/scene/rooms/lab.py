@@ -1,7 +1,7 @@
-"""Build the laboratory of the turntable and rail experiments.
+"""Build the procedural laboratory in which the turntable and rail experiments are simulated.
 
-The paper gives no dimensions, so size and furniture are those of an ordinary laboratory. The size is a parameter, and every piece of
-furniture is a named surface that can be left out.
+The paper that RadarTwin reproduces gives no dimensions of its laboratory, so size and furniture are those of an ordinary laboratory. The
+size is a parameter, and every piece of furniture is a named surface that can be omitted.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from radartwin.scene.rooms.parts import GAP, Detail, Shell, check_options, room_
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-# The small items of "cluttered", which a scan may miss.
+# The small items of the detail level "cluttered", which a scan may miss.
 CLUTTER = ("monitor", "cardboard_box", "waste_bin", "stool_seat", "extinguisher")
 
 
 def lab(size_m: Sequence[float] = (6.0, 5.0, 2.8), detail: Detail = "furnished") -> Scene:
-    """Build a laboratory, x in [0, length], y in [-width/2, width/2], z in [0, height].
+    """Build a laboratory with x in [0, length], y in [-width/2, width/2] and z in [0, height].
 
     Args:
-        size_m: length, width, height; furniture keeps its size and its place at the walls.
+        size_m: length, width and height in metres; for any size, furniture keeps its own size and stands at the same walls.
         detail: "shell" (walls, floor, ceiling, window, door), "furnished" (tables, cabinet, shelf, radiator) or
             "cluttered" (also the small items of `CLUTTER`).
     """
@@ -38,7 +38,7 @@ def lab(size_m: Sequence[float] = (6.0, 5.0, 2.8), detail: Detail = "furnished")
 def _shell(shell: Shell) -> list[Surface]:
     width, length = shell.width, shell.length
     window = (length / 2 - 1.1, 0.9, length / 2 + 0.9, 2.1)
-    door = (width / 2 + 0.8, 0.0, width / 2 + 1.7, 2.05)  # along the wall from its left-hand corner, up
+    door = (width / 2 + 0.8, 0.0, width / 2 + 1.7, 2.05)  # position along the wall from its left-hand corner, and height
     return [
         surface("floor", shell.wall("floor"), "board floor"),
         surface("ceiling", shell.wall("ceiling"), "acoustic ceiling"),

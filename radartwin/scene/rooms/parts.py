@@ -1,9 +1,9 @@
-"""Build the parts of rooms: walls with openings, finishes with their true materials, and the place of sensor and targets (bench).
+"""Build the parts of procedural rooms: walls with openings, surface finishes with their true materials, and the sensor pose (bench).
 
-A finish is the true description of a surface: material, MINC category, roughness class and look. `radartwin.materials.roughness` gives the
-height of each roughness class and its source: painted plaster 0.05 mm, acoustic board 0.3 mm, planed wood 0.03 mm, metal 0.1 mm, concrete
-0.3 mm, glass 0. Layers follow building practice: 12.5 mm plasterboard on 75 mm studs, 4-16-4 mm double glazing, an 8 mm floor on concrete,
-15 mm ceiling board, a 40 mm door leaf, 25 mm chipboard table tops.
+A finish is the true description of a surface: material, MINC category, roughness class and texture. `radartwin.materials.roughness` gives
+the standard deviation of the height for each roughness class, with its source: painted plaster 0.05 mm, acoustic board 0.3 mm, planed wood
+0.03 mm, metal 0.1 mm, concrete 0.3 mm, glass 0. The thicknesses of material layers follow building practice: 12.5 mm plasterboard on 75 mm
+studs, 4-16-4 mm double glazing, an 8 mm floor on concrete, 15 mm ceiling board, a 40 mm door leaf, 25 mm chipboard table tops.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from radartwin.scene.scene import Scene, Surface
 
 Detail = Literal["shell", "furnished", "cluttered"]
 DETAILS: tuple[Detail, ...] = ("shell", "furnished", "cluttered")
-Opening = tuple[float, float, float, float]  # u0, v0, u1, v1 in metres: along a wall from its corner, and up
+# u0, v0, u1, v1 in metres, where u is the position along a wall from its corner and v is the height
+Opening = tuple[float, float, float, float]
 
-GAP = 0.01  # between furniture and the floor or a wall, metres
+GAP = 0.01  # gap in metres between furniture and the floor or a wall
 
 STUD_WALL = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
 CONCRETE_WALL = Layered([("concrete", 0.20)])
@@ -33,14 +34,14 @@ CLOTH = Layered([("wood", 0.0005)])  # textile (permittivity 2.0) over foam, whi
 
 
 class Finish(NamedTuple):
-    """Hold the true description of a surface.
+    """Hold the true description of a surface: material, roughness and appearance.
 
     Attributes:
-        material: material for the radar.
-        minc: MINC category.
-        roughness: class of `radartwin.materials.roughness`.
-        look: appearance, a name of `textures`.
-        stand_in: whether the material is a substitute, because P.2040 has no fit for the real material at 77 GHz.
+        material: material that the radar simulation uses.
+        minc: true category of the surface in the MINC data set of material photographs.
+        roughness: roughness class, a name in `radartwin.materials.roughness`.
+        look: texture of the surface, a name in `textures.LOOKS`.
+        stand_in: whether the material is a substitute, because ITU-R P.2040 has no permittivity fit for the real material at 77 GHz.
     """
 
     material: str | Layered
@@ -50,9 +51,9 @@ class Finish(NamedTuple):
     stand_in: bool = False
 
 
-# Wood panelling is veneered boards on battens, and the court floor is beech on battens. MINC has no category for ceiling boards. Glass
-# replaces porcelain tiles and thin wood replaces corrugated board, because they are the closest P.2040 materials. materials.minc gives the
-# sources of leather and foliage.
+# Wood panelling is veneered boards on battens, and the floor of the squash court is beech on battens. MINC has no category for ceiling
+# boards. Glass replaces porcelain tiles, and thin wood replaces corrugated board, because they are the closest materials in ITU-R P.2040.
+# The module materials.minc gives the sources of leather and foliage.
 FINISHES: dict[str, Finish] = {
     "plaster wall": Finish(STUD_WALL, "painted", "painted", "plaster"),
     "white wall": Finish(STUD_WALL, "painted", "painted", "white_plaster"),
@@ -81,9 +82,10 @@ FINISHES: dict[str, Finish] = {
     "leather": Finish(Layered([("plasterboard", 0.0012)]), "leather", "leather", "leather", stand_in=True),
     "carpet": Finish(
         Layered([("wood", 0.008)]), "carpet", "carpet", "carpet", stand_in=True
-    ),  # P.2040's fit for carpet tile ends at 40 GHz
+    ),  # the fit of ITU-R P.2040 for carpet tile ends at 40 GHz
     "foliage": Finish(Layered([("detergent", 0.0003)]), "foliage", "foliage", "foliage", stand_in=True),
-    "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),  # P.2040's brick ends at 40 GHz, see materials.itu
+    # the fit of ITU-R P.2040 for brick ends at 40 GHz, see materials.itu
+    "brick": Finish("floorboard", "brick", "brick", "brick", stand_in=True),
     "soil": Finish("concrete", "other", "food", "soil", stand_in=True),
     "paper": Finish(Layered([("wood", 0.001)]), "paper", "paper", "poster", stand_in=True),
     "cardboard": Finish(Layered([("wood", 0.004)]), "paper", "paper", "cardboard", stand_in=True),
@@ -95,16 +97,16 @@ FINISHES: dict[str, Finish] = {
 
 @dataclass(frozen=True)
 class Bench:
-    """Hold the place of a measurement: the sensor looks horizontally along the room, and targets stand on its boresight.
+    """Hold the sensor pose of an experiment in a room: the sensor looks horizontally along the room, and targets stand on its boresight.
 
     Attributes:
-        sensor_pose: (4, 4) sensor-to-world.
+        sensor_pose: (4, 4) sensor-to-world pose, metres.
     """
 
     sensor_pose: np.ndarray
 
     def target_position(self, distance_m: float) -> np.ndarray:
-        """Return the point (3,) on the boresight at a distance from the radar."""
+        """Return the world point (3,) on the sensor's boresight at the distance `distance_m` from the sensor."""
         return self.sensor_pose[:3, 3] + distance_m * self.sensor_pose[:3, 0]
 
 
@@ -119,14 +121,14 @@ def surface(
     picture: trimesh.Trimesh | None = None,
     seed: int = 0,
 ) -> Surface:
-    """Build a surface from a mesh and a finish, which defines the true material, roughness, look and MINC category.
+    """Build a surface from a mesh and a finish, which defines the true material, roughness, texture and MINC category.
 
     Args:
-        finish: a key of FINISHES.
-        look: a look that replaces the look of the finish.
-        fit: whether one bitmap is stretched over each side instead of repeated.
-        picture: the mesh with a texture, which replaces the look.
-        seed: seed of the bitmap.
+        finish: name of the finish, a key of FINISHES.
+        look: name of a texture that replaces the texture of the finish.
+        fit: whether the texture's bitmap is stretched over each side of the mesh instead of repeated.
+        picture: the same mesh with a picture as texture, which replaces the texture of the finish.
+        seed: random seed with which the texture's bitmap is drawn.
     """
     kind = FINISHES[finish]
     shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
@@ -137,10 +139,10 @@ def surface(
 def room_scene(
     surfaces: Sequence[Surface], room: str, size_m: Sequence[float], detail: Detail, clutter: Sequence[str] = (), **more: object
 ) -> Scene:
-    """Build the scene of a room, with the room's parameters in the provenance.
+    """Build the scene of a procedural room, with the parameters of the room in the scene's provenance.
 
     Args:
-        clutter: names of the small items that a scan may miss; the provenance lists those that are present.
+        clutter: names of the small items that a scan may miss; the provenance lists the items that the room contains.
     """
     names = {s.name for s in surfaces}
     present = [name for name in clutter if name in names]
@@ -150,10 +152,10 @@ def room_scene(
 def check_options(
     room: str, size_m: Sequence[float], detail: str, least: tuple[float, float, float], most: tuple[float, float, float]
 ) -> list[float]:
-    """Check the options of a room and return its length, width and height in metres.
+    """Check the options of a procedural room, and return the length, width and height of the room in metres.
 
     Raises:
-        SceneError: `detail` is unknown, `size_m` does not have three numbers, or a number is outside its limits.
+        SceneError: `detail` is unknown, `size_m` does not have three numbers, or a number is below `least` or above `most`.
     """
     if detail not in DETAILS:
         raise SceneError(f"{room}: detail is {detail!r}; choose {', '.join(DETAILS)}")
@@ -174,12 +176,17 @@ def rectangle(
     openings: Sequence[Opening] = (),
     inset: Opening | None = None,
 ) -> trimesh.Trimesh:
-    """Build a single-sided rectangle with rectangular openings and without T-junctions. Its normal is the cross product along x up.
+    """Build a single-sided rectangle with rectangular openings, without T-junctions between triangles.
+
+    The normal of the rectangle is the cross product of `along` and `up`.
 
     Args:
-        corner: (3,). along, up: (3,) unit vectors. size: metres along both.
-        openings: left out of the rectangle; (u0, v0, u1, v1) in metres from the corner.
-        inset: build only this part, for example to fill an opening.
+        corner: (3,) position of the rectangle's corner, metres.
+        along, up: (3,) unit vectors along the two sides that start at the corner.
+        size: lengths of the rectangle along `along` and `up`, metres.
+        openings: parts that stay open, each (u0, v0, u1, v1) in metres from the corner.
+        inset: the only part of the rectangle that is built, (u0, v0, u1, v1), for example to fill an opening; None builds the whole
+            rectangle.
     """
     u0, v0, u1, v1 = inset if inset is not None else (0.0, 0.0, *size)
     us = np.unique(np.clip([u0, u1, *(o[k] for o in openings for k in (0, 2))], u0, u1))
@@ -200,10 +207,10 @@ def rectangle(
 
 @dataclass(frozen=True)
 class Shell:
-    """Hold the six sides of a box, x in [0, length], y in [-width/2, width/2], z in [0, height], each facing inwards.
+    """Hold the six inner sides of a box-shaped room: x in [0, length], y in [-width/2, width/2], z in [0, height].
 
-    `side(name)` returns corner, along, up and size of: floor and ceiling (from the corner at the back), wall_front (x = length),
-    wall_back (x = 0), wall_left (y > 0), wall_right (y < 0).
+    `side(name)` returns the arguments corner, along, up and size of `rectangle` for the side with this name. The names are floor and
+    ceiling (whose corner is at the back wall), wall_front (x = length), wall_back (x = 0), wall_left (y > 0) and wall_right (y < 0).
     """
 
     length: float
@@ -224,9 +231,9 @@ class Shell:
         return np.array(corner, float), along, up, size
 
     def wall(self, name: str, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
-        """Build one side with openings."""
+        """Build a side of the room with rectangular openings."""
         return rectangle(*self.side(name), openings=openings)
 
     def filling(self, name: str, inset: Opening, openings: Sequence[Opening] = ()) -> trimesh.Trimesh:
-        """Build a rectangle that fills an opening `inset` of a side and may itself have openings."""
+        """Build a rectangle that fills the opening `inset` of a side of the room. The rectangle may have openings, too."""
         return rectangle(*self.side(name), openings=openings, inset=inset)

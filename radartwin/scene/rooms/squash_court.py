@@ -1,4 +1,4 @@
-"""Build an enclosed squash court: painted concrete walls, a wood floor, a metal tin (the sheet at the foot of the front wall).
+"""Build an enclosed squash court with painted concrete walls, a wood floor, and a metal sheet at the foot of the front wall (the tin).
 
 Ref: World Squash Federation, court specifications (singles): 9.75 x 6.40 m, clear height 5.64 m, lines 50 mm wide; lower edges of the front
 wall line at 4.57 m and of the service line at 1.78 m, top of the tin at 0.48 m with its upper 50 mm as a line; the side wall lines fall
@@ -23,7 +23,7 @@ SIZE_M = (9.75, 6.40, 5.64)
 TIN_M, SERVICE_M, OUT_FRONT_M, OUT_BACK_M = 0.48, 1.78, 4.57, 2.13
 SHORT_M, BOX_M, LINE_M = 4.26, 1.60, 0.05
 DOOR_M = (0.90, 2.13)
-TIN_DEPTH_M = 0.045  # distance of the tin's front from the wall, the maximum of the regulations
+TIN_DEPTH_M = 0.045  # distance between the front of the tin and the wall, the maximum that the regulations allow
 LINE_RGB = np.array([0.72, 0.10, 0.12])
 PIXEL_M = 0.006
 CLUTTER = ("ball", "racket_bag", "water_bottle", "bench")
@@ -33,13 +33,13 @@ Mark = tuple[tuple[float, float], tuple[float, float]]  # two opposite corners o
 
 
 def squash_court(size_m: Sequence[float] = SIZE_M, detail: Detail = "furnished", back: Back = "solid") -> Scene:
-    """Build a court, x in [0, length] towards the front wall, y in [-width/2, width/2], z in [0, height].
+    """Build a squash court with x in [0, length] towards the front wall, y in [-width/2, width/2] and z in [0, height].
 
     Args:
-        size_m: length, width, height; by default those of the regulations.
+        size_m: length, width and height in metres; the default values are those of the World Squash Federation.
         detail: "shell" (walls, floor, ceiling, door, tin), "furnished" (lamps, a ventilation grille, the door's plate and handle) or
             "cluttered" (also the small items of CLUTTER).
-        back: the back wall below 2.13 m: "solid" with a wooden door, or 12 mm "glass" with a glass door in a metal frame.
+        back: material of the back wall below 2.13 m: "solid" with a wooden door, or 12 mm "glass" with a glass door in a metal frame.
     """
     if back not in ("solid", "glass"):
         raise SceneError(f"squash_court: back is {back!r}; choose solid or glass")
@@ -56,7 +56,7 @@ def squash_court(size_m: Sequence[float] = SIZE_M, detail: Detail = "furnished",
 def _walls(shell: Shell) -> list[Surface]:
     length, width = shell.length, shell.width
     marks: dict[str, list[Mark]] = {
-        "floor": [  # seen from the back wall, x = 0
+        "floor": [  # line positions are as seen from the back wall, x = 0
             ((SHORT_M, 0), (SHORT_M + LINE_M, width)),
             ((0, width / 2 - LINE_M / 2), (SHORT_M, width / 2 + LINE_M / 2)),
             *(((SHORT_M - BOX_M, v), (SHORT_M - BOX_M + LINE_M, v + BOX_M)) for v in (0, width - BOX_M)),
@@ -95,7 +95,7 @@ def _back(shell: Shell, back: Back) -> list[Surface]:
 
 
 def _tin(length: float, width: float) -> Surface:
-    """Sheet metal at the foot of the front wall; its upper 50 mm are a line."""
+    """Build the tin, the metal sheet at the foot of the front wall, whose upper 50 mm are painted as a line."""
     y = width / 2 - GAP
     mesh = objects.box([length - TIN_DEPTH_M, -y, GAP], [length - GAP, y, TIN_M])
     canvas = textures.tiled("painted_metal", (2 * y, TIN_M - GAP), PIXEL_M)
@@ -140,7 +140,7 @@ def _clutter(length: float, width: float) -> list[Surface]:
 
 
 def _marked(shell: Shell, side: str, openings: Sequence[Opening], marks: Sequence[Mark], finish: str = "court wall") -> Surface:
-    """Build a side of the court with its markings: rectangles, or on the side walls lines between two points."""
+    """Build a side of the squash court with its painted markings: rectangles, or on the side walls lines between two points."""
     mesh = shell.wall(side, openings)
     corner, along, up, size = shell.side(side)
     canvas = textures.tiled(FINISHES[finish].look, size, PIXEL_M)
