@@ -76,8 +76,8 @@ def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
 def lab_bench(height_m: float = 1.0) -> Bench:
     """Return the sensor pose of the turntable experiments in the laboratory: 1 m in front of the back wall, looking along +x.
 
-    In the default laboratory, no furniture is within 2 m of the sensor, where the targets stand; furniture and walls reflect at ranges of 2
-    to 6 m.
+    In the default laboratory, furniture and walls reflect at ranges of 2 to 6 m, so that the echoes of targets at 0.5 to 2 m are free of
+    clutter.
     """
     return bench("lab", height_m)
 

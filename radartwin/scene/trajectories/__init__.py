@@ -1,1 +1,1 @@
-"""Compute the poses of the sensor and of moving objects, or read them from files."""
+"""Compute the poses of the sensor and of moving objects, or read these poses from files."""

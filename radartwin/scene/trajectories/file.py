@@ -1,4 +1,4 @@
-"""Read trajectories from files: TUM text, CSV with a header, and ROS bags."""
+"""Read sensor trajectories from files: TUM text files, CSV files with a header, and ROS bags."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from radartwin.scene.trajectories.ros import read_bag
 from radartwin.scene.trajectories.track import Axes, Track, check_samples, from_quaternions, pose_matrices
 
 TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
-# Column names that other tools use in a CSV.
+# Column names that CSV files of various tools use, with the TUM column that each name means.
 ALIASES = {
     "timestamp": "t", "time": "t", "time_s": "t", "t_s": "t", "timestamp_s": "t", "seconds": "t",
     "tx": "x", "ty": "y", "tz": "z", "x_m": "x", "y_m": "y", "z_m": "z",
@@ -20,18 +20,19 @@ ALIASES = {
 
 
 def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None, frame: str | None = None) -> Track:
-    """Read the trajectory in a file.
+    """Read the timed poses in a trajectory file.
 
-    TUM: lines `t x y z qx qy qz qw`; "#" begins a comment. CSV: these columns in any order, named in the first line. Aliases such as
-    timestamp and tx are accepted. A column yaw_deg (counter-clockwise from +x) may replace the quaternion. ROS bag: .bag, .mcap or a
-    folder.
+    A TUM file has lines `t x y z qx qy qz qw`, and "#" begins a comment. A CSV file has the same columns in any order, named in the first
+    line. Aliases of the column names, such as timestamp and tx, are accepted. In a CSV file, a column yaw_deg (counter-clockwise from +x)
+    may replace the quaternion. A ROS bag is a .bag file, an .mcap file or a folder.
 
     Args:
-        axes: axes of the poses, "sensor", or "optical" for a camera.
-        topic, frame: topic and frame of a ROS bag, see `ros.read_bag`.
+        axes: body axes of the poses in the file: "sensor" (x forward, y left, z up), or "optical" (x right, y down, z forward) for a
+            camera.
+        topic, frame: topic and coordinate frame to read from a ROS bag; `ros.read_bag` explains them.
     Raises:
         MissingError: the file does not exist.
-        PoseError: the file is unreadable or a pose is invalid; the message names the line.
+        PoseError: the file is unreadable or a pose is invalid; the message names the line of the file.
     """
     path = Path(path)
     if not path.exists():
@@ -48,7 +49,7 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
 
 
 def parse_track(text: str, source: str, csv: bool) -> Track:
-    """Read the trajectory in TUM or CSV text; see `read_track`."""
+    """Read the timed poses in TUM or CSV text; `read_track` explains both formats."""
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
     lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
     names: Sequence[str] = TUM
@@ -79,7 +80,7 @@ def parse_track(text: str, source: str, csv: bool) -> Track:
 
 
 def _columns(names: Sequence[str], source: str) -> list[str]:
-    """Return the columns to read: the eight columns of TUM, or yaw_deg instead of the four quaternion columns."""
+    """Return the names of the columns to read: the eight columns of TUM, or yaw_deg instead of the four quaternion columns."""
     orientation = ["yaw_deg"] if "yaw_deg" in names else ["qx", "qy", "qz", "qw"]
     columns = ["t", "x", "y", "z", *orientation]
     if missing := [name for name in columns if name not in names]:

@@ -1,7 +1,8 @@
-"""Read trajectories from ROS 1 and ROS 2 bags with the package rosbags (the extra `ros`): odometry, stamped poses, transforms.
+"""Read trajectories from odometry, stamped poses or transforms in ROS 1 and ROS 2 bags, with the package rosbags (the extra `ros`).
 
-A topic gives the poses of one body, whose axes are x forward, y left, z up (REP 103). Poses of a frame whose name ends in `_optical`
-or `_optical_frame` have camera axes and are converted. The caller adds the radar's place on the body with `Track.mounted`.
+A topic gives the poses of a moving body, whose axes are x forward, y left, z up (REP 103). Poses of a coordinate frame whose name ends in
+`_optical` or `_optical_frame` have camera axes, and the reader converts these poses. The caller adds the radar's pose on the body with
+`Track.mounted`.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "
 
 
 def read_bag(path: str | Path, topic: str | None = None, frame: str | None = None) -> Track:
-    """Read the trajectory in a bag.
+    """Read the timed poses of a body in a ROS bag.
 
     Args:
-        topic: a topic of Odometry or PoseStamped messages, or /tf for transforms; None if the bag has a single such topic.
-        frame: for transforms, the frame whose poses are read. The poses are relative to the root of the frame's tree (map, odom,
-            world), or to another frame if `frame` is "CHILD@PARENT".
+        topic: name of a topic with Odometry or PoseStamped messages, or /tf for transforms; None if the bag has a single such topic.
+        frame: only for transforms, the coordinate frame whose poses are read. The poses are relative to the root of the transform tree
+            (map, odom, world), or to the frame PARENT if `frame` is "CHILD@PARENT".
     Raises:
         BackendError: rosbags is not installed.
-        PoseError: the file is not a bag, the topic or frame is unknown (the message lists the existing names), or a pose is invalid.
+        PoseError: the file is not a ROS bag, the topic or frame is unknown (the message lists the existing names), or a pose is invalid.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -80,9 +81,9 @@ def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
 
 
 def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) -> Track:
-    """Compute the poses of a frame relative to the root of its tree or to the given parent.
+    """Compute the poses of a coordinate frame relative to the root of the transform tree, or to the parent frame given in `frame`.
 
-    The poses are at the times of the most frequent transform between the two frames.
+    The poses have the times of the transform that was published most often between the two frames.
     """
     edges: dict[str, tuple[str, list[Any]]] = {}
     for message in messages:
@@ -120,7 +121,7 @@ def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) ->
 
 
 def _matrices(pairs: Iterable[tuple[Any, Any]], source: str) -> np.ndarray:
-    """Convert (position, quaternion) messages to poses (N, 4, 4)."""
+    """Convert N pairs of (position, quaternion) messages to poses (N, 4, 4)."""
     values = np.array([[p.x, p.y, p.z, q.x, q.y, q.z, q.w] for p, q in pairs], dtype=np.float64).reshape(-1, 7)
     return pose_matrices(values[:, :3], from_quaternions(values[:, 3:], lambda k: f"{source}, pose {k}"))
 

@@ -1,4 +1,4 @@
-"""Define the track, a sequence of timed sensor poses, and interpolate it at the frames of a radar."""
+"""Define the track, a sequence of timed sensor poses, and interpolate the poses at the frame times of a radar."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 
 Axes = Literal["sensor", "optical"]
 
-MAX_SPEED_MPS = 30.0  # a higher speed means wrong units; a car at 100 km/h is slower
-MAX_STEP_S = 3600.0  # a longer time between two poses means that times are not in seconds
+MAX_SPEED_MPS = 30.0  # a higher speed of a track shows that its units are wrong; a car at 100 km/h is slower
+MAX_STEP_S = 3600.0  # a longer time between two poses shows that times are not in seconds
 UNIT_TOLERANCE = 1e-2  # largest deviation of a quaternion's length from 1; rounding to four decimals causes about 1e-4
 # Columns: sensor axes x, y, z in camera axes (x right, y down, z forward), that is z, -x and -y. REP 103, suffix _optical.
 OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -23,12 +23,12 @@ OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Hold timed poses of the sensor (x forward, y left, z up) in the world (z up), in metres and seconds.
+    """Hold timed poses of the sensor (axes x forward, y left, z up) in the world frame (z up), in metres and seconds.
 
     Attributes:
-        times_s: (N,) increasing, seconds.
-        poses: (N, 4, 4) sensor-to-world.
-        source: name of the track in messages.
+        times_s: (N,) increasing times of the poses, seconds.
+        poses: (N, 4, 4) sensor-to-world poses, metres.
+        source: name of the track in error messages.
     Raises:
         PoseError: there are fewer than two poses, times do not increase, values are not finite, or units are not metres and seconds.
     """
@@ -60,10 +60,10 @@ class Track:
         return float(self.times_s[-1] - self.times_s[0])
 
     def at(self, times_s: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Interpolate the poses (F, 4, 4) at given times: positions linearly, rotations along the shortest arc.
+        """Return the poses (F, 4, 4) at the times `times_s` (F,), with positions interpolated linearly and rotations along the shortest arc.
 
         Raises:
-            PoseError: a time is before the first or after the last pose.
+            PoseError: a requested time is before the first or after the last pose of the track.
         """
         from scipy.spatial.transform import Rotation, Slerp
 
@@ -79,12 +79,13 @@ class Track:
         return pose_matrices(positions, rotations)
 
     def frames(self, rate_hz: float, frames: int | None = None, start_s: float = 0.0) -> np.ndarray:
-        """Interpolate the poses (F, 4, 4) at the frames of a radar, which start `start_s` after the first pose, at `rate_hz`.
+        """Interpolate the poses (F, 4, 4) at the frames of a radar, which has the frame rate `rate_hz`.
 
         Args:
-            frames: number of frames; by default as many as the track covers.
+            frames: number of radar frames; by default as many as the track covers.
+            start_s: time in seconds from the first pose of the track to the first radar frame.
         Raises:
-            PoseError: the frame rate is not positive, the start is outside the track, or the track covers fewer frames.
+            PoseError: the frame rate is not positive, the start is outside the track, or the track covers fewer than `frames` frames.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0) or not 0 <= start_s <= self.duration_s:
             raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; give a rate above zero")
@@ -95,11 +96,17 @@ class Track:
         return self.at(np.minimum(self.times_s[0] + start_s + np.arange(count) / rate_hz, self.times_s[-1]))
 
     def mounted(self, mount: np.ndarray) -> Track:
-        """Return the track of a sensor that is mounted on this moving body; `mount` (4, 4) is the sensor's pose in the body's frame."""
+        """Return the track of a sensor that is mounted on the body whose poses this track holds.
+
+        `mount` (4, 4) is the sensor-to-body pose.
+        """
         return replace(self, poses=self.poses @ np.asarray(mount, dtype=np.float64))
 
     def from_axes(self, axes: Axes) -> Track:
-        """Convert the poses from `axes` to the sensor's axes; "optical" means camera axes (x right, y down, z forward)."""
+        """Return the track with its poses converted from `axes` to the sensor's axes.
+
+        The value "optical" means camera axes (x right, y down, z forward).
+        """
         if axes not in ("sensor", "optical"):
             raise PoseError(f"{self.source}: axes {axes!r}; choose sensor (x forward, y left, z up) or optical (z forward, y down)")
         if axes == "sensor":
@@ -110,19 +117,19 @@ class Track:
 
 
 def pose_matrices(positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """Build poses (N, 4, 4) from positions (N, 3) and rotations (N, 3, 3)."""
+    """Build poses (N, 4, 4) from positions (N, 3) and rotation matrices (N, 3, 3)."""
     out = np.repeat(np.eye(4)[None], len(positions), axis=0)
     out[:, :3, :3], out[:, :3, 3] = rotations, positions
     return out
 
 
 def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np.ndarray:
-    """Convert quaternions (N, 4), in the order x y z w, to rotations (N, 3, 3).
+    """Convert quaternions (N, 4), in the order x y z w, to rotation matrices (N, 3, 3).
 
     Args:
-        place: function from the index k to the text that names pose k in messages, such as a file and its line.
+        place: function that returns, for an index k, the text that names pose k in error messages, such as a file name and a line.
     Raises:
-        PoseError: the length of a quaternion is not one.
+        PoseError: the length of a quaternion differs from 1 by more than UNIT_TOLERANCE.
     """
     from scipy.spatial.transform import Rotation
 
@@ -134,7 +141,10 @@ def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np
 
 
 def check_samples(times_s: np.ndarray, values: np.ndarray, place: Callable[[int], str]) -> None:
-    """Refuse values (N, M) or times (N,) that are not finite, and times that do not increase; `place(k)` names pose k in messages."""
+    """Raise an error for values (N, M) or times (N,) that are not finite, and for times that do not increase.
+
+    `place(k)` is the text that names pose k in error messages.
+    """
     bad = ~np.isfinite(times_s) | ~np.isfinite(values).all(axis=1)
     if bad.any():
         raise PoseError(f"{place(_first(bad))}: NaN or infinity; repair or drop the pose")

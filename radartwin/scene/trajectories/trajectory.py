@@ -1,7 +1,7 @@
-"""Compute poses and motions: (4, 4) float64 transforms, sensor- or object-to-world.
+"""Compute poses and motions of sensors and objects. A pose is a (4, 4) float64 transform, sensor-to-world or object-to-world.
 
-Sensor frame: x forward (boresight), y left, z up. An object pose transforms a mesh from its own frame (origin on the axis of rotation)
-to the world: vertices_world = pose @ vertices.
+The sensor frame has x forward (boresight), y left and z up. An object pose transforms a mesh from the object's own frame, whose origin is
+on the axis of rotation, to the world frame: vertices_world = pose @ vertices.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from radartwin.errors import PoseError
 
 
 def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
-    """Build a pose (4, 4) from a position (3,) and a rotation (3, 3), by default the identity."""
+    """Build a pose (4, 4) from a position (3,) in metres and a rotation matrix (3, 3), by default the identity."""
     out = np.eye(4)
     out[:3, 3] = np.asarray(position, dtype=np.float64)
     if rotation is not None:
@@ -27,7 +27,7 @@ def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
     """Return the sensor pose (4, 4) at `position` with its boresight towards `target` and its y axis horizontal.
 
     Raises:
-        PoseError: the two points coincide.
+        PoseError: `position` and `target` coincide.
 
     >>> look_at([0, 0, 1], [0, 2, 1])[:3, 0].tolist()
     [0.0, 1.0, 0.0]
@@ -39,14 +39,15 @@ def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
         raise PoseError(f"look_at: position and target are both {position.tolist()}; the sensor needs a direction")
     forward = forward / distance
     left = np.cross([0.0, 0.0, 1.0], forward)
-    if np.linalg.norm(left) < 1e-9:  # straight up or down, every horizontal y axis is valid; use world y
+    # if the sensor looks straight up or down, every horizontal y axis is valid; use the y axis of the world
+    if np.linalg.norm(left) < 1e-9:
         left = np.array([0.0, 1.0, 0.0])
     left = left / np.linalg.norm(left)
     return pose(position, np.stack([forward, left, np.cross(forward, left)], axis=1))
 
 
 def static(sensor_pose: ArrayLike, frames: int) -> np.ndarray:
-    """Repeat a pose for every frame, (F, 4, 4)."""
+    """Repeat the sensor pose for every frame, and return the poses (F, 4, 4)."""
     return np.repeat(np.asarray(sensor_pose, dtype=np.float64)[None], _count(frames), axis=0)
 
 
@@ -57,12 +58,14 @@ def turntable(
     seconds_per_revolution: float = 25.0,
     start_rad: float = 0.0,
 ) -> np.ndarray:
-    """Return the poses (F, 4, 4) of an object that turns counter-clockwise, seen from above, about the vertical through `position`.
+    """Return the poses (F, 4, 4) of an object on a turntable, which turns counter-clockwise, seen from above.
+
+    The object turns about the vertical axis through `position`.
 
     Args:
-        position: (3,) position of the object's origin.
-        start_rad: azimuth of the object's +x axis in the world, in the first frame.
-        seconds_per_revolution: a negative value turns clockwise.
+        position: (3,) position of the object's origin in the world, metres.
+        start_rad: azimuth of the object's +x axis in the world, in the first frame, radians.
+        seconds_per_revolution: time of a full turn in seconds; with a negative value, the object turns clockwise.
     """
     if not (frame_rate_hz > 0 and seconds_per_revolution):
         raise PoseError("turntable: frame_rate_hz must be positive and seconds_per_revolution not zero")
@@ -75,11 +78,13 @@ def turntable(
 
 
 def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -> np.ndarray:
-    """Return poses (F, 4, 4) at equal steps from `start` over `length_m` along `direction`, with constant orientation.
+    """Return poses (F, 4, 4) with constant orientation at equal steps along a straight line, as on a linear rail.
+
+    The line starts at the pose `start` and has the length `length_m` along `direction`.
 
     Args:
         start: (4, 4) pose of a sensor or an object in the first frame.
-        direction: (3,) in the world, of any non-zero length.
+        direction: (3,) direction of the line in the world frame, as a vector of any non-zero length.
     """
     direction = np.asarray(direction, dtype=np.float64)
     if not np.linalg.norm(direction) > 0:
@@ -91,13 +96,19 @@ def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -
 
 
 def depth_sweep(start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2, frame_rate_hz: float = 10.0) -> np.ndarray:
-    """Return the sensor poses (F, 4, 4) of a drive along the boresight of `start`; a negative length means a drive backwards."""
+    """Return the sensor poses (F, 4, 4) of a drive towards the target: straight along the boresight of the pose `start`.
+
+    With a negative `length_m`, the sensor moves backwards.
+    """
     start = np.asarray(start, dtype=np.float64)
     return sweep(start, start[:3, 0], length_m, speed_mps, frame_rate_hz)
 
 
 def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0) -> np.ndarray:
-    """Return the sensor poses (F, 4, 4) of a drive to the sensor's left, centred on the pose `middle`."""
+    """Return the sensor poses (F, 4, 4) of a drive past the object, at right angles to the line of sight.
+
+    The sensor moves to its left. The pose `middle` is in the middle of the path.
+    """
     middle = np.asarray(middle, dtype=np.float64)
     out = sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
     out[:, :3, 3] += middle[:3, 3] - out[:, :3, 3].mean(axis=0)
@@ -105,9 +116,9 @@ def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 
 
 
 def sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
-    """Return poses (F, 4, 4) at constant speed along a world direction: frame f has moved by f * speed_mps / rate_hz.
+    """Return poses (F, 4, 4) of a straight motion at constant speed: up to frame f, the pose has moved by f * speed_mps / rate_hz.
 
-    The last frame is less than one step before the end of the path.
+    The path has the length `length_m` along `direction`, in the world frame. The last frame is the last one before the end of the path.
     """
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
@@ -123,13 +134,13 @@ def _count(frames: int) -> int:
 
 
 def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
-    """Refuse a sensor below the floor or above the ceiling.
+    """Raise an error if the sensor is below the floor or above the ceiling in any frame.
 
     Args:
-        poses: (F, 4, 4) sensor-to-world.
-        ceiling_m: height of the ceiling; infinite for a room without a ceiling.
+        poses: (F, 4, 4) sensor-to-world poses, metres.
+        ceiling_m: height of the ceiling in metres; infinite for a room without a ceiling.
     Raises:
-        PoseError: a sensor is too low or too high; the message names the first such frame and its height.
+        PoseError: the sensor is too low or too high; the message names the first such frame and the height of the sensor in it.
     """
     z = np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, 2, 3]
     out = (z <= floor_m) | (z >= ceiling_m)
@@ -144,10 +155,10 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
 
 
 def check_speed(poses: np.ndarray, frame_rate_hz: float, limit_mps: float, what: str = "the sensor") -> None:
-    """Warn once if the speed in any frame exceeds the radar's unambiguous Doppler speed.
+    """Warn once if the speed in any frame exceeds the largest speed that the radar measures without Doppler ambiguity.
 
     Args:
-        limit_mps: the unambiguous speed, `Radar.max_velocity_mps`.
+        limit_mps: largest unambiguous radial speed of the radar in m/s, `Radar.max_velocity_mps`.
     """
     speed = np.linalg.norm(np.diff(np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, :3, 3], axis=0), axis=1) * frame_rate_hz
     if speed.size and speed.max() > limit_mps:

@@ -1,1 +1,1 @@
-"""Show a scene as a standalone 3D web page."""
+"""Show a scene as a standalone 3D web page, which needs no server."""

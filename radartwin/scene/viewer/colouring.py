@@ -1,4 +1,4 @@
-"""Choose colours of surfaces by material, segment and reflectivity, and write the label of a material."""
+"""Choose the display colours of surfaces by material, segment or reflectivity, and write the name of a material for the legend."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from radartwin.materials import Layered, reflection
 
 RGB = tuple[int, int, int]
 
-# Familiar colours of materials; their lightness differs, so that colour-blind readers can distinguish them (hues of Okabe and Ito).
+# Familiar colours of materials. The colours differ in lightness, so that colour-blind readers can distinguish them (hues of Okabe and Ito).
 COLOURS = {
     "metal": "#5b6b7a",
     "concrete": "#a8a8a0",
@@ -33,13 +33,13 @@ COLOURS = {
     "hdpe": "#33c29a",
 }
 OTHER = "#cc79a7"
-BAND_HZ = (77e9, 81e9)  # the automotive band; the mean over the band has no interference fringes of a slab
-LOW_DB = -40.0  # end of the scale: a ten-thousandth of the power is reflected
-UNKNOWN: RGB = (216, 27, 160)  # a colour outside the scale
+BAND_HZ = (77e9, 81e9)  # the automotive radar band; a mean over this band averages out the interference fringes of a slab
+LOW_DB = -40.0  # lower end of the colour scale: a ten-thousandth of the power is reflected
+UNKNOWN: RGB = (216, 27, 160)  # colour of a surface with unknown reflectivity, which does not occur in the colour scale
 
 
 def material_label(material: str | Layered) -> str:
-    """Return the label of a material, such as `concrete`, `floorboard 8 mm on concrete` or `glass 4 mm | air 16 mm | glass 4 mm`."""
+    """Return the display name of a material, such as `concrete`, `floorboard 8 mm on concrete` or `glass 4 mm | air 16 mm | glass 4 mm`."""
     if isinstance(material, str):
         return material
     stack = " | ".join(f"{name} {1000 * thickness:.4g} mm" for name, thickness in material.layers)
@@ -49,18 +49,24 @@ def material_label(material: str | Layered) -> str:
 
 
 def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
-    """Choose a colour for every distinct label, in the order of labels; stacks with the same outer layer differ in lightness."""
+    """Choose a colour for every distinct material, and return a dictionary from the display name of the material to its colour.
+
+    Layered materials with the same outer layer have colours of different lightness.
+    """
     used: Counter[str] = Counter()
     colours = {}
     for label in sorted({material_label(m) for m in materials}):
-        name = label.partition(" ")[0]  # of the outermost material
+        name = label.partition(" ")[0]  # name of the outermost material
         colours[label] = _lighter(_rgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[used[name] % 5])
         used[name] += 1
     return colours
 
 
 def segment_colours(areas: Sequence[float]) -> list[RGB]:
-    """Choose a colour for each segment by its rank in area. Hues differ by the golden angle, so that large segments look distinct."""
+    """Choose a colour for each segment by the rank of the segment in area.
+
+    The hues of consecutive ranks differ by the golden angle, so that large segments have clearly different colours.
+    """
     colours: list[RGB] = [(0, 0, 0)] * len(areas)
     for rank, index in enumerate(np.argsort(-np.asarray(areas), kind="stable")):
         hue = (0.58 + rank * 0.61803398875) % 1
@@ -71,7 +77,9 @@ def segment_colours(areas: Sequence[float]) -> list[RGB]:
 
 @lru_cache(maxsize=4096)
 def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | None:
-    """Compute the reflected power at normal incidence in dB, averaged over 77 to 81 GHz; None for a material without values there.
+    """Compute the reflected relative to the incident power in dB at normal incidence, averaged over 77 to 81 GHz.
+
+    The result is None for a material without permittivity values at these frequencies.
 
     >>> round(reflection_db("metal"), 1), round(reflection_db("concrete"), 1)
     (-0.0, -8.1)
@@ -86,14 +94,14 @@ def reflection_db(material: str | Layered, roughness_m: float = 0.0) -> float | 
 
 
 def ramp() -> list[RGB]:
-    """Return the colours of the scale from LOW_DB to 0 dB, dark to light (viridis)."""
+    """Return the colours of the reflectivity scale from LOW_DB to 0 dB, from dark to light (colour map viridis)."""
     from matplotlib import colormaps
 
     return [(int(r), int(g), int(b)) for r, g, b in np.round(255 * colormaps["viridis"](np.linspace(0, 1, 33))[:, :3])]
 
 
 def reflectivity_colour(level_db: float | None, stops: Sequence[RGB]) -> RGB:
-    """Return the colour of a level on the scale, clipped at its ends; UNKNOWN if the level is None."""
+    """Return the colour of a reflectivity in dB on the scale `stops`, clipped at the ends of the scale; UNKNOWN for None."""
     if level_db is None:
         return UNKNOWN
     at = float(np.clip(1 - level_db / LOW_DB, 0, 1)) * (len(stops) - 1)

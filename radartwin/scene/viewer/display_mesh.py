@@ -1,4 +1,4 @@
-"""Prepare meshes for display: thin large scenes, and find vertex colours, pictures of textures and the planes of walls."""
+"""Prepare meshes for display: reduce the faces of large scenes, and find vertex colours, pictures of textures and the planes of walls."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from radartwin.scene.surface import Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-MAX_FACES = 300_000  # of a page; the page of a larger scene is thinned
-WALL_M2 = 0.5  # least area of a wall; smaller surfaces hide little
+MAX_FACES = 300_000  # largest number of faces in a web page; a scene with more faces is simplified
+WALL_M2 = 0.5  # smallest area of a wall that the page can hide; smaller surfaces block little of the view
 WALL_BEHIND_M = 0.12  # largest bulge of a scanned wall behind its mean plane
-WALL_SHARE = 0.02  # largest share of the rest of the room behind a wall, for example seen through a window
-PICTURE_PX = 512  # side of a texture's picture in a page
-HATCH, HATCH_PX = ((158, 158, 158), (205, 205, 205)), 4  # greys of the hatching of unscanned areas, and width of a stripe
-NO_COLOUR = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0 means: no scan colour
+WALL_SHARE = 0.02  # largest fraction of the room's other points behind a wall, for example points seen through a window
+PICTURE_PX = 512  # largest side of a texture's picture in a page, pixels
+HATCH, HATCH_PX = ((158, 158, 158), (205, 205, 205)), 4  # two greys of the hatching of unscanned areas, and width of a stripe in pixels
+NO_COLOUR = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0 means that the vertex has no scanned colour
 
 
 def thinned(meshes: Sequence[trimesh.Trimesh], limit: int = MAX_FACES) -> tuple[list[trimesh.Trimesh], float]:
-    """Thin the meshes to at most about `limit` faces in total.
+    """Simplify the meshes so that they have at most about `limit` faces in total.
 
     Returns:
-        meshes: the thinned meshes.
-        cell: cell size of the thinning in metres; 0 without thinning.
+        meshes: the simplified meshes, in the same order.
+        cell: size in metres of the grid cells in which vertices were merged; 0 if the meshes did not change.
 
-    All vertices in one cell of a grid become their mean (Rossignac and Borrel 1993). The grid covers the whole scene, so that
-    neighbouring surfaces stay connected. Meshes of fewer than 1000 faces are not thinned.
+    All vertices in the same cell of a grid are replaced by their mean (Rossignac and Borrel 1993). The grid covers the whole scene, so that
+    neighbouring surfaces stay connected. Meshes of fewer than 1000 faces do not change.
     """
     small = sum(len(m.faces) for m in meshes if len(m.faces) < 1000)
     large = sum(len(m.faces) for m in meshes) - small
@@ -48,7 +48,8 @@ def thinned(meshes: Sequence[trimesh.Trimesh], limit: int = MAX_FACES) -> tuple[
 
 def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
     vertices = np.asarray(mesh.vertices)
-    keys = np.rint(vertices / cell).astype(np.int64)  # rint, because floor would split a noisy level floor at z = 0
+    # rounding, because truncation would split a noisy level floor at z = 0 into two layers of cells
+    keys = np.rint(vertices / cell).astype(np.int64)
     _, group = np.unique(keys, axis=0, return_inverse=True)
     group = group.reshape(-1)
     count = np.bincount(group)
@@ -67,7 +68,10 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Return the colours of the vertices, (V, 4) uint8, sampled from the texture if the mesh has a texture; None without colours."""
+    """Return the RGBA colours (V, 4) uint8 of the vertices of a mesh, sampled from the texture if the mesh has a texture.
+
+    The result is None for a mesh without colours.
+    """
     visual = mesh.visual
     if visual is None or not visual.defined:
         return None
@@ -80,11 +84,12 @@ def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray]:
-    """Collect the textures of the meshes.
+    """Collect the texture pictures and texture coordinates of all meshes.
 
     Returns:
-        pictures: the different textures as JPEG.
-        coordinates: (V, 3), for every vertex u, v (downwards) and the number of its picture; -1 for a vertex without a picture.
+        pictures: the distinct texture pictures as JPEG data.
+        coordinates: (V, 3), for every vertex the texture coordinates u and v (downwards) and the number of the picture; -1 for a vertex
+            without a picture.
     """
     numbers: dict[bytes, int] = {}
     coordinates = []
@@ -114,15 +119,18 @@ def hatched(image: Image) -> Image:
 
 
 def texture(mesh: trimesh.Trimesh) -> Image | None:
-    """Return the picture of the mesh's texture, or None."""
+    """Return the picture of the mesh's texture, or None for a mesh without a texture."""
     material = getattr(mesh.visual, "material", None)
     return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
 
 
 def wall_planes(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | None]:
-    """Return for every surface that bounds the room its plane {"point", "normal"}, with the normal into the room; None for others.
+    """Return a list with the plane {"point", "normal"} of every surface that bounds the room, and None for every other surface.
 
-    A surface bounds the room if it is flat and the rest of the room lies on one side of it. Its winding does not matter.
+    The normals point into the room.
+
+    A surface bounds the room if it is flat and the rest of the room lies on a single side of it. The winding direction of its faces does
+    not matter.
     """
     room = [s for s in surfaces if s.kind == "room"]
     vertices = [np.asarray(s.mesh.vertices) for s in room]

@@ -1,4 +1,4 @@
-"""Draw lines and labels over a scene: a grid on the floor, the axes, the radar's track and its field of view."""
+"""Draw lines and text labels over a scene: a grid on the floor, the axes, and the track and field of view of the radar."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ RGB = tuple[int, int, int]
 TRACK_RGB, BORESIGHT_RGB, GRID_RGB, LABEL_RGB = (194, 65, 12), (244, 164, 96), (168, 180, 192), (29, 39, 51)
 AXES_RGB = ((200, 40, 40), (30, 140, 60), (40, 80, 200))
 BORESIGHT_M = 1.0
-FIELD_RAD = np.radians([50.0, 15.0])  # half the field of view of the pyramid, in azimuth and elevation
+FIELD_RAD = np.radians([50.0, 15.0])  # half the angular width of the drawn field of view, in azimuth and elevation
 PYRAMID_M = 0.25
-MAX_TICKS = 25  # boresights along the track
+MAX_TICKS = 25  # largest number of boresight directions drawn along the track
 
 
 class Overlay:
-    """Collect the lines and labels of a scene and an optional track.
+    """Collect the lines and text labels that are drawn over a scene and, if `poses` is given, over the track of the radar.
 
     Args:
-        poses: (F, 4, 4) sensor-to-world, or None.
+        poses: (F, 4, 4) sensor-to-world poses of the radar's track, or None for a scene without a track.
     Attributes:
-        lines: {from, to, colour, width in pixels}.
-        labels: {text, at, colour}.
-        radar: the first {position, boresight}, or None.
-        frame: the two corners (2, 3) of the box around scene and grid.
+        lines: list of lines, each a dictionary {from, to, colour, width in pixels}.
+        labels: list of text labels, each a dictionary {text, at, colour}.
+        radar: position and boresight of the radar in the first frame, as a dictionary {position, boresight}; None without a track.
+        frame: (2, 3) lowest and highest corner of the box around scene and grid, metres.
     """
 
     def __init__(self, scene: Scene, poses: np.ndarray | None) -> None:
@@ -50,7 +50,9 @@ class Overlay:
         self.labels.append({"text": text, "at": [float(x) for x in at], "colour": colour})
 
     def _add_grid(self, low: np.ndarray, high: np.ndarray) -> None:
-        """A grid of 1 m, or 0.1 m for small scenes, just below the floor, and the axes at its corner of least x and y."""
+        """Add a grid with a spacing of 1 m, or 0.1 m for small scenes, just below the floor, and the axes at the grid's corner of smallest
+        x and y.
+        """
         step = 1.0 if np.ptp([low, high], axis=0)[:2].max() > 1.5 else 0.1
         first, last = np.floor(low[:2] / step + 1e-6) * step, np.ceil(high[:2] / step - 1e-6) * step
         self.frame = [[float(first[0]), float(first[1]), float(low[2])], [float(last[0]), float(last[1]), float(high[2])]]

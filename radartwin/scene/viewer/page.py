@@ -1,6 +1,7 @@
-"""Write a scene as one HTML page that shows the material of every surface. The page needs no server and no network.
+"""Write a scene as a single HTML page that shows the material of every surface. The page needs no server and no network.
 
-This module computes the contents; the scripts in `assets` draw them with WebGL 2. docs/decisions/012-own-or-library.md compares plotly.
+This module computes the contents of the page, and the scripts in the folder `assets` draw the contents with WebGL 2.
+docs/decisions/012-own-or-library.md compares this solution with plotly.
 """
 
 from __future__ import annotations
@@ -29,23 +30,25 @@ from radartwin.scene.viewer.overlay import Overlay
 __all__ = ["COLOURINGS", "material_label", "view"]
 
 COLOURINGS = ("material", "segment", "reflectivity", "colour")
-MAX_SURFACES = 65_000  # the page numbers surfaces with 16 bits
-CRISP_FACES = 2000  # the page draws creases on surfaces of fewer faces; on a noisy scan every edge would be a crease
+MAX_SURFACES = 65_000  # largest number of surfaces in a page, because the page stores the number of a surface in 16 bits
+CRISP_FACES = 2000  # the page draws sharp edges only on surfaces with fewer faces, because on a noisy scan every edge would be sharp
 _SCRIPTS = ("camera.js", "renderer.js", "panel.js", "main.js")
 
 
 def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title: str | None = None, by: str = "material") -> Path:
-    """Write a scene as an HTML page. A page of a large scene is thinned and contains a note; the scene does not change.
+    """Write a scene as an HTML page. In the page of a large scene, the meshes are simplified and a note says so.
 
     Args:
         path: path of the .html file.
-        poses: (F, 4, 4) or (4, 4) sensor-to-world, drawn as a track with boresights; none by default.
-        title: heading of the page; by default the room or source in the scene's provenance.
-        by: first colouring: material, segment, reflectivity or colour (of the scan); the page can switch to the others.
+        poses: (F, 4, 4) or (4, 4) sensor-to-world poses, which the page draws as a track with boresight directions; by default no track is
+            drawn.
+        title: heading of the page; by default the name of the room or the source of the scan, from the scene's provenance.
+        by: property by which surfaces are coloured when the page opens: material, segment, reflectivity or colour (of the scan); the user
+            can switch to a different property.
     Raises:
-        SceneError: the scene has no surfaces, `by` is unknown, or by="colour" and the scene has no scan colours.
-        PoseError: the poses are not (F, 4, 4).
-        OutputError: the page cannot be written.
+        SceneError: the scene has no surfaces, `by` is unknown, or `by` is "colour" and the scene has no scanned colours.
+        PoseError: the array `poses` does not have the shape (F, 4, 4) or (4, 4).
+        OutputError: the HTML file cannot be written.
     """
     return write_atomically(Path(path), _page(*describe(scene, poses, title, by)))
 
@@ -53,9 +56,10 @@ def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title:
 def describe(
     scene: Scene, poses: np.ndarray | None = None, title: str | None = None, by: str = "material", max_faces: int = MAX_FACES
 ) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
-    """Return the contents of the page as JSON, and its arrays. Arguments and errors are those of `view`.
+    """Return the contents of the page as a JSON dictionary, and the arrays of the page. Arguments and errors are those of `view`.
 
-    The arrays are positions (V, 3), number of the surface (V,), colours (V, 4), coordinates and number of the picture (V, 3), faces (T, 3).
+    The arrays are vertex positions (V, 3), surface number of each vertex (V,), vertex colours (V, 4), texture coordinates with the number
+    of the picture (V, 3), and faces (T, 3).
     """
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
@@ -140,7 +144,7 @@ def _surface(surface: Surface, index: int, wall: dict[str, list[float]] | None, 
 
 
 def _filled_m2(surface: Surface) -> float:
-    """Area that was not scanned but filled in, m^2; 0 if unknown or less than a square decimetre."""
+    """Return the area in m^2 of a surface that was not scanned but filled in; 0 if the area is unknown or less than a square decimetre."""
     filled = surface.provenance.get("filled_m2")
     return float(filled) if isinstance(filled, int | float) and filled >= 0.01 else 0.0
 
@@ -170,11 +174,11 @@ def _page(content: dict[str, Any], arrays: Sequence[np.ndarray]) -> str:
         "__STYLE__": part["style.css"],
         "__SCRIPT__": "\n".join(part[name] for name in _SCRIPTS),
         "__ARRAYS__": "\n".join(base64.b64encode(a.tobytes()).decode() for a in arrays),
-        # "</script>" in the name of a surface must not end the element.
+        # "</script>" in the name of a surface must not end the script element of the page.
         "__SCENE__": json.dumps(content, allow_nan=False).replace("<", "\\u003c"),
     }
     page = part["page.html"]
-    for key, text in parts.items():  # the scene comes last, so that no key is replaced inside the user's text
+    for key, text in parts.items():  # the scene is inserted last, so that no placeholder inside the user's text is replaced
         page = page.replace(key, text)
     return page
 
