@@ -60,7 +60,7 @@ class Track:
         return float(self.times_s[-1] - self.times_s[0])
 
     def at(self, times_s: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the poses (F, 4, 4) at the times `times_s` (F,), with positions interpolated linearly and rotations along the shortest arc.
+        """Return the poses (F, 4, 4) at the times `times_s` (F,). Positions are interpolated linearly, rotations along the shortest arc.
 
         Raises:
             PoseError: a requested time is before the first or after the last pose of the track.

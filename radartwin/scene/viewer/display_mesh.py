@@ -18,7 +18,7 @@ MAX_FACES = 300_000  # largest number of faces in a web page; a scene with more 
 WALL_M2 = 0.5  # smallest area of a wall that the page can hide; smaller surfaces block little of the view
 WALL_BEHIND_M = 0.12  # largest bulge of a scanned wall behind its mean plane
 WALL_SHARE = 0.02  # largest fraction of the room's other points behind a wall, for example points seen through a window
-PICTURE_PX = 512  # largest side of a texture's picture in a page, pixels
+PICTURE_PX = 512  # width and height of a texture's picture in a page, pixels
 HATCH, HATCH_PX = ((158, 158, 158), (205, 205, 205)), 4  # two greys of the hatching of unscanned areas, and width of a stripe in pixels
 NO_COLOUR = np.array([0, 0, 0, 0], dtype=np.uint8)  # alpha 0 means that the vertex has no scanned colour
 
