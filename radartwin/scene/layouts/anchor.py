@@ -18,9 +18,9 @@ PARTS = {
     "top", "legs", "leg", "feet", "foot", "soil", "shrub", "frame", "seat", "back", "handle", "body", "contents", "lid", "cap",
     "board", "boards", "side", "sides",
 }  # fmt: skip
-STANDS_ON_M2 = 0.002  # smallest level area on which an object can stand
-MAX_TILT_DEG = 15.0  # on steeper supports objects slide (wood on wood at about 15 degrees)
-FACING = 0.6  # smallest ratio |sum of area vectors| / area at which a surface has a front
+STANDS_ON_M2 = 0.002  # smallest horizontal area in m^2 on which an object can stand
+MAX_TILT_DEG = 15.0  # on a steeper supporting surface an object slides (wood on wood at about 15 degrees)
+FACING = 0.6  # smallest ratio |sum of area vectors| / area at which a surface counts as flat, so that its normal is its front
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
 
@@ -97,7 +97,10 @@ def supports(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Su
 
 
 def level_area(surface: Surface) -> float:
-    """Return the area of a surface that is within MAX_TILT_DEG of level, m^2; of a closed mesh, the upper side only."""
+    """Return the area in m^2 of the faces of a surface that are at most MAX_TILT_DEG from horizontal.
+
+    For a closed mesh, only the upper side counts.
+    """
     least = np.cos(np.radians(MAX_TILT_DEG))
     upward = np.asarray(surface.mesh.face_normals[:, 2])
     areas = np.asarray(surface.mesh.area_faces)

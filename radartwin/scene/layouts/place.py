@@ -19,14 +19,15 @@ from radartwin.scene.layouts.stock import from_mesh, stock
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
-FLOATING_M = 0.02  # a larger height above the support means that the object floats
-COVER_M = 0.03  # objects stand on flat covers up to this height, such as a rug
-GAP_M = 0.005  # gap between object and support; faces in contact shadow each other, because rays start up to 1 mm off a face (at 10 m)
-BASE_M = 0.005  # height of the part of an object that counts as its base
-STANDS_SHARE = 0.5  # smallest fraction of an object's base that must be on its support
-TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of its support is measured
-FINE_FACES = 5000  # overlap tests against a mesh with more faces are slow
-_MAX_TRIES = 200  # number of candidate positions that are tested for overlaps
+FLOATING_M = 0.02  # largest height above the supporting surface; a higher object floats
+COVER_M = 0.03  # objects may stand on flat covers up to this thickness, such as a rug
+# gap between object and supporting surface; faces in contact would shadow each other, because rays start up to 1 mm off a face (at 10 m)
+GAP_M = 0.005
+BASE_M = 0.005  # vertices up to this height above the lowest vertex belong to the base of an object
+STANDS_SHARE = 0.5  # smallest fraction of an object's base that must lie on the supporting surface
+TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of the supporting surface is measured
+FINE_FACES = 5000  # a mesh with more faces counts as fine, because overlap tests with it are slow
+_MAX_TRIES = 200  # largest number of candidate positions that are tested for overlaps
 
 Stock = Callable[[str], Sequence[Surface]]
 
