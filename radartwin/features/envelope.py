@@ -1,18 +1,20 @@
-"""Compute the target's energy over a motion, its level (brightness), and features of its modulation, which depends on the shape.
+"""Compute the energy of the target's echo during a motion, and features of its mean level and of its modulation.
 
-Symbols: E(f) -> energy, linear target-gate power of frame f minus the noise floor; envelope: E averaged over whole revolutions, (N,), or
-E over the frames of a lateral pass, (F,); P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, the DFT of the envelope at positive frequencies.
+The energy E(f) of frame f is the linear power in the target gate (the range bins around the target) minus the noise power there. The
+envelope of a turntable recording is E averaged over whole revolutions, (N,). The envelope of a sideways drive, in which the radar drives
+past the target at right angles to the line of sight, is E over the frames of the drive, (F,).
+P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, is the discrete Fourier transform of the envelope.
 
-- Harmonics |P_m| / |P_0|, m = 1..6, and the angular harmonic ratio sum_{m=1..6} |P_m|^2 / |P_0|^2 (paper, disentangled fidelity, shape:
-  the band of 1-6 cycles per rotation, normalised by DC; the paper does not state whether amplitudes or powers are summed). The ratio is 0
-  for a body of revolution and 6 for a single glint. The ratio depends neither on signal level nor on start angle nor, in the far field, on
-  distance.
-- The same harmonics and ratio over a lateral pass (paper, motion-specific feature design, lateral); m then counts cycles per pass.
-- Crest factor max(E) / rms(E), and entropy -sum p ln p / ln N with p = E / sum E. Both are 1 for a flat envelope. Both depend on the number
-  of frames in the envelope, so compare only envelopes of equal length.
-- Brightness 10 log10(mean_f E(f) R(f)^4), with the nominal distance R(f) in metres (paper, disentangled fidelity, material). For a point
-  target of radar cross section s, E = G^2 lambda^2 s / ((4 pi)^3 R^4), so the brightness depends only on s and on the radar. Brightness is
-  an absolute level, so receiver gain and calibration change it.
+- The harmonics of the envelope are |P_m| / |P_0| for m = 1..6. The angular harmonic ratio is sum_{m=1..6} |P_m|^2 / |P_0|^2. The RadarTwin
+  paper defines it as the band of 1-6 cycles per rotation, normalised by DC, but does not state whether amplitudes or powers are summed. The
+  ratio is 0 for a body of revolution and 6 for a target with a single short glint. It does not depend on the signal level and the start
+  angle. In the far field, it does not depend on the distance either.
+- The harmonics and the harmonic ratio of a sideways drive have the same formulas; m then counts cycles per drive.
+- The crest factor is max(E) / rms(E), and the entropy is -sum p ln p / ln N with p = E / sum E. Both are 1 for a constant envelope. Both
+  depend on the number of frames in the envelope, so compare only envelopes of equal length.
+- The brightness is 10 log10(mean_f E(f) R(f)^4), with the nominal distance R(f) in metres. A point target of radar cross-section s has
+  E = G^2 lambda^2 s / ((4 pi)^3 R^4) with the antenna gain G, so its brightness depends only on s and on the radar. Brightness is an
+  absolute level, so receiver gain and calibration change it.
 """
 
 from __future__ import annotations
@@ -24,15 +26,18 @@ from radartwin.errors import InputError
 from radartwin.features.processed import Processed
 from radartwin.features.profile import gate_energies
 
-HARMONICS = 6  # highest harmonic of the paper; higher harmonics contain ripple from the facets of the mesh
+HARMONICS = 6  # number of harmonics in the RadarTwin paper; higher harmonics contain ripple from the facets of the mesh
 Real = NDArray[np.floating]
 
 
 def target_energy(processed: Processed, target_m: ArrayLike) -> Real:
-    """Compute the target's energy E(f), (F,): power in the target gate minus the noise power there. The mean of E is 0 for pure noise.
+    """Compute the target's energy E(f), (F,), which is the power in the target gate minus the noise power in the target gate.
+
+    If the gate contains only noise, the mean of E is 0.
 
     Args:
-        target_m: range of the centre of the gate in metres, one value or (F,).
+        processed: processed recording of F frames.
+        target_m: range of the centre of the target gate in metres, one value for all frames or one value per frame (F,).
     """
     target_m = np.asarray(target_m, dtype=np.float64)
     inside, _ = gate_energies(processed.power, processed.range_m, target_m)
@@ -41,15 +46,16 @@ def target_energy(processed: Processed, target_m: ArrayLike) -> Real:
 
 
 def without_range_law(energy: Real, distance_m: Real) -> Real:
-    """Multiply each energy by the fourth power of its distance: E(f) R(f)^4, (F,)."""
+    """Multiply the energy E(f) of each frame by the fourth power of the target's distance R(f) in metres, and return E(f) R(f)^4, (F,)."""
     return np.asarray(energy, dtype=np.float64) * np.asarray(distance_m, dtype=np.float64) ** 4
 
 
 def brightness_db(energy: Real, distance_m: Real) -> float:
-    """Compute the brightness B: received over transmitted power at one metre, in decibels.
+    """Compute the brightness of a target: the received over transmitted power that it would have at one metre, in decibels.
 
     Args:
-        energy: (F,) from `target_energy`. distance_m: (F,).
+        energy: (F,) energies from `target_energy`.
+        distance_m: (F,) nominal distances of the target in metres.
     Raises:
         InputError: the mean energy above the noise is zero or negative.
 
@@ -63,10 +69,10 @@ def brightness_db(energy: Real, distance_m: Real) -> float:
 
 
 def frames_per_revolution(angle_rad: Real) -> int:
-    """Count the frames per revolution from the nominal angles (F,) at constant speed.
+    """Compute the number of frames per revolution from the nominal turntable angles (F,), which must advance at constant speed.
 
     Raises:
-        InputError: fewer than three frames per revolution, or a recording of less than one revolution.
+        InputError: a revolution has fewer than three frames, or the recording is shorter than one revolution.
     """
     step = np.abs(np.diff(angle_rad))
     period = round(2 * np.pi / float(np.median(step))) if len(step) and np.median(step) > 0 else 0
@@ -76,7 +82,7 @@ def frames_per_revolution(angle_rad: Real) -> int:
 
 
 def revolution(energy: Real, angle_rad: Real) -> Real:
-    """Average the energy over whole revolutions: the envelope (N,) at equal steps of angle, interpolated between frames."""
+    """Average the energy over whole revolutions, and return the envelope (N,) at N equally spaced angles, interpolated between frames."""
     period = frames_per_revolution(angle_rad)
     turned = np.abs(angle_rad - angle_rad[0])
     if (np.diff(turned) <= 0).any():
@@ -103,7 +109,7 @@ def harmonics(envelope: Real, count: int = HARMONICS) -> Real:
 
 
 def harmonic_ratio(envelope: Real, low: int = 1, high: int = HARMONICS) -> float:
-    """Compute the angular harmonic ratio: the sum over m = low..high of |P_m|^2 / |P_0|^2."""
+    """Compute the angular harmonic ratio of an envelope: the sum over m = low..high of |P_m|^2 / |P_0|^2."""
     return float(np.sum(harmonics(envelope, high)[low - 1 :] ** 2))
 
 

@@ -1,8 +1,10 @@
-"""Define the names of the feature sets and of their families. The module imports no NumPy, so that the configuration can import it.
+"""Define the names of the feature sets and of their feature families.
 
-A family is a group of features that are computed together (radartwin/features/sets.py). The sets follow the paper (motion-specific feature
-design). A rotation shows the target's shape from all sides, a drive towards the target shows range and multipath, and a lateral drive shows
-the target over a limited span of aspect angles. Brightness depends on the material.
+The module imports no NumPy, so that the configuration can import it without delay. A feature family is a group of features that are
+computed together (radartwin/features/sets.py). A feature set lists the families for one kind of motion and follows the section
+"motion-specific feature design" of the RadarTwin paper. A rotation shows the target's shape from all sides. A drive towards the target
+("depth") shows range and multipath. A drive past the target, at right angles to the line of sight ("lateral"), shows the target over a
+limited span of viewing angles. The family brightness depends on the material of the target.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from collections.abc import Sequence
 
 from radartwin.errors import ConfigError
 
-# The feature vector has the families in this order.
+# The feature vector of a set contains the families in the listed order.
 SETS: dict[str, tuple[str, ...]] = {
     "rotation": ("harmonics", "envelope", "extent", "brightness"),
     "depth": ("track", "multipath", "window", "extent", "brightness"),
@@ -21,10 +23,13 @@ SETS: dict[str, tuple[str, ...]] = {
 
 
 def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the families of a set, without the excluded families.
+    """Return the names of the feature families of a feature set, without the excluded families.
 
+    Args:
+        name: name of the feature set.
+        without: names of the families to exclude.
     Raises:
-        ConfigError: the set or a family is unknown, or no family remains.
+        ConfigError: the feature set or a family is unknown, or no family remains.
 
     >>> families("depth", ["window", "brightness"])
     ('track', 'multipath', 'extent')

@@ -1,6 +1,7 @@
-"""Define the motion log of a recording: the nominal distance and angle in each frame.
+"""Define the motion log of a recording: the nominal distance of the target and the nominal turntable angle in each frame.
 
-A measurement and its simulation have the same log. Features use the log and never the true motion, which a real experiment does not know.
+A measurement and its simulation have the same motion log. Features use the motion log and never the true motion, because the true motion is
+unknown in a real experiment.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from radartwin.errors import InputError
 
 
 class Log(Protocol):
-    """The nominal motion of F frames: distances (F,) from the radar to the axis of the target, and angles (F,) of the turntable, if any."""
+    """Give the nominal motion of F frames: distances (F,) in metres from radar to target axis, and turntable angles (F,) or None."""
 
     @property
     def frame_rate_hz(self) -> float: ...
@@ -36,7 +37,7 @@ def distances(log: Log, frames: int) -> NDArray[np.float64]:
     """Return the nominal distance of each frame in metres, (F,).
 
     Raises:
-        InputError: the log has another number of frames, or a distance that is not above zero.
+        InputError: the number of frames in the motion log is not `frames`, or a distance is not above zero.
     """
     distance_m = np.asarray(log.distance_m, dtype=np.float64)
     if distance_m.shape != (frames,):
@@ -50,7 +51,7 @@ def angles(log: Log, frames: int) -> NDArray[np.float64]:
     """Return the nominal turntable angle of each frame in radians, (F,).
 
     Raises:
-        InputError: the log has no angles, another number of frames, or an angle that is not finite.
+        InputError: the motion log has no angles, its number of frames is not `frames`, or an angle is not finite.
     """
     if log.angle_rad is None:
         raise InputError("the log has no turntable angle; use turntable recordings for rotation features")

@@ -1,13 +1,15 @@
-"""Process recordings into the input of every feature: range profiles, azimuth channels and Doppler spectra of each frame.
+"""Process recordings into the data from which all features are computed: power, azimuth channels and Doppler spectra of each frame.
 
-Symbols: s_fcv(r) -> range profile of frame f, chirp c and virtual channel v (Hann window over the samples).
-- Power P(f, r) = mean_v |mean_c s_fcv(r)|^2 is coherent over chirps and incoherent over channels.
-- Channels A_fv(r) = mean_c s_fcv(r) exist for the channels v of the azimuth row only.
-- Doppler D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2 has a Hann window w over the chirps.
-- Noise N(r) is the power P without echoes. It is estimated from the Doppler bin of the highest speed, because nothing indoors moves so
-  fast: N = mean_f D / (C sum_c w_c^2), where the divisor converts from D to P. A slow echo leaks less than -60 dB into this bin.
-An echo of amplitude a in the centre of its bins gives P = D = a^2 and A = a. An echo that moves at 0.2 m/s loses 0.7 dB in P and A. Range
-bins end at MAX_RANGE_M, because no feature uses larger ranges.
+The formulas use the range profile s_fcv(r) of frame f, chirp c (of C chirps) and virtual channel v at range r, with a Hann window over the
+samples.
+- The power P(f, r) = mean_v |mean_c s_fcv(r)|^2 is averaged coherently over chirps and incoherently over channels.
+- The azimuth channels A_fv(r) = mean_c s_fcv(r) exist only for the virtual channels v of the azimuth row.
+- The Doppler spectrum D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2 has a Hann window w over the chirps.
+- The noise N(r) is the power P that noise without echoes would have. It is estimated from the Doppler bin of the highest speed, because
+  nothing indoors moves so fast. The formula is N = mean_f D / (C sum_c w_c^2), where the divisor converts from D to P. A slow echo leaks
+  into this Doppler bin with less than -60 dB.
+An echo of amplitude a in the centre of its range bin and Doppler bin gives P = D = a^2 and A = a. An echo that moves at 0.2 m/s loses 0.7
+dB in P and A. The range bins end at MAX_RANGE_M, because no feature uses larger ranges.
 """
 
 from __future__ import annotations
@@ -28,20 +30,23 @@ from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_fft
 from radartwin.radar.recording import Recording
 
 MAX_RANGE_M = 6.0
-MIN_CHIRPS = 8  # with fewer chirps, echoes at rest leak into the Doppler bin of the highest speed
+MIN_CHIRPS = 8  # smallest number of chirps for the noise estimate; with fewer, echoes at rest leak into the bin of the highest speed
 _ARRAYS, _RADAR = "processed.npz", "processed.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Processed:
-    """Hold power, azimuth channels and Doppler spectra of F frames in B range bins.
+    """Hold power, azimuth channels and Doppler spectra of F frames in B range bins, as the module's docstring defines them.
 
     Attributes:
-        range_m: (B,) bin centres in metres.
-        power: (F, B) float32, in squared amplitude units.
-        channels: (F, A, B) complex64, the A channels of `azimuth_row` in its order.
-        doppler: (F, C, B) float32 over `velocity_mps` (C,), ascending and receding positive; None if not requested.
-        noise: (B,) float32, noise power in `power`; None with fewer than MIN_CHIRPS chirps, and features then assume zero noise.
+        radar: radar of the recording.
+        range_m: (B,) centres of the range bins in metres.
+        power: (F, B) float32 echo power in squared amplitude units.
+        channels: (F, A, B) complex64 signals of the A channels of `azimuth_row`, in the order of `azimuth_row`.
+        doppler: (F, C, B) float32 power in C Doppler bins; None if the caller of `process` did not request it.
+        velocity_mps: (C,) velocities of the Doppler bins in m/s, in ascending order; receding echoes have positive velocities.
+        noise: (B,) float32 noise power that `power` contains. It is None if the radar has fewer than MIN_CHIRPS chirps per frame; features
+            then assume zero noise.
     """
 
     radar: Radar
@@ -75,12 +80,12 @@ class Processed:
         return np.zeros(len(self.range_m)) if self.noise is None else self.noise.astype(np.float64)
 
     def frames(self, chosen: slice | NDArray) -> Processed:
-        """Select frames; the arrays of the result are views if `chosen` is a slice."""
+        """Return only the frames that `chosen` selects. If `chosen` is a slice, the result shares its arrays with this object."""
         doppler = None if self.doppler is None else self.doppler[chosen]
         return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps, self.noise)
 
     def save(self, folder: str | Path) -> None:
-        """Write the recording into a folder. The arrays are written last, so that `load` refuses an interrupted save."""
+        """Write the processed recording into a folder. The method writes the arrays last, so that `load` refuses an interrupted save."""
         folder = Path(folder)
         arrays = {"range_m": self.range_m, "power": self.power, "channels": self.channels, "velocity_mps": self.velocity_mps}
         arrays |= {name: value for name in ("doppler", "noise") if (value := getattr(self, name)) is not None}
@@ -94,8 +99,8 @@ class Processed:
         """Read a processed recording from a folder that `save` wrote.
 
         Raises:
-            MissingError: either file is missing.
-            RecordingError: a file is damaged or belongs to another radar.
+            MissingError: processed.npz or processed.json is missing.
+            RecordingError: a file is damaged or belongs to a recording of another radar.
         """
         folder = Path(folder)
         for name in (_RADAR, _ARRAYS):
@@ -111,10 +116,11 @@ class Processed:
 
 
 def process(recording: Recording, doppler: bool = True) -> Processed:
-    """Compute power, channels and Doppler of a recording. Blocks of frames limit the memory.
+    """Compute power, azimuth channels, noise and Doppler spectra of a recording, in blocks of frames to limit the memory.
 
     Args:
-        doppler: also compute the range-Doppler power, which is as large as C (the number of chirps) times `power`.
+        recording: IQ samples with their radar.
+        doppler: whether to compute the Doppler spectra, which need C times the memory of `power` for C chirps per frame.
     Raises:
         RecordingError: samples are NaN or infinite.
     """
@@ -148,7 +154,7 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
 
 
 def _profiles(iq: NDArray[np.complexfloating], radar: Radar) -> tuple[NDArray[np.complexfloating], NDArray[np.float64]]:
-    """Compute range profiles up to MAX_RANGE_M, and their range axis in metres."""
+    """Compute the range profiles of IQ samples up to MAX_RANGE_M, and the range axis in metres."""
     profiles, range_m = range_fft(iq, radar)
     near = range_m <= MAX_RANGE_M
     return profiles[..., near], range_m[near]

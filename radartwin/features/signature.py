@@ -1,9 +1,10 @@
-"""Compute the range-Doppler signature of a turntable revolution: power over range and over the Doppler frequency from frame to frame.
+"""Compute the range-Doppler signature of a target on a turntable: its echo power over range and over frame-to-frame Doppler frequency.
 
-G(u, r) = |FFT of A(f, r) over the N frames of a revolution|^2, averaged over channels and whole revolutions. The paper compares the
-signatures of simulation and measurement by their structural similarity (SSIM; turntable fidelity). A whole revolution needs no window, and
-its start angle has no effect. At 10 frames per second the Doppler band is +-5 Hz, which is +-9.5 mm/s. The rim of a turning object is
-faster, so its Doppler frequency folds, both in simulation and in measurement. Echoes at rest are at 0 Hz.
+The signature is G(u, r) = |FFT of A(f, r) over the N frames f of a revolution|^2, averaged over channels and whole revolutions, where A is
+the range profile of a frame. The RadarTwin paper compares the signatures of simulation and measurement by their structural similarity
+(SSIM). The FFT needs no window because it covers a whole revolution, and the start angle of the revolution has no effect on the signature.
+At 10 frames per second, the Doppler band is +-5 Hz, which corresponds to +-9.5 mm/s. The rim of a turning object is faster, so its Doppler
+frequency folds, in simulation as in measurement. Echoes at rest have the Doppler frequency 0 Hz.
 """
 
 from __future__ import annotations
@@ -15,24 +16,26 @@ from radartwin.errors import InputError
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.features.processed import Processed
 
-SPAN_M = 1.0  # width of the range window around the target
-FLOOR_DB = 40.0  # dynamic range; cells weaker than the strongest cell by more have the level 0
+SPAN_M = 1.0  # width of the range window around the target, in metres
+FLOOR_DB = 40.0  # dynamic range of a signature in dB; cells that are weaker than the strongest cell by more have the level 0
 
 
 def signature(processed: Processed, angle_rad: NDArray, target_m: float) -> NDArray[np.float64]:
     """Compute the signature of a turntable recording at ranges within SPAN_M / 2 of the target.
 
     Args:
-        angle_rad: (F,) nominal turntable angle, rising or falling throughout.
+        processed: processed turntable recording of F frames.
+        angle_rad: (F,) nominal turntable angle of each frame in radians, which must rise in all frames or fall in all frames.
+        target_m: range of the target in metres.
     Returns:
-        Level (N, R), from 0 (FLOOR_DB below the strongest cell) to 1 (strongest cell). The Doppler frequency ascends over the N rows, with
-        0 Hz in row N // 2; receding echoes have positive frequencies.
+        Levels (N, R) at N Doppler frequencies and R ranges, from 0 (FLOOR_DB below the strongest cell) to 1 (strongest cell). The Doppler
+        frequency ascends over the N rows, with 0 Hz in row N // 2. Receding echoes have positive Doppler frequencies.
     Raises:
-        InputError: the recording is shorter than a revolution, or has no energy near the target.
+        InputError: the recording is shorter than one revolution, or it has no energy near the target.
     """
     period = frames_per_revolution(angle_rad)
     near = np.abs(processed.range_m - target_m) <= SPAN_M / 2
-    # A revolution need not be a whole number of frames, so each starts at the nearest frame.
+    # A revolution need not take a whole number of frames, so each revolution starts at the nearest frame.
     step = 2 * np.pi / float(np.median(np.abs(np.diff(angle_rad))))
     starts = [round(k * step) for k in range(int(len(angle_rad) / step + 1e-6) or 1)]
     power = np.zeros((period, int(near.sum())))

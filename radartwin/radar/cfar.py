@@ -1,11 +1,12 @@
 """Detect targets at a constant false-alarm rate by cell averaging (CA-CFAR).
 
-Symbols: N training cells, K looks averaged in each cell (channels times frames), P_fa -> false_alarm, alpha -> factor,
-Y -> the estimate of the noise power. A cell is detected where its power exceeds alpha * Y.
+Symbols: N is the number of training cells, and K is the number of looks (channels times frames) averaged in each cell. P_fa is the
+false-alarm probability, alpha the threshold factor, and Y the estimate of the noise power, which is the mean of the training cells. The
+detector reports a cell if its power exceeds alpha * Y.
 
-A mean of K looks of exponentially distributed noise power is gamma distributed. CA-CFAR then compares two gamma
-variables, whose ratio is F(2K, 2KN) distributed; K = 1 gives the textbook alpha = N (P_fa^(-1/N) - 1). An FFT window
-correlates neighbouring cells, so the true false-alarm rate is slightly higher than P_fa.
+The mean of K looks of exponentially distributed noise power has a gamma distribution. CA-CFAR therefore compares two gamma variables, whose
+ratio is F(2K, 2KN) distributed. K = 1 gives the textbook factor alpha = N (P_fa^(-1/N) - 1). An FFT window correlates neighbouring cells,
+so the true false-alarm rate is slightly higher than P_fa.
 
 Reference: M. Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 6.
 """
@@ -21,7 +22,12 @@ Real = NDArray[np.float64]
 
 
 def ca_factor(training: int, false_alarm: float, looks: int = 1) -> float:
-    """Compute the CA-CFAR factor alpha: threshold over the mean of `training` cells, each averaged over `looks` independent looks.
+    """Compute the CA-CFAR factor alpha, by which the mean power of the training cells is multiplied to obtain the threshold.
+
+    Args:
+        training: number of training cells.
+        false_alarm: false-alarm probability per cell.
+        looks: number of independent looks averaged in each cell.
 
     >>> round(ca_factor(16, 1e-4), 6) == round(16 * (1e-4 ** (-1 / 16) - 1), 6)
     True
@@ -44,17 +50,18 @@ def ca_cfar(
     """Detect cells by cell-averaging CFAR.
 
     Args:
-        power: linear power, one or more dimensions.
-        guard: cells ignored on each side of the cell under test, per axis.
-        training: cells averaged beyond the guard cells on each side, per axis.
-        looks: independent looks averaged in each cell.
-        min_factor: lower limit of the threshold factor alpha, which would approach 1 with many looks.
-        wrap: for each axis, whether the axis is circular; all other axes are continued by reflection.
+        power: array of linear power with one or more axes.
+        guard: for each axis, the number of cells ignored on each side of the cell under test.
+        training: for each axis, the number of cells averaged beyond the guard cells on each side of the cell under test.
+        false_alarm: false-alarm probability per cell.
+        looks: number of independent looks averaged in each cell.
+        min_factor: smallest threshold factor alpha, because alpha would approach 1 with many looks.
+        wrap: for each axis, whether the axis is circular. The function extends a non-circular axis beyond its ends by reflection.
     Returns:
-        detections: boolean, of the shape of power.
-        threshold: of the shape of power.
+        detections: boolean array of the shape of `power`, true for detected cells.
+        threshold: threshold power of each cell, of the shape of `power`.
     Raises:
-        InputError: the window does not fit the map or has no training cells.
+        InputError: guard cells and training cells do not fit into the array, or there are no training cells.
 
     >>> noise = np.random.default_rng(0).exponential(size=4096)
     >>> hits, _ = ca_cfar(noise, guard=(2,), training=(16,), false_alarm=1e-2, looks=1, wrap=(False,))
@@ -72,7 +79,7 @@ def ca_cfar(
         total = uniform_filter1d(total, 2 * o + 1, axis=axis, mode=mode) * (2 * o + 1)
         inner = uniform_filter1d(inner, 2 * g + 1, axis=axis, mode=mode) * (2 * g + 1)
     cells = int(np.prod([2 * o + 1 for o in outer]) - np.prod([2 * g + 1 for g in guard]))
-    # Near a strong cell, the difference of the two running sums may fall below zero by rounding.
+    # Near a strong cell, rounding may make the difference of the two running sums negative.
     noise = np.maximum(total - inner, 0.0) / cells
     threshold = max(ca_factor(cells, false_alarm, looks), min_factor) * noise
     return power > threshold, threshold

@@ -1,8 +1,9 @@
-"""Convert between complex samples and the DCA1000 raw layout of the xWR16xx, xWR18xx and xWR68xx with two LVDS lanes.
+"""Convert between complex samples and the raw data format of the capture card DCA1000.
 
-The layout is little-endian int16 without headers, in the order frame, chirp (TDM order), receiver, sample. Complex samples
-come in pairs, first two I values, then two Q values: I0 I1 Q0 Q1, I2 I3 Q2 Q3, ... Firmware with the sample swap writes Q
-first: Q0 Q1 I0 I1. Real samples follow each other without Q.
+The module supports the radar chips xWR16xx, xWR18xx and xWR68xx with two LVDS lanes. The raw data are little-endian int16 values without
+headers, in the order frame, chirp (in the order of transmission), receiver, sample. Complex samples come in pairs, first two I values and
+then two Q values: I0 I1 Q0 Q1, I2 I3 Q2 Q3, and so on. Firmware with the sample swap option writes Q first: Q0 Q1 I0 I1. Real samples
+follow each other without Q values.
 
 Reference: Mmwave Radar Device ADC Raw Data Capture (TI SWRA581B), sections on two-lane devices.
 """
@@ -31,16 +32,18 @@ def frame_bytes(radar: Radar) -> int:
 
 
 def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:
-    """Convert frames to bytes.
+    """Convert the samples of frames to the bytes of a DCA1000 file.
 
     Args:
-        iq: [frame, chirp, tx, rx, sample], amplitude.
-        scale: amplitude per count, above zero.
+        iq: samples [frame, chirp, tx, rx, sample] in amplitude units.
+        scale: amplitude per ADC count, above zero.
+        iq_swapped: whether to write Q before I.
+        real_sampling: whether to write only the real parts of the samples.
     Returns:
-        data: the bytes of the frames.
-        clipped: number of int16 values that were clipped.
+        data: bytes of the frames.
+        clipped: number of int16 values that the function clipped to the 16-bit range.
     Raises:
-        RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples, which cannot form pairs.
+        RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples over all receivers, which cannot form pairs.
 
     >>> encode(np.array([1 + 2j, 3 + 4j]).reshape(1, 1, 1, 1, 2), 1.0)[0].hex(" ", 2)
     '0100 0300 0200 0400'
@@ -61,10 +64,12 @@ def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = 
 
 
 def decode(data: bytes | memoryview, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Convert bytes to complex counts [frame, chirp, tx, rx, sample]. The conversion is exact, because float32 represents every int16.
+    """Convert the bytes of a DCA1000 file to complex ADC counts [frame, chirp, tx, rx, sample].
+
+    The conversion is exact, because float32 represents every int16 value.
 
     Raises:
-        RecordingError: the data are not a whole number of frames, or a chirp has an odd number of samples.
+        RecordingError: the data are not a whole number of frames, or a chirp has an odd number of samples over all receivers.
     """
     size = len(data)
     if size % frame_bytes(radar):

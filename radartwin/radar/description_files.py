@@ -1,6 +1,6 @@
-"""Read the text files that describe radars, recordings and recording sets, as plain values.
+"""Read the text files that describe radars, recordings and recording sets, and return their content as plain Python values.
 
-A radar description is one of TI's two formats, or a .yaml or .json with the fields of `radartwin.radar.chirp.Radar`.
+A radar file is a mmWave SDK .cfg, a mmWave Studio .mmwave.json, or a .yaml or .json with the fields of `radartwin.radar.chirp.Radar`.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from radartwin.radar.ti_files import parse_cfg, parse_studio, radar_fields
 
 
 def read_fields(path: Path) -> dict[str, Any]:
-    """Read the fields of `Radar` from a radar description. The suffix of the file name determines the format.
+    """Read the fields of `Radar` from a radar file. The suffix of the file name determines the format.
 
     Raises:
-        RecordingError: the file is malformed or unsupported, or has a mode other than time-division chirps of one profile.
+        RecordingError: the file is malformed or unsupported, or its radar does not send chirps of a single profile with one transmitter at
+            a time (time division).
     """
     match path.suffix:
         case ".cfg":
@@ -41,7 +42,7 @@ def read_fields(path: Path) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object. Raises RecordingError, with the line of a syntax error."""
+    """Read a JSON file that holds an object. Raise RecordingError, with the line of a syntax error, if the file is malformed."""
     try:
         values = untrusted_json.read(path)
     except json.JSONDecodeError as error:
@@ -56,7 +57,12 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_yaml(path: Path, content: str) -> dict[str, Any]:
-    """Read a YAML mapping. Raises RecordingError, with the line of a syntax error. `content` names what the mapping describes."""
+    """Read a YAML file that holds a mapping. Raise RecordingError if the file is malformed; the message names the line of a syntax error.
+
+    Args:
+        path: path of the YAML file.
+        content: description of the mapping's content in error messages, for example "radar fields".
+    """
     import yaml
 
     try:

@@ -1,35 +1,41 @@
-"""Apply the imperfections of a real IWR1843 and its capture card to ideal samples.
+"""Apply the imperfections of a real IWR1843 and its capture card to ideal simulated samples.
 
-The effects are applied in this order:
-1. `echoes`: a chirp starts on time or one clock late, and the oscillator has phase noise.
-2. `leaked`: leakage from transmitter to receiver adds, and the channels have different gains and phases.
+The simulation applies the imperfections in this order:
+1. The method `echoes` starts each chirp on time or one clock cycle late, and adds the phase noise of the oscillator.
+2. The method `leaked` adds leakage from the transmitters to the receivers, and gives the channels different gains and phases.
 3. radartwin.simulation.signal.synthesis adds thermal noise with the noise figure of the radar.
-4. `digitised`: the mixer adds an image, the ADC adds an offset, saturates and rounds.
-The IF filter must act on each echo before its frequency folds, so the simulated radar contains the filter (`front_end`). All other effects
-act on the ideal samples. An effect that depends on delay is applied to the spectrum of each chirp, where a frequency stands for a delay.
-This approximation was compared with exact phase noise for each echo. The energy of the phase error differs by at most 0.1 dB. Under a Hann
-window its amplitude differs by at most 5 %. Without a window the amplitude differs by 20 %, because a strong near echo leaks into all
-spectral lines; this error is in the first and last samples only.
+4. The method `digitised` adds the image of the mixer and the offset of the ADC, and saturates and rounds the samples.
+The IF filter must act on each echo before the beat frequency folds, so the simulated radar contains the filter (`front_end`). All other
+imperfections act on the ideal samples. The simulation applies an imperfection that depends on the echo delay to the spectrum of each chirp,
+in which a beat frequency corresponds to a delay. A test compared this approximation with exact phase noise for each echo. The energy of the
+phase error differs by at most 0.1 dB. With a Hann window, the amplitude of the phase error differs by at most 5 %. Without a window, this
+amplitude differs by 20 %, because a strong near echo leaks into all spectral lines. The difference of 20 % occurs only in the first and
+last samples of a chirp.
 
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
-- if_filter: both high-pass stages at their lowest corner, 175 and 350 kHz (codes 0 0), receiver gain 30 dB. This is the profile of the
-  paper in the mmWave SDK ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). It is a setting, so `scaled` keeps it.
-- line_loss: 5.2 dB both ways. An antenna alone has 10.5 dBi; measured through the feed lines, TX and RX have 7.8 and 8 dBi (TI E2E 681535).
-- coupling: -45 dB between the nearest TX and RX, 8.77 mm apart (xWR1642BOOST, TI E2E 674013), falling with distance, over 6 cm of feed line
-  (order of magnitude). In two public captures with the same high-pass stages, the leakage is 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and
-  15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a sample; the default gives 14 dB.
-- full scale: in the same captures the noise of a sample is 7.3 counts. With the noise figures of the data sheets, full scale is then at -23
-  and -22 dBm received power, at 30 dB of gain. At this gain the in-band compression point is at -29 dBm (IWR1443 data sheet, figure 5-1, by
-  TI E2E 702363: -23, -35, -47 dBm at 24, 36, 48 dB). Compression of large signals is not modelled.
-- image: 1 dB and 2 degrees between I and Q (AWR1243 data sheet by TI E2E 654592). The SDK's "complex 1x" output filters the image band, so
-  only echoes in the first tenth of the range have an image, which appears at the far end of the range.
-- offset: -70 dBFS, the mean of the samples in both captures (5 to 16 counts).
-- channels: 0.6 dB and 5 degrees, the spread of a measured AWR1843L calibration (compRangeBiasAndRxChanPhase in the README of a fork of
-  RadarML/xwr). Data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
-- chirp_late: 0 or 1.1 ns, at random, between the chirp and its samples (TI SPRACV2).
-- start: a software trigger is uncertain by "several tens of microseconds", while frames repeat exactly (TI SWRA574B).
-- jitter: a microsecond from frame to frame as an order of magnitude, far above the 5 ns steps of the frame timer. The time stamps of a host
-  that receives frames over Ethernet have errors of about a millisecond, but they affect the motion log only.
+- if_filter: both high-pass stages have their lowest corner frequencies, 175 and 350 kHz (codes 0 0), and the receiver gain is 30 dB. These
+  are the values of the paper's profile in the mmWave SDK ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). The
+  filter is a setting and no imperfection, so `scaled` does not change it.
+- line_loss: the feed lines attenuate an echo by 5.2 dB on both ways together. An antenna alone has a gain of 10.5 dBi. Measured through the
+  feed lines, a transmit antenna has 7.8 dBi and a receive antenna 8 dBi (TI E2E 681535).
+- coupling: the leakage is -45 dB between the nearest transmitter and receiver, which are 8.77 mm apart (xWR1642BOOST, TI E2E 674013). It
+  falls with distance. The feed line of 6 cm is an order of magnitude. In two public captures with the same high-pass stages, the leakage is
+  12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a sample. The default
+  coupling gives 14 dB.
+- full_scale: in the same two captures, the noise of a sample is 7.3 counts. With the noise figures of the data sheets and a receiver gain
+  of 30 dB, the ADC's full scale then corresponds to a received power of -23 and -22 dBm. At this gain, the in-band compression point is at
+  -29 dBm (IWR1443 data sheet, figure 5-1, by TI E2E 702363: -23, -35, -47 dBm at gains of 24, 36, 48 dB). The simulation does not model the
+  compression of large signals.
+- image: the gains of I and Q differ by 1 dB and their phases by 2 degrees (AWR1243 data sheet by TI E2E 654592). The SDK's "complex 1x"
+  output filters the image band, so only echoes in the first tenth of the range have an image. This image appears at the far end of the
+  range.
+- offset: the offset of -70 dBFS is the mean of the samples in both captures (5 to 16 counts).
+- channels: the standard deviations of 0.6 dB and 5 degrees are the spread of a measured AWR1843L calibration (compRangeBiasAndRxChanPhase
+  in the README of a fork of RadarML/xwr). Data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
+- chirp_late: the delay between a chirp and its samples is 0 or 1.1 ns, at random (TI SPRACV2).
+- start: the time of a software trigger is uncertain by "several tens of microseconds", while frames repeat exactly (TI SWRA574B).
+- jitter: a standard deviation of one microsecond from frame to frame is an order of magnitude, far above the 5 ns steps of the frame timer.
+  If a computer receives frames over Ethernet, its time stamps have errors of about a millisecond, but they affect only the motion log.
 """
 
 from __future__ import annotations
@@ -46,7 +52,7 @@ from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise, interpolation
 
-_NODES = (0.2, 0.55, 0.95)  # beat frequencies, as fractions of the band, whose delays get a computed phase error
+_NODES = (0.2, 0.55, 0.95)  # beat frequencies, as fractions of the band, for whose delays the simulation computes the phase error
 
 
 def _iwr1843_filter() -> IfFilter:
@@ -57,34 +63,36 @@ def _iwr1843_filter() -> IfFilter:
 class Hardware:
     """Describe the deviations of a radar from the ideal radar."""
 
-    line_loss_db: float = 5.2  # loss of every echo in the lines to and from the antennas
-    coupling_db: float = -45.0  # leakage power into the nearest receiver over transmitted power, before the IF filter
-    feed_m: float = 0.06  # electrical length of the feed lines
-    # distance from the nearest transmitter to the nearest receiver; transmitters and receivers form two groups side by side
+    line_loss_db: float = 5.2  # loss of every echo in the feed lines to the transmit antenna and from the receive antenna, in dB
+    coupling_db: float = -45.0  # leakage power in the nearest receiver over transmitted power before the IF filter, in dB
+    feed_m: float = 0.06  # electrical length of the feed lines, in metres
+    # Distance in metres from the transmitter to the receiver that are nearest to each other. On the board, transmitters and receivers form
+    # two groups side by side.
     spacing_m: float = 0.00877
-    gain_imbalance_db: float = 1.0  # of Q against I
-    phase_imbalance_deg: float = 2.0
-    image_filtered: bool = True  # whether the image band is filtered ("complex 1x")
-    offset_dbfs: float = -70.0  # offset of each ADC relative to full scale
-    channel_gain_db: float = 0.6  # standard deviation over the channels of a board
-    channel_phase_deg: float = 5.0
-    board: int = 0  # number of the board; seeds the random gains and phases of its channels
-    chirp_late_s: float = 1.1e-9  # delay of late chirps; each chirp is late with probability 1/2
-    start_s: float = 50e-6  # largest delay of the start of a recording against its motion log
-    jitter_s: float = 1e-6  # standard deviation of the start time of a frame
-    full_scale_db: float | None = -35.0  # received over transmitted power at full scale of the ADC; None leaves out the ADC
-    if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)  # None leaves the effect out
-    phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)  # of the oscillator; None leaves the effect out
+    gain_imbalance_db: float = 1.0  # gain of Q relative to I, in dB
+    phase_imbalance_deg: float = 2.0  # deviation of the phase between I and Q from 90 degrees, in degrees
+    image_filtered: bool = True  # whether the receiver filters the image band ("complex 1x" output)
+    offset_dbfs: float = -70.0  # constant offset of each ADC relative to its full scale, in dB
+    channel_gain_db: float = 0.6  # standard deviation of the gain over the channels of a board, in dB
+    channel_phase_deg: float = 5.0  # standard deviation of the phase over the channels of a board, in degrees
+    board: int = 0  # number of the board, which is the seed of the random gains and phases of its channels
+    chirp_late_s: float = 1.1e-9  # delay of late chirps in seconds; each chirp is late with probability 1/2
+    start_s: float = 50e-6  # largest delay of the start of a recording against its motion log, in seconds
+    jitter_s: float = 1e-6  # standard deviation of the start time of a frame, in seconds
+    full_scale_db: float | None = -35.0  # received over transmitted power at full scale of the ADC, in dB; None leaves out the ADC
+    if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)  # IF filter of the receiver; None leaves out the filter
+    phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)  # phase noise of the oscillator; None leaves out phase noise
 
     @property
     def scale(self) -> float | None:
-        """Amplitude per ADC count."""
+        """Return the amplitude per ADC count, or None if the hardware has no ADC."""
         return None if self.full_scale_db is None else 10 ** (self.full_scale_db / 20) / FULL_SCALE
 
     def scaled(self, strength: float) -> Hardware:
-        """Scale the imperfections: strength 0 gives the ideal radar, 1 the same radar, 2 doubles all amplitudes and spreads.
+        """Multiply the amplitudes and spreads of all imperfections by `strength`.
 
-        IF filter, full scale and geometry are settings of the radar and do not scale, but strength 0 removes them.
+        A strength of 1 gives the same hardware, and a strength of 0 gives the ideal radar. IF filter, full scale of the ADC and geometry
+        are settings of the radar, which do not depend on the strength. The strength 0 removes the IF filter and the ADC as well.
         """
         if strength <= 0:
             return replace(
@@ -104,11 +112,14 @@ class Hardware:
         )  # fmt: skip
 
     def front_end(self, radar: Radar) -> Radar:
-        """Return the radar for the simulation of ideal samples: with the IF filter, without phase noise, which `echoes` adds later."""
+        """Return the radar with which the ideal samples are simulated.
+
+        This radar has the IF filter of the hardware. It has no phase noise, because `echoes` adds phase noise to the ideal samples.
+        """
         return replace(radar, if_filter=self.if_filter or radar.if_filter, phase_noise=None)
 
     def frame_times(self, frames: int, rate_hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Draw the true start times of the frames in seconds, shape (F,); their nominal times are f / rate_hz."""
+        """Draw the true start times (F,) of the frames in seconds. The nominal start time of frame f is f / rate_hz."""
         late = self.start_s * rng.random()
         return np.arange(frames) / rate_hz + late + self.jitter_s * rng.standard_normal(frames)
 
@@ -122,7 +133,7 @@ class Hardware:
         out = iq.astype(np.complex64)
         spectrum = np.asarray(fft.fft(out, axis=-1))
         if radar.real_sampling:
-            spectrum *= np.where(np.arange(samples) <= samples // 2, 2, 0).astype(np.float32)  # positive beat frequencies only
+            spectrum *= np.where(np.arange(samples) <= samples // 2, 2, 0).astype(np.float32)  # keep only positive beat frequencies
         if self.chirp_late_s:
             late = rng.integers(0, 2, (frames, chirps, tx)).astype(bool)
             spectrum[late] *= np.exp(-2j * np.pi * self.chirp_late_s * _beats(radar)).astype(np.complex64)
@@ -145,9 +156,9 @@ class Hardware:
         return out
 
     def leakage(self, radar: Radar) -> NDArray[np.complex64]:
-        """Compute the leakage between every transmitter and receiver after the IF filter, (T, R, N).
+        """Compute the leakage signal (T, R, N) from each of T transmitters to each of R receivers after the IF filter, for N samples.
 
-        The leakage has no phase noise, because its delay is too short.
+        The leakage has no phase noise, because its delay is so short that the phase noise cancels in the mixer.
         """
         time = np.arange(radar.num_samples) / radar.sample_rate_hz
         frequency = radar.start_frequency_hz + radar.slope_hz_per_s * time
@@ -162,7 +173,7 @@ class Hardware:
         return (signal.real if radar.real_sampling else signal).astype(np.complex64)
 
     def channels(self, radar: Radar) -> NDArray[np.complex64]:
-        """Return the complex gain of each channel of this board, (T, R): the product of a transmitter factor and a receiver factor."""
+        """Return the complex gain (T, R) of each channel of this board, which is the product of a transmitter and a receiver factor."""
         rng = np.random.default_rng(np.random.SeedSequence([self.board, *b"channels"]))
         unit = rng.standard_normal((2, radar.num_tx + radar.num_rx)) / np.sqrt(2)
         decibels, degrees = self.channel_gain_db * unit[0], self.channel_phase_deg * unit[1]
@@ -193,7 +204,10 @@ class Hardware:
         return (clipped * np.float32(self.scale)).view(np.complex64), saturated
 
     def _imaged(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """Return the part of the samples whose image passes the IF filter; the filter's lower edge is as wide as its upper edge."""
+        """Return the part of the samples whose image passes the IF filter.
+
+        The function assumes that the transition of the filter at zero beat frequency is as wide as its transition at the band edge.
+        """
         if not self.image_filtered or self.if_filter is None:
             return iq
         from scipy import fft
@@ -205,13 +219,16 @@ class Hardware:
 
 @functools.lru_cache(maxsize=8)
 def _leakage_and_channels(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
-    """Return leakage (T, R, N) and channel gains (T, R), cached because they are the same in every frame."""
+    """Return the leakage signal (T, R, N) and the channel gains (T, R). They are cached, because they are the same in every frame."""
     return hardware.leakage(radar), hardware.channels(radar)
 
 
 @functools.lru_cache(maxsize=8)
 def _beats(radar: Radar) -> NDArray[np.float64]:
-    """Return the beat frequency of each spectral line of a chirp, (N,); 0 Hz in the last 2 % of the band, where near echoes leak."""
+    """Return the beat frequency (N,) of each of the N spectral lines of a chirp, in Hz.
+
+    Near echoes leak into the last 2 % of the band. The function gives these spectral lines the beat frequency 0 Hz.
+    """
     line = np.arange(radar.num_samples) / radar.num_samples
     if radar.real_sampling:
         return np.minimum(line, 1 - line) * radar.sample_rate_hz
@@ -220,9 +237,9 @@ def _beats(radar: Radar) -> NDArray[np.float64]:
 
 @functools.lru_cache(maxsize=8)
 def _nodes(radar: Radar) -> tuple[tuple[float, ...], NDArray[np.float32]]:
-    """Return the K delays with a computed phase error, and interpolation weights (K, N) for the delay of each spectral line.
+    """Return the K delays for which the phase error is computed, and interpolation weights (K, N) for the delays of N spectral lines.
 
-    The interpolation error is at most 0.3 % over the band of the iwr1843.
+    The interpolation error of the phase error is at most 0.3 % over the band of the radar `iwr1843`.
     """
     longest = radar.band_hz / radar.slope_hz_per_s
     nodes = tuple(share * longest for share in _NODES)

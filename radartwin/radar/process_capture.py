@@ -1,6 +1,7 @@
 """Process a recording for the command `radartwin process`: write peaks.csv and up to three pictures, and return the peak table.
 
-The pictures show power over range and time, Doppler or azimuth, in decibels, down to a fixed level below the strongest cell.
+The three pictures show the echo power in decibels over range and time, over range and Doppler, and over range and azimuth. Each picture
+shows the highest 60 dB of its power.
 """
 
 from __future__ import annotations
@@ -39,18 +40,20 @@ def process_capture(
     """Detect the peaks of a recording, and write a table of the peaks and pictures of the recording.
 
     Args:
-        path: a recording of this package (stem, .bin or .json), a mmWave Studio .bin, or a .npy cube.
-        out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes nothing. Frames of
-            one chirp give no range_doppler.png, and a single channel gives no range_azimuth.png.
-        radar: a Radar or the path of a radar file; required for a .npy only.
+        path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file, or of a .npy file
+            with an array of samples.
+        out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes no files. If frames have a single
+            chirp, there is no range_doppler.png. If the radar has a single channel, there is no range_azimuth.png.
+        radar: a Radar or the path of a radar file; only a .npy file requires this argument.
         iq_swapped: whether Q comes before I in a capture of another tool; None detects the sample order from the noise.
-        static_removed: whether static echoes are removed.
+        static_removed: whether to subtract the echoes at rest.
     Returns:
-        Table of the peaks, strongest first, with the columns range_m, doppler_mps, azimuth_deg and power_db. doppler_mps is NaN
-        if a frame has one chirp; azimuth_deg is NaN for a single channel. Power is relative to the transmitted power, or
-        to one squared ADC count in a capture of another tool.
+        Table of the peaks, sorted from the strongest to the weakest, with the columns range_m, doppler_mps, azimuth_deg and power_db.
+        doppler_mps is NaN if a frame has a single chirp, and azimuth_deg is NaN if the radar has a single channel. power_db is relative to
+        the transmitted power, or relative to one squared ADC count in a capture of another tool.
     Raises:
-        UserError: the errors of load_capture, and OutputError if `out` cannot be written; `out` then has no new file.
+        UserError: the function raises the errors of `load_capture`. It raises OutputError if it cannot write to `out`, and then `out` has
+            no new file.
     """
     recording = load_capture(path, radar, iq_swapped=iq_swapped)
     radar = recording.radar
@@ -68,7 +71,7 @@ def process_capture(
             target = folder / f"{name}.png"
             temporary[target] = files.unfinished(target)
             figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
-            # Leave out the version of matplotlib, so that every run writes the same bytes.
+            # Leave the version of matplotlib out of the picture file, so that every run writes the same bytes.
             figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
         temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
         table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
@@ -84,11 +87,14 @@ def process_capture(
 
 
 def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Figure:
-    """Draw a map with range upwards; markers show the peaks in the maps over Doppler and azimuth.
+    """Draw one power map with range as the vertical axis. Markers show the detected peaks in the maps over Doppler and azimuth.
 
     Args:
-        name: range_time, range_doppler or range_azimuth.
-        unit: unit of the colour bar, such as "dB of transmitted power".
+        maps: power maps of the recording.
+        name: name of the map to draw: range_time, range_doppler or range_azimuth.
+        peaks: detected peaks.
+        unit: unit of the power in the label of the colour bar, such as "dB of transmitted power".
+        title: title of the picture.
     """
     import matplotlib
 
@@ -125,7 +131,7 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
 
 
 def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Convert power to decibels, clipped at _DYNAMIC_RANGE_DB below its maximum; return the levels and the maximum."""
+    """Convert powers to decibels and limit them to at least the maximum minus _DYNAMIC_RANGE_DB. Return the levels and their maximum."""
     strongest = float(power.max())
     if strongest <= 0:
         return np.full(power.shape, -_DYNAMIC_RANGE_DB), 0.0
@@ -134,6 +140,6 @@ def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float
 
 
 def _edges(axis: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the outer edge of the first pixel and of the last pixel of an evenly spaced axis."""
+    """Return the outer edges of the first and of the last picture pixel along an evenly spaced axis."""
     half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
     return float(axis[0] - half), float(axis[-1] + half)

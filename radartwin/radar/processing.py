@@ -1,11 +1,11 @@
-"""Transform IQ samples to range, Doppler and azimuth, with Hann windows, zero padding and axes in SI units.
+"""Transform IQ samples to range, Doppler and azimuth spectra, with Hann windows, zero padding and axes in SI units.
 
-Signs: a path of length L has the phase factor exp(+j 2 pi f L / c). Echoes therefore have positive beat frequencies, receding
-targets have positive Doppler frequencies, and the phase is smaller at an antenna nearer to the target. Spectra are divided by
-the sum of the window, so an echo of amplitude a in the centre of a bin has the value a for every padding and sample count.
+A path of length L has the phase factor exp(+j 2 pi f L / c). Echoes therefore have positive beat frequencies, receding targets have
+positive Doppler frequencies, and the phase is smaller at an antenna nearer to the target. The spectra are divided by the sum of the window.
+An echo of amplitude a in the centre of a bin therefore has the value a for every number of samples and every length of the transform.
 
-The phase of a range bin is that of the middle of the sampled sweep, so Doppler and azimuth use Radar.center_frequency_hz.
-At 77 GHz with 3.44 GHz of bandwidth, the start frequency would give speeds that are 2.2 % too high.
+The phase of a range bin is the phase at the middle frequency of the sampled sweep, so Doppler and azimuth are computed with
+Radar.center_frequency_hz. At 77 GHz with 3.44 GHz of bandwidth, the start frequency would give speeds that are 2.2 % too high.
 """
 
 from __future__ import annotations
@@ -45,11 +45,12 @@ def range_fft(iq: Complex, radar: Radar, *, bins: int | None = None) -> tuple[Co
     """Compute range profiles.
 
     Args:
-        iq: (..., sample).
-        bins: length of the transform, at least num_samples; None takes num_samples, without padding.
+        iq: samples (..., sample).
+        radar: radar that recorded the samples.
+        bins: length of the Fourier transform, at least num_samples; None takes num_samples, without zero padding.
     Returns:
-        profiles: (..., range), in the unit of iq; for real sampling, twice the positive half of the spectrum.
-        axis: the range axis in metres.
+        profiles: range profiles (..., range) in the unit of iq; for real sampling, twice the positive half of the spectrum.
+        axis: range axis in metres.
 
     >>> radar = Radar.iwr1843()
     >>> echo = np.exp(2j * np.pi * 20 * np.arange(256) / 256)
@@ -68,16 +69,17 @@ def range_fft(iq: Complex, radar: Radar, *, bins: int | None = None) -> tuple[Co
 def doppler_fft(profiles: Complex, radar: Radar, *, bins: int | None = None) -> tuple[Complex, Real]:
     """Compute Doppler spectra and compensate the TDM phase.
 
-    Transmitter t fires t chirp intervals after the first transmitter. In this time the phase of a target at Doppler frequency f
-    changes by 2 pi f t Tc. The function removes this phase from each Doppler bin, so that the phases of the channels depend on
-    the target's angle only.
+    Transmitter t sends its chirp t chirp intervals Tc after the first transmitter. In this time, the phase of a target at Doppler frequency
+    f changes by 2 pi f t Tc. The function removes this phase from each Doppler bin, so that the phase differences between the channels
+    depend only on the target's angle.
 
     Args:
-        profiles: (..., chirp, tx, rx, range).
-        bins: length of the transform, at least num_chirps; None takes num_chirps.
+        profiles: range profiles (..., chirp, tx, rx, range).
+        radar: radar that recorded the samples.
+        bins: length of the Fourier transform, at least num_chirps; None takes num_chirps, without zero padding.
     Returns:
-        spectra: (..., doppler, tx, rx, range).
-        axis: the velocity axis in m/s.
+        spectra: Doppler spectra (..., Doppler, tx, rx, range).
+        axis: velocity axis in m/s.
     """
     _check(profiles, -4, radar.num_chirps, "chirp")
     _check(profiles, -3, radar.num_tx, "tx")
@@ -92,7 +94,10 @@ def doppler_fft(profiles: Complex, radar: Radar, *, bins: int | None = None) -> 
 
 
 def azimuth_row(radar: Radar) -> NDArray[np.intp]:
-    """Return the transmitter-major indices of the azimuth row: the largest group of channels at one height."""
+    """Return the channel indices of the azimuth row, which is the largest group of virtual antennas at one height.
+
+    The channels are numbered by transmitter first, then by receiver.
+    """
     height = np.round(radar.virtual_positions[:, 2] / (0.01 * radar.wavelength_m))
     values, counts = np.unique(height, return_counts=True)
     return np.flatnonzero(height == values[np.argmax(counts)])
@@ -102,9 +107,11 @@ def steering(radar: Radar, azimuth_rad: ArrayLike) -> Complex:
     """Compute beamforming weights over the azimuth row for horizontal directions.
 
     Args:
-        azimuth_rad: atan2(y, x), positive to the left, shape (A,).
+        radar: radar whose antenna array is used.
+        azimuth_rad: A azimuth angles atan2(y, x) in radians, positive to the left, shape (A,).
     Returns:
-        weights (channel of azimuth_row, A), whose amplitudes add up to 1. Multiply them with the channels and sum over channels.
+        Weights (channels of azimuth_row, A), whose magnitudes add up to 1 over the channels. The sum over channels of weight times signal
+        is the beam signal.
     """
     azimuth_rad = np.asarray(azimuth_rad, dtype=np.float64)
     direction = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad), np.zeros_like(azimuth_rad)])
@@ -119,10 +126,11 @@ def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike) ->
     """Compute the power per horizontal direction by Bartlett (conventional) beamforming over the azimuth row.
 
     Args:
-        channels: (..., tx, rx), a Doppler bin of doppler_fft, or a range bin if the scene is at rest.
-        azimuth_rad: as for steering.
+        channels: channel signals (..., tx, rx) of a Doppler bin from `doppler_fft`, or of a range bin if the scene is at rest.
+        radar: radar that recorded the samples.
+        azimuth_rad: A azimuth angles atan2(y, x) in radians, positive to the left, shape (A,).
     Returns:
-        power (..., A); a plane wave of amplitude a on every channel gives a^2 in its direction.
+        Power (..., A) in each direction. A plane wave of amplitude a on every channel gives the power a^2 in its own direction.
     """
     _check(channels, -2, radar.num_tx, "tx")
     _check(channels, -1, radar.num_rx, "rx")
