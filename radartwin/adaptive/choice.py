@@ -37,7 +37,7 @@ class Probe(Protocol):
 
 @dataclass(frozen=True)
 class Step:
-    """Describe one model that the search tried.
+    """Describe one set of simulation settings (model) that the search tried.
 
     Attributes:
         dimension, value: name of the changed setting, such as "max_bounces", and its new value.
@@ -60,7 +60,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Choice:
-    """Hold the chosen model and the steps of the search.
+    """Hold the chosen model and all models that the search tried, in their order.
 
     Attributes:
         error, feature: largest change of any feature between the chosen and the finest model, as a multiple of the feature's repeatability
@@ -87,7 +87,7 @@ class Choice:
 
 
 def choose(probes: Sequence[tuple[Probe, Limits]], tolerance: float = 1.0, pinned: Mapping[str, Any] | None = None) -> Choice:
-    """Return the cheapest model whose features stay within the tolerance for every probe.
+    """Return the cheapest model (set of simulation settings) that changes no feature of any probe by more than the tolerance.
 
     Args:
         probes: pairs of a probe (a few radar frames) and its repeatability limits. With several probes, the same model must suffice for all

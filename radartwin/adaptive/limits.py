@@ -36,7 +36,7 @@ class Limits:
 
     Attributes:
         of: {feature name: repeatability limit, in the unit of the feature}.
-        source: text that names the recordings behind the limits.
+        source: text that names the recordings from which the limits were computed.
     """
 
     of: Mapping[str, float]
@@ -47,7 +47,8 @@ class Limits:
         """Read the shipped repeatability limits, which were computed from simulated recordings of the testbed.
 
         Args:
-            motion: turntable, radial, diagonal, depth or lateral.
+            motion: "turntable", "radial" (along a rail), "diagonal", "depth" (drive towards the object) or "lateral" (drive past the
+                object, at right angles to the line of sight).
             thing: name of the object under test. None, or an object without repeated recordings gets the limits pooled over all objects.
         Raises:
             InputError: RadarTwin ships no repeatability limits for this motion.

@@ -30,7 +30,8 @@ class Probe:
     """Hold a few radar frames of a recording, which are simulated with one model after another.
 
     Attributes:
-        room: surfaces that a model may leave out. kept: surfaces that every model includes (the object under test and its stand).
+        room: surfaces of the room, which a model may leave out. kept: surfaces that every model includes, namely the object under test and
+            its stand.
         radar, sensor_poses, motion: arguments of `simulate` for these frames. log: logged target distance and turntable angle of the same
             frames.
         families: names of the feature families to compare (radartwin/features/sets.py).

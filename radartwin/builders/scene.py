@@ -84,7 +84,7 @@ def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Sce
     """Place the objects of the configured layout file or of the configured sentence in the room.
 
     Args:
-        sensor_pose: (4, 4) sensor to world, for sentences such as "in front of the radar".
+        sensor_pose: sensor-to-world pose (4, 4), needed for sentences such as "in front of the radar".
     Raises:
         MissingError, LayoutError: the layout file is absent, or an object cannot stand where the layout puts it.
         BackendError: the language model that reads the sentence does not answer.

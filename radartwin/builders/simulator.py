@@ -25,7 +25,7 @@ MOTION_FAMILIES = {  # feature families of each motion with a known repeatabilit
     "turntable": ("harmonics", "envelope", "multipath", "extent", "brightness", "profile"),
     "lateral": ("harmonics", "envelope", "multipath", "window", "extent", "brightness", "profile"),
     "depth": _DRIVE,
-    "radial": _DRIVE,  # along a rail, as diagonal
+    "radial": _DRIVE,  # drive along a linear rail; it has the feature families of the diagonal drive
     "diagonal": _DRIVE,
 }
 
@@ -52,7 +52,7 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
 def choose_simulator(
     config: AutoSimulator, probe: Probe, limits: Limits, store: Store | None, say: Callable[[str], None]
 ) -> MitsubaSimulator:
-    """Choose the cheapest sufficient simulator settings for a recording.
+    """Choose the cheapest simulator settings that keep the features of a recording within their repeatability limits.
 
     Args:
         store: store from which an earlier search result is read and to which a new one is written; None repeats the search.

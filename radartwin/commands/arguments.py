@@ -31,7 +31,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 class _Parser(argparse.ArgumentParser):
-    """An argument parser that reports wrong arguments in one line."""
+    """An argument parser that reports a wrong argument in one line instead of the full usage text."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")

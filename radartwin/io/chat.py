@@ -48,7 +48,7 @@ class Endpoint:
         ConfigError: the URL is not valid. A request also raises ConfigError if the API key contains characters that cannot be sent.
     """
 
-    url: str = field(repr=False)  # it may hold a password
+    url: str = field(repr=False)  # not printed, because a URL may contain a password
     model: str
     timeout_s: float = 120.0
     requests: int = 4
@@ -65,7 +65,7 @@ class Endpoint:
             good = False
         if not good:
             raise ConfigError(f"{self.url.rpartition('@')[2]} is not the address of a server; give http://HOST:PORT/v1")
-        self.down = threading.Event()  # when it is set, no request waits for another try
+        self.down = threading.Event()  # when this event is set, waiting requests give up instead of trying again
         self._plain = False
 
     @property
@@ -93,7 +93,7 @@ class Endpoint:
     def complete(
         self, messages: Sequence[Mapping[str, Any]], schema: Mapping[str, Any], name: str, client: httpx.Client | None = None
     ) -> str:
-        """Send the messages to the model and return its answer.
+        """Send the messages to the language model and return the text of the model's answer.
 
         Args:
             messages: dictionaries with the keys "role" and "content", as in the OpenAI API.
@@ -101,7 +101,7 @@ class Endpoint:
                 request without the schema, so the caller must check the answer.
             client: HTTP client from `client()` that several requests share; None creates a new client for this request.
         Raises:
-            NoAnswerInTime: the last try timed out.
+            NoAnswerInTime: the server did not answer the last try within `timeout_s`.
             BackendError: the server cannot be reached, refuses the request, or is not OpenAI-compatible.
         """
         if client is None:
@@ -112,7 +112,7 @@ class Endpoint:
             body["response_format"] = {"type": "json_schema", "json_schema": {"name": name, "strict": True, "schema": schema}}
         response = self._post(client, body)
         if response.status_code in (400, 422) and "response_format" in body and "response_format" in response.text:
-            self._plain = True  # an old server; the prompt asks for JSON as well
+            self._plain = True  # an old server refuses response_format; the prompt asks for JSON as well
             del body["response_format"]
             response = self._post(client, body)
         if response.status_code != 200:
@@ -134,7 +134,7 @@ class Endpoint:
                 response = client.post(f"{self.url.rstrip('/')}/chat/completions", json=body)
             except httpx.TimeoutException:
                 problem, error_type = f"no answer within {self.timeout_s:g} s", NoAnswerInTime
-            except httpx.ConnectError as error:  # no server runs, and waiting does not start it
+            except httpx.ConnectError as error:  # no server is running at the URL, so that another try would fail too
                 raise BackendError(f"{self.shown}: no connection ({error}); start the server, or correct its address") from error
             except httpx.TransportError as error:
                 problem = f"the connection broke ({hidden(str(error), self._secret) or type(error).__name__})"

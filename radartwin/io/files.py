@@ -129,7 +129,8 @@ def _check_archive(stream: IO[bytes], path: Path) -> None:
 
     with zipfile.ZipFile(stream) as archive:
         unpacked, size = sum(member.file_size for member in archive.infolist()), stream.seek(0, os.SEEK_END)
-        if unpacked > 16 * size + (64 << 20):  # radartwin writes arrays uncompressed
+        # radartwin writes arrays uncompressed, so that a valid archive is about as large as its arrays
+        if unpacked > 16 * size + (64 << 20):
             raise InputError(f"{path} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
         for member in archive.infolist():
             with archive.open(member) as content:
@@ -166,7 +167,7 @@ def folder_bytes(folder: Path) -> int:
     total = 0
     for parent, _, names in os.walk(folder):
         for name in names:
-            with contextlib.suppress(OSError):  # removed by another process
+            with contextlib.suppress(OSError):  # another process may have removed the file
                 total += os.lstat(os.path.join(parent, name)).st_size
     return total
 
@@ -219,7 +220,7 @@ def drop_stale(path: Path) -> None:
     """Remove a lock file that a killed process left, unless another process holds the lock or waits for it.
 
     Raises:
-        OutputError: the file cannot be opened or removed.
+        OutputError: the lock file cannot be opened or removed.
     """
     if not os.path.lexists(path):
         return

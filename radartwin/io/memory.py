@@ -12,7 +12,7 @@ import gc
 import os
 import sys
 
-_TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4  # parameters of mallopt, malloc.h
+_TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4  # parameter numbers of the function mallopt, from malloc.h
 _PAD_BYTES = 1 << 28
 
 

@@ -34,7 +34,7 @@ class ProcessPool:
     """
 
     def __init__(self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True) -> None:
-        self.size, self.pids = size, set[int]()  # pids: processes that have finished a call
+        self.size, self.pids = size, set[int]()  # pids: ids of the worker processes that have finished a call
         self._import_main = import_main
         context = multiprocessing.get_context("spawn")
         lifeline, self._own_end = context.Pipe(duplex=False)
@@ -57,7 +57,7 @@ class ProcessPool:
             result.set_result(value)
 
     def end(self) -> None:
-        """End the workers, even during a call."""
+        """End all worker processes, even if a call is still running."""
         self._own_end.close()
         self._executor.shutdown(cancel_futures=True)
 
@@ -83,7 +83,7 @@ def _without_main() -> Iterator[None]:
 def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
     global _in_worker
     _in_worker = True
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Ctrl-C the parent ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     if prepare is not None:
@@ -91,7 +91,7 @@ def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
 
 
 def _end_with_parent(lifeline: Connection) -> None:
-    """Wait until the parent closes its end of the pipe or dies, then end this process."""
+    """Wait until the parent process closes its end of the pipe or dies, then end this worker process."""
     lifeline.poll(None)
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(ENDS_WITHIN_S)

@@ -21,7 +21,7 @@ SUFFIXES = (".png", ".pdf", ".html")
 
 
 def style() -> dict[Any, Any]:
-    """Return the Matplotlib settings, for `matplotlib.rc_context`."""
+    """Return the Matplotlib settings of the project's figures, as an argument of `matplotlib.rc_context`."""
     from cycler import cycler
 
     return {

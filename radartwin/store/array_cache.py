@@ -70,7 +70,7 @@ class ArrayCache:
             try:
                 arrays = files.read_arrays(path)
                 found = read(arrays)
-                os.utime(path)  # the least recently used entry is the first to go
+                os.utime(path)  # mark the entry as used now, because the least recently used entry is removed first
             except FileNotFoundError:
                 return None
             except (OSError, ValueError, LookupError, TypeError) as error:
@@ -89,7 +89,8 @@ class ArrayCache:
                 return
             stream = io.BytesIO()
             values: dict[str, Any] = dict(arrays)
-            np.savez(stream, **values)  # not compressed, because the mantissas hardly shrink; each array has a checksum
+            # compression would hardly reduce the size of floating-point data; the zip format stores a checksum of each array
+            np.savez(stream, **values)
             if stream.tell() > self._max_bytes:
                 return
             target = self.folder / f"{key}{_SUFFIX}"

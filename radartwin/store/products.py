@@ -146,7 +146,7 @@ class Store:
             build: function that writes the files of the result into an empty folder. If `build` returns a mapping, the store writes it to
                 meta.json under the key "told". If `build` raises an exception, the store removes the folder.
         Raises:
-            OutputError: the disk is full or read-only.
+            OutputError: the disk of the store is full or read-only.
         """
         entries = list(entries)
         key = self.key(kind, spec, entries)
@@ -187,7 +187,7 @@ class Store:
 
 
 def _build(build: Callable[[Path], object], folder: Path, final: Path, described: dict[str, Any]) -> None:
-    shutil.rmtree(folder, ignore_errors=True)  # left by a killed process
+    shutil.rmtree(folder, ignore_errors=True)  # a killed process left this folder
     folder.mkdir()
     try:
         started, worked = time.monotonic(), time.process_time()

@@ -53,7 +53,8 @@ def test_parts_that_change_a_feature_stay_and_are_reported() -> None:
     assert (found.model.parts, found.model.max_bounces) == ("large", 3)
     refused = [step for step in found.steps if not step.taken]
     tried = [(step.dimension, step.value, step.error) for step in refused]
-    assert tried == 2 * [("parts", "none", 3.0), ("max_bounces", 1, 2.0), ("max_bounces", 2, 1.5)]  # tried again in the second round
+    # the second round of the search tries the refused values again
+    assert tried == 2 * [("parts", "none", 3.0), ("max_bounces", 1, 2.0), ("max_bounces", 2, 1.5)]
     assert "parts of the room none: level_db moves 3 of its limit, too little" in "\n".join(found.lines())
     assert Choice.from_dict(found.to_dict()) == found
 
@@ -75,7 +76,8 @@ def test_one_setting_for_several_probes_keeps_the_needs_of_each() -> None:
 
 def test_a_pinned_dimension_stays_and_tolerance_scales() -> None:
     probe = FakeProbe({"parts": {"none": 3.0}, "max_bounces": {1: 50.0}})
-    assert choose([(probe, LIMITS)], pinned={"max_bounces": 1}).model.parts == "large"  # relative to one bounce
+    # changes are relative to the finest model, which has one bounce here
+    assert choose([(probe, LIMITS)], pinned={"max_bounces": 1}).model.parts == "large"
     assert choose([(probe, LIMITS)], tolerance=3.5).model.parts == "none"
     with pytest.raises(InputError, match="tolerance must be above zero"):
         choose([(probe, LIMITS)], tolerance=0)
@@ -126,7 +128,7 @@ def test_strong_bins_of_a_profile_count_as_one_feature() -> None:
     reference = np.array([0.0, -10.0, -60.0, 5.0])
     found = distances(names, reference + np.array([3.0, 4.0, 10.0, 0.5]), reference)
     assert found == {"level_db": pytest.approx(0.5), PROFILE: pytest.approx(np.sqrt(12.5))}
-    loud = distances(names, reference + np.array([3.0, 4.0, 40.0, 0.5]), reference)  # an echo that is missing in the reference
+    loud = distances(names, reference + np.array([3.0, 4.0, 40.0, 0.5]), reference)  # an echo that the reference profile does not contain
     assert loud[PROFILE] == pytest.approx(np.sqrt((9 + 16 + 1600) / 3))
 
 

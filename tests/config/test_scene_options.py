@@ -35,7 +35,7 @@ def test_object_faces_the_radar_at_its_aim_point(name):
     assert high - low == pytest.approx(objects.entry(name).size_m[2], abs=2e-4)
     assert -low == pytest.approx(objects.entry(name).aim_m, abs=1e-4)
     if name == "mug":
-        assert target[1].mesh.bounds[1, 0] < 0  # its handle points to the radar
+        assert target[1].mesh.bounds[1, 0] < 0  # the handle of the mug points to the radar
 
 
 def test_target_position_is_the_height_of_its_foot():

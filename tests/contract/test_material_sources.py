@@ -50,7 +50,7 @@ def test_source_keeps_the_contract(scene, name):
     assert {s.name for s in labelled.only("object")} == {"turntable", "stand", "reflector"}
     assert labelled.provenance["materials"] == source.name
     assert labelled.provenance["room"] == "lab"
-    assert before == [(s.name, s.material, s.provenance) for s in scene]  # the input is not changed
+    assert before == [(s.name, s.material, s.provenance) for s in scene]  # the material source does not change its input scene
     again = source(scene if name == "random" else labelled)  # the random source needs true labels
     assert [(s.name, s.material) for s in again] == [(s.name, s.material) for s in labelled]
 

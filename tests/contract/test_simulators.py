@@ -39,7 +39,7 @@ CASES = {
 }
 # Level error in dB of a 5 cm metal sphere at 2 m, relative to an RCS of pi r^2, as (expected error, tolerance). An exact simulator has 0.
 SPHERE_ERROR_DB = {
-    "mitsuba": (0.2, 0.5),  # at 2 m the mirror point is 5 cm nearer than the centre, and waves bend along with the sphere
+    "mitsuba": (0.2, 0.5),  # at 2 m, the mirror point is 5 cm nearer than the sphere's centre, and the wavefronts curve with the sphere
     "rfgenesis shipped": (-21.9, 1.0),
     "rfgenesis columns": (6.3, 1.0),
     "rfgenesis corrected": (11.4, 1.0),
@@ -232,7 +232,7 @@ def broken(kind: str) -> trimesh.Trimesh:
         return objects.joined([plate, plate.copy()])
     if kind == "1 cm from a wall":
         return objects.plate(4, 4).apply_transform(at(0.01))
-    return objects.plate(0.3, 0.3).apply_transform(at(1.0, 0, 0.15))  # seen along its edge
+    return objects.plate(0.3, 0.3).apply_transform(at(1.0, 0, 0.15))  # the radar sees the plate along its edge
 
 
 @pytest.mark.parametrize(

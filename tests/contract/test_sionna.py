@@ -136,7 +136,7 @@ def test_rates_match_length_differences():
         same = near.argmin()
         if (after.bounces[same] == before.bounces[i]) and np.abs(after.arrival[same] - before.arrival[i]).max() < 0.01:
             checked += abs(before.rate_mps[i]) > 1e-3
-            assert near[same] < 2e-5  # second-order change of the path length within a frame
+            assert near[same] < 2e-5  # the limit is the second-order change of the path length within a frame
     assert checked >= 2  # the wall path changes by the sensor's motion, the plate path by both motions
 
 
@@ -154,7 +154,7 @@ def test_objects_without_mirror_point_are_reported():
 def test_each_limit_is_reported_once():
     scene = rt.Scene([rt.Surface(objects.sphere(0.05).apply_transform(at(2.0)), "metal", "ball told once")])
     with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("default")  # as Python has it outside tests
+        warnings.simplefilter("default")  # the default warning filter of Python outside of tests
         for _ in range(3):
             rt.simulate(scene, RADAR, HERE, simulator="sionna")
     assert ["'ball told once'" in str(one.message) for one in caught] == [True]

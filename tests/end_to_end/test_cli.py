@@ -57,7 +57,7 @@ def test_doctor_names_an_old_llvm_with_the_remedy(inside, tmp_path: Path, monkey
     old = tmp_path / "libLLVM-14.so"
     old.write_bytes(b"")
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(old))
-    monkeypatch.setenv("PATH", "")  # hides the driver of a GPU
+    monkeypatch.setenv("PATH", "")  # an empty PATH hides the driver program of a GPU
     done = inside("doctor")
     assert done.returncode == 2
     assert str(old) in done.stdout

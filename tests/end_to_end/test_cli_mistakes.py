@@ -13,7 +13,7 @@ from radartwin.commands.arguments import parse
 from radartwin.errors import RecordingError
 from radartwin.radar.captures import capture_name
 
-LONG = "n" * 300  # longer than file systems allow
+LONG = "n" * 300  # file name that is longer than file systems allow
 INTERVAL = "trajectory.height_m=interval(1,2)"
 SEARCH = ["run", "experiment=environment", "--search", "peak"]
 SECRET = "s3cr3t-w0rd-of-the-test"

@@ -110,7 +110,7 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
         record.metrics = {"correlation_2m": 0.42}
     with socket.socket() as taken:
         taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        with contextlib.suppress(OSError):  # taken by another program
+        with contextlib.suppress(OSError):  # another program now uses the port
             taken.bind((HOST, USUAL_PORT))
             taken.listen()
         with pytest.raises(BackendError, match=f"port {USUAL_PORT} is taken"):
@@ -121,7 +121,8 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
             assert ask(f"{address}/health") == "OK"
             assert "mlflow" in ask(address).lower()
             assert listening(port) == {"127.0.0.1"}
-            with pytest.raises(urllib.error.HTTPError, match="403"):  # a foreign page whose host name leads here
+            # request of a foreign web page whose host name resolves to this machine
+            with pytest.raises(urllib.error.HTTPError, match="403"):
                 ask(address, {"Host": "attacker.example"})
             (run,) = runs_of(address)
             assert [(m["key"], m["value"]) for m in run["data"]["metrics"]] == [("correlation_2m", 0.42)]

@@ -62,7 +62,8 @@ def test_page_contains_the_drawn_data_and_has_equal_bytes_twice(path: Path, tmp_
     assert left["y"]["log"]
     (picture,) = middle["pictures"]
     assert picture["extent"] == [-0.5, 3.5, 2.5, -0.5]
-    assert picture["values"] == [[0.08, 0.09, 0.1, 0.11], [0.04, 0.05, 0.06, 0.07], [0, 0.01, 0.02, 0.03]]  # from 2.5 to -0.5
+    # rows in the order of the vertical axis, which runs from 2.5 to -0.5
+    assert picture["values"] == [[0.08, 0.09, 0.1, 0.11], [0.04, 0.05, 0.06, 0.07], [0, 0.01, 0.02, 0.03]]
     assert right["series"] == [
         {"name": "ours", "points": [[-0.2, 0.4, 0.4], [0.8, 0.8, 0.8]]}, {"name": "theirs", "points": [[0.2, 0.3, 0.3], [1.2, 0.6, 0.6]]},
     ]  # fmt: skip
@@ -111,7 +112,8 @@ def test_pointer_and_keys_read_the_drawn_values(opened, path: Path) -> None:
     before = opened.run("view.join()")
     opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowRight"}))')
     assert opened.run("view.join()") != before
-    opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "+", ctrlKey: true}))')  # the browser's own
+    # Ctrl and + is the zoom of the browser itself
+    opened.run('holder.dispatchEvent(new KeyboardEvent("keydown", {key: "+", ctrlKey: true}))')
     wheel = 'holder.dispatchEvent(new WheelEvent("wheel", {deltaY: -100, clientX: 300, clientY: 300, cancelable: true}))'
     before = opened.run("view[2]")
     opened.run(wheel)

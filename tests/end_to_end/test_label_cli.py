@@ -102,7 +102,7 @@ def test_killed_labelling_continues(inside, folder: Path, model: Model, tmp_path
     assert (folder / "manifest.json").read_bytes() == before
     stored = journal.read_text().count("\n")
     assert 2 <= stored < 5
-    time.sleep(model.pause_s)  # lets the request of the killed process end
+    time.sleep(model.pause_s)  # wait until the server has answered the request of the killed process
     model.pause_s, already = 0.0, len(model.requests)
     done = inside(*asking)
     assert done.returncode == 0, done.stderr

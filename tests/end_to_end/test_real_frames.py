@@ -18,7 +18,7 @@ from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.mesh_file import load_scan
 
-SLAMBOOK_LENS = (518.0, 519.0, 325.5, 253.5)  # its README
+SLAMBOOK_LENS = (518.0, 519.0, 325.5, 253.5)  # focal lengths and image centre in pixels, from the README of the data set
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ def test_report_matches_counts_of_the_file(scan, chair):
     assert report["vertices"] == sum(line.startswith("v ") for line in lines)
     assert report["faces"] == sum(line.startswith("f ") for line in lines)
     assert (report["up"], report["unit"]) == ("y", "m")
-    assert np.allclose(report["extents_m"], (6.4, 5.6, 1.0), atol=0.05)  # its README: 6.4 x 1.0 x 5.6 m
+    assert np.allclose(report["extents_m"], (6.4, 5.6, 1.0), atol=0.05)  # the README of the scan gives 6.4 x 1.0 x 5.6 m
     for key in ("degenerate_faces", "duplicate_faces", "non_manifold_edges", "boundary_edges"):
         assert report[key] > 0
     assert report["degenerate_faces"] + report["duplicate_faces"] < 0.01 * report["faces"]
@@ -44,8 +44,8 @@ def test_floor_is_the_largest_surface_and_level(chair):
     scene, _ = chair
     floor = max(scene, key=lambda s: s.mesh.area)
     assert floor.name == "floor"
-    assert 10 < floor.mesh.area < 6.4 * 5.6  # within the scan's footprint
-    assert np.ptp(floor.mesh.vertices @ np.average(floor.mesh.face_normals, axis=0)) < 1e-3  # flattened
+    assert 10 < floor.mesh.area < 6.4 * 5.6  # the floor is smaller than the horizontal extent of the scan
+    assert np.ptp(floor.mesh.vertices @ np.average(floor.mesh.face_normals, axis=0)) < 1e-3  # all vertices of the floor are in one plane
     assert np.degrees(np.arccos(floor.mesh.vertex_normals[0, 2])) < 2.0  # ARKit aligns y with gravity
     assert abs(floor.mesh.vertices[:, 2].mean()) < 0.05
 
@@ -146,4 +146,4 @@ def test_strongest_return_is_at_the_side_that_faces_the_radar(scan, chair, side,
     without = rt.Scene([s for s in scene if not np.array_equal(s.mesh.vertices, body.vertices)])
     other = np.abs(np.fft.fft(rt.simulate(without, rt.Radar.iwr1843(), pose[None], rays=200_000).iq[0, 0, 0, 0] * np.hanning(256), 4096))
     near = np.abs(ranges - expected) < recording.radar.range_resolution_m
-    assert spectrum[near].max() > 4 * other[near].max()  # 12 dB: the chair is the source of the return
+    assert spectrum[near].max() > 4 * other[near].max()  # without the chair the peak is 12 dB lower, so the chair is the source of the echo

@@ -80,7 +80,7 @@ def test_doctor_lists_every_problem_of_a_damaged_set(shared_data: Path, tmp_path
     assert inside("import", shared_data / ROOM, "--out", "room", *ABOUT_ROOM).returncode == 0
     samples = np.fromfile(tmp_path / "room/recordings/iwr6843_frame_adc_data.bin", "<i2")
     samples[50_000:51_000] = 0
-    samples = samples.reshape(-1, 2, 2)[:, ::-1]  # Q before I
+    samples = samples.reshape(-1, 2, 2)[:, ::-1]  # one of the planted problems: the file stores Q before I
     samples.tofile(tmp_path / "room/recordings/iwr6843_frame_adc_data.bin")
     card = tmp_path / "room/card.yaml"
     card.write_text(card.read_text().replace("licence: MIT\n", ""))

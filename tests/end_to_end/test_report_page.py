@@ -71,9 +71,10 @@ def test_page_fits_the_window_and_loads_frames_only_when_visible(opened: browser
 
 def test_tab_reaches_every_control(opened: browser.Page) -> None:
     opened.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-    opened.until("document.querySelectorAll('#environment .tools').length === 1")  # unfolded, the table has learnt its tools
+    # the buttons of a table appear when the table is unfolded
+    opened.until("document.querySelectorAll('#environment .tools').length === 1")
     opened.run("document.querySelector('iframe[data-fit]').scrollIntoView()")
-    opened.until("document.querySelector('iframe[data-fit]').style.height !== ''")  # nothing moves from here on
+    opened.until("document.querySelector('iframe[data-fit]').style.height !== ''")  # from this event on, no element of the page moves
     opened.run("scrollTo(0, 0)")
     every = f"[...document.querySelectorAll({json.dumps(FOCUSABLE)})]"
     opened.run(f"{every}.forEach((one, k) => {{ one.dataset.stop = k; }}); document.activeElement.blur()")
@@ -87,9 +88,9 @@ def test_tab_reaches_every_control(opened: browser.Page) -> None:
     for _ in range(3 * len(stops)):
         opened.press("Tab", 9)
         stop = opened.run("document.activeElement.dataset.stop")
-        if stop is None:  # between a frame and the page
+        if stop is None:  # the keyboard focus is between an iframe and the page
             continue
-        opened.until(f"!{hidden}", 10)  # a busy page scrolls a moment later
+        opened.until(f"!{hidden}", 10)  # a page under load scrolls a moment after the key press
         reached.append(stop)
         if set(reached) == set(stops):
             break
@@ -199,7 +200,7 @@ def test_sliders_move_the_divider_and_the_range_cut(chromium: Callable[[], brows
     page.drag((box[0] + 0.3 * box[2], box[1] + 99), (box[0] + 0.6 * box[2], box[1] + 99))
     assert 45 < float(page.run("wipe.value")) < 65
     page.run("range.focus()")
-    assert float(page.run("range.value")) == pytest.approx(reported.MEASURED_M, abs=0.05)  # begins at the target
+    assert float(page.run("range.value")) == pytest.approx(reported.MEASURED_M, abs=0.05)  # the slider starts at the range of the target
     assert "measured −40.0 dB, simulated −100.0 dB" in page.run("levels.textContent")
     for _ in range(200):
         if float(page.run("range.value")) >= reported.SIMULATED_M:
@@ -271,12 +272,12 @@ def test_fifty_megabytes_open_within_two_seconds(chromium: Callable[[], browser.
         Image.fromarray(rng.integers(0, 256, (500, 700, 3), np.uint8)).save(tmp_path / f"environment_{k}.png")
         (tmp_path / f"environment_{k}.pdf").write_bytes(rng.bytes(100_000))
         (tmp_path / f"environment_{k}.html").write_text("<title>a figure</title>" + "x" * 200_000)
-    rows = [reported.row(strength=float(k)) for k in range(1000)]  # three times as many as the study has
+    rows = [reported.row(strength=float(k)) for k in range(1000)]  # three times the number of rows in the real report
     main.write(registry.table("environment"), Result("environment", rows, figures, run_key=reported.KEY), "quick", tmp_path / "out")
     index = reported.report(tmp_path / "out")
     assert sum(path.stat().st_size for path in index.parent.rglob("*") if path.is_file()) > 50e6
     page = chromium()
-    for _ in range(2):  # the first time, the browser itself starts
+    for _ in range(2):  # load the page twice, because the first time includes the start of the browser
         page.open(index, WIDTH)
         page.until("performance.getEntriesByType('navigation')[0].loadEventEnd > 0")
     assert page.run("performance.getEntriesByType('navigation')[0].loadEventEnd") < 2000

@@ -18,7 +18,7 @@ INTERVAL = "trajectory.height_m=interval(0.5,2.0)"
 
 @pytest.fixture
 def own(here: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Arguments of a search over a user's experiment, whose metric is -(height - 1.2 m)^2."""
+    """Return the arguments of a search over a user's experiment, whose metric is -(height - 1.2 m)^2."""
     arguments, environment = own_experiment.write(here / "mine")
     monkeypatch.setenv("OWN_EXPERIMENT", environment["OWN_EXPERIMENT"])
     return [*arguments, "tracking=off", "--search"]

@@ -61,7 +61,7 @@ def test_half_a_million_triangles_need_less_than_four_gigabytes():
     found = measure(500_000)
     assert found["faces"] >= 500_000
     assert found["peak_gib"] < 4.0
-    assert found["core_seconds"] < 120  # of two cores: 60 s
+    assert found["core_seconds"] < 120  # limit in core seconds; two cores need 60 s
 
 
 def test_drift_correction_halves_the_error():

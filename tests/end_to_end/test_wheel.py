@@ -2,7 +2,7 @@
 version.
 
 The slow test installs the source archive into an empty environment of each installed Python version: pip builds the wheel from the
-archive with the versions of constraints.txt. Each Python version takes a few gigabytes and minutes.
+archive with the versions of constraints.txt. For each Python version, the test needs a few gigabytes of disk space and a few minutes.
 """
 
 from __future__ import annotations

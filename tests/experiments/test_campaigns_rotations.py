@@ -16,7 +16,7 @@ from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
 pytestmark = pytest.mark.slow
-TURN = 20  # frames
+TURN = 20  # frames per revolution
 GATE_M, ROOM_M = (0.87, 1.13), (2.3, 5.5)
 
 

@@ -17,5 +17,5 @@ def small_disk(tmp_path: Path) -> Iterator[Disk]:
 
 @pytest.fixture(scope="module")
 def shared_disk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Disk]:
-    """A disk of 12 MB for all tests of a module."""
+    """Return a disk of 12 MB that all tests of a test module share."""
     yield from mounted(tmp_path_factory.mktemp("mounted") / "disk", 12)

@@ -26,7 +26,7 @@ TINY = [
     "profile.campaign.frames_per_turn=40", "profile.campaign.reflector_repeats=2", "profile.campaign.rail_repeats=1",
     "profile.campaign.rover_objects=[can_211_400]", "profile.campaign.rover_every=10",
 ]  # fmt: skip
-RECORDINGS = 13  # in both domains
+RECORDINGS = 13  # number of recordings, measured and simulated together
 # Replaces the tracer: a recording is noise, or is interpolated from aspects if there are more frames than aspects. Each takes 0.1 s.
 MADE_UP = """
 import sys, time
@@ -62,7 +62,8 @@ sys.exit(main(sys.argv[1:]))
 
 
 def start(output: Path, program: list[str], *more: str) -> subprocess.Popen[str]:
-    alone = ["jobs=1"] if program[0] == "-c" else []  # the made-up tracer exists only in this process
+    # worker processes would not have the synthetic tracer, which exists only in this process
+    alone = ["jobs=1"] if program[0] == "-c" else []
     return started([sys.executable, *program, *TINY, *(more or WITHOUT), f"output={output}", *alone], output.parent)
 
 

@@ -26,7 +26,9 @@ LIMIT_S = 900
 
 
 class Fault(NamedTuple):
-    """One expression or statement of one function, with its faulty replacement, and the test files that must fail."""
+    """A deliberate fault: the expression or statement of a function that it replaces, the faulty replacement, and the test files that must
+    fail.
+    """
 
     path: str
     tests: list[str]

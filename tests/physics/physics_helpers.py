@@ -1,4 +1,4 @@
-"""Constants and helpers that several physics tests share."""
+"""Constants and helper functions that several physics tests use."""
 
 from typing import Any
 

@@ -100,7 +100,7 @@ def test_slab_matches_the_airy_closed_form():
 
 
 def test_transmission_of_half_spaces_air_and_rough_walls():
-    """A half-space transmits nothing, a layer of air adds its phase, and roughness reduces transmission less than reflection."""
+    """A half-space transmits nothing. A layer of air changes only the phase. Roughness reduces transmission less than reflection."""
     assert transmission("concrete", np.array([0.5, 1.0]), np.array(77e9)) == pytest.approx(np.zeros((2, 2)))
     te, tm = transmission(Layered([("air", 1e-3)]), np.array(0.5), np.array(77e9))
     assert te == pytest.approx(np.exp(-2j * np.pi * 77e9 / C * 1e-3 * 0.5))
