@@ -1,4 +1,7 @@
-"""Configuration of the room's materials: one dataclass for each material source. A source gives every surface its material."""
+"""Configuration of the room's materials: one dataclass for each material source.
+
+A material source gives every surface of the room its material.
+"""
 
 from __future__ import annotations
 

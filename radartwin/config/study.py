@@ -1,4 +1,4 @@
-"""Configuration of the study: the measured recordings, the signal features, the training of classifiers, and the amount of computation."""
+"""Configuration of the study: the measured recordings, the signal features, the classifiers' training, and the amount of computation."""
 
 from __future__ import annotations
 

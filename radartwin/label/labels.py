@@ -54,7 +54,9 @@ def labelled(
     missing: Label | None,
     transferred: Callable[[int], bool],
 ) -> Scene:
-    """Give the surfaces with the given indices the materials of their answers. All other surfaces stay unchanged.
+    """Set the materials of the surfaces with the given indices from the model's answers about these surfaces.
+
+    All other surfaces stay unchanged.
 
     Args:
         answers: record of the model's answer about a surface, by surface index.

@@ -90,7 +90,7 @@ def overlap(place: Place, other: Place) -> float:
 
 
 def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
-    """Return one array (len(among),) per surface in `places`: the shares of its points that vote for each surface in `among`."""
+    """Return for each surface in `places` an array (len(among),): the share of its points whose nearest surface is each one in `among`."""
     from scipy.spatial import KDTree
 
     if not among:

@@ -240,8 +240,8 @@ def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
 
 @compiled
 def _rasterise(points, faces, intrinsics, rays, depth, face):
-    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera axes and faces (F, 3); at equal depth the lower face index
-    wins.
+    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera axes and faces (F, 3); at equal depth the face with the lower
+    index is kept.
     """
     height, width = depth.shape
     fx, fy, cx, cy, skew = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2], intrinsics[0, 1]

@@ -78,8 +78,8 @@ class Truth:
     """A material source that gives the true materials, known for a procedural room or from a true scene.
 
     Args:
-        scene: true scene in the same coordinate frame, to evaluate a scan. Each scanned surface takes the material of the true surface that
-            most of its area lies on. None takes the materials that the procedural room was built with.
+        scene: scene with the true materials, in the coordinate frame of the scan to evaluate. Each scanned surface takes the material of
+            the true surface that most of its area lies on. None takes the materials that the procedural room was built with.
     Raises:
         SceneError: the true material of a room surface is unknown.
     """

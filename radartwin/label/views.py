@@ -69,7 +69,10 @@ class Views:
         self._coarse = self._drawing if len(self._drawing.faces) < MANY_FACES else self._drawing.coarser(CELL_M)
 
     def crops(self, indices: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
-        """Make the crops of the surfaces with these indices, and call `step` after each surface. Hidden surfaces have no crops."""
+        """Make the crops of the surfaces with these indices, and call `step` after each surface.
+
+        A surface that no camera can see has no crops.
+        """
         indices = list(indices)
         in_photos = self._in_photos(indices)
         read = functools.lru_cache(maxsize=16)(Photo.pixels)  # the pixels of one photograph occupy about 8 MB

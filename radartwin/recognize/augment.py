@@ -1,11 +1,11 @@
 """Make noisy copies of simulated recordings, at the signal-to-noise ratio of the measured recordings.
 
 The paper (recognition with simulation-trained representations) uses 30 noise-augmented copies per object, matched to the measured SNR.
-Receiver noise is white over the samples of a chirp, so this module draws the noise there and transforms it like a signal. The window of the
-range FFT then correlates the noise of neighbouring range bins. The noise power is computed from the median target energy of all
-recordings of a stratum (recordings under equal conditions, such as one distance). Objects with weak echoes therefore keep a lower
-signal-to-noise ratio than objects with strong echoes. The computation uses energies and noise floors of the measured recordings, but
-not their class labels.
+Receiver noise is white over the samples of a chirp, so this module draws noise samples for each chirp and applies the range FFT to the
+noise as to a signal. The window of the range FFT then correlates the noise of neighbouring range bins. The noise power is computed from the
+median target energy of all recordings of a stratum (recordings under equal conditions, such as one distance). Objects with weak echoes
+therefore keep a lower signal-to-noise ratio than objects with strong echoes. The computation uses energies and noise floors of the measured
+recordings, but not their class labels.
 """
 
 from __future__ import annotations

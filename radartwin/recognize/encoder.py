@@ -3,8 +3,8 @@
 Ref: paper, contrastive sim-real alignment; A. van den Oord et al., arXiv:1807.03748 (InfoNCE); A. Radford et al., CLIP, ICML 2021.
 Symbols: x -> features (D,), z = f(x) / |f(x)| with f(x) = W2 relu(W1 x + b1) + b2, t_k -> unit text vector of object k, tau -> temperature.
 The training loss of a feature row of object k is -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). The symmetric training loss adds the
-same expression from text to radar, summed over the feature rows of a batch. The paired loss term is InfoNCE between simulated and measured
-feature rows of the same object under the same conditions; it needs labelled measured recordings.
+loss of each text vector against the radar embeddings of a batch. The paired loss term is InfoNCE between simulated and measured feature
+rows of the same object under the same conditions; it needs labelled measured recordings.
 
 Training (training.py) needs torch. A trained encoder consists of a few arrays, so computing embeddings with it needs only NumPy.
 """

@@ -36,7 +36,7 @@ class Recogniser:
         classes: names of the K object classes.
         prototypes: (K, T) unit vectors, one per class; an embedding is compared with all of them.
         temperature: divisor of the similarities in the softmax over classes.
-        names: names of the D features.
+        names: names of the D signal features, in the order in which the encoder expects them.
         features: configuration with which the features of a recording are computed.
         centre: (D,) mean of each feature over the training data.
         spread: (D,) standard deviation of each feature over the training data; a feature with standard deviation 0 is not used.

@@ -2,8 +2,8 @@
 
 Feature rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker. A classifier
 gives one class per recording, and all frames of a recording are either in the training data or in the test data. If a recording was cut
-from a longer recording, as single turntable revolutions are, `source` names the longer recording. Training and test rows never share a
-source.
+from a longer recording, as single turntable revolutions are, the column `source` names the longer recording. Training and test rows never
+come from the same stored recording.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Unlabelled:
     """Feature rows without class labels.
 
     Attributes:
-        names: names of the D features.
+        names: names of the D signal features, which are the columns of `values`.
         values: (N, D) float64 feature values, all finite.
         recording: (N,) name of each row's recording; simulated and measured recordings have different names.
         stratum: (N,) recording condition of each row, such as the distance; only rows of equal condition are compared. "" for none.

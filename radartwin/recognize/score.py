@@ -1,7 +1,7 @@
 """Statistics of the share of correct predictions: chance levels, exact tests, 95 % confidence intervals.
 
-Each recording counts as one prediction. The exact methods are the binomial test against chance, Clopper-Pearson intervals, and the McNemar
-test for two classifiers on the same recordings (the paired exact test in the paper's reconstruction ablation).
+Each classified recording counts as one prediction. The exact methods are the binomial test against chance, Clopper-Pearson intervals, and
+the McNemar test for two classifiers on the same recordings (the paired exact test in the paper's reconstruction ablation).
 """
 
 from __future__ import annotations

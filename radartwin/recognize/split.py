@@ -26,7 +26,7 @@ class LeakError(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """The feature rows for training a classifier and the feature rows for testing it.
+    """The feature rows that train a classifier and the feature rows that test the classifier.
 
     Attributes:
         level: supervision level: label_free, calibrated or few_shot.

@@ -154,9 +154,7 @@ def text_loss(z, y, texts, weight, settings: Settings):
 
 
 def _pair_loss(simulated, measured, temperature: float):
-    """Return the mean InfoNCE loss of each simulated embedding against all measured embeddings, and of each measured against all
-    simulated.
-    """
+    """Return the InfoNCE loss between paired embeddings, averaged over simulated-to-measured and measured-to-simulated direction."""
     import torch
     from torch.nn.functional import cross_entropy
 

@@ -70,8 +70,8 @@ def import_captures(
     Raises:
         MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
         InputError: an index row is invalid, or the data card is incomplete.
-        RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The set then holds all
-            captures before this capture.
+        RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
+            contains all captures that were imported before the wrong capture.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}
@@ -111,7 +111,7 @@ def key_values(words: Iterable[str]) -> dict[str, str]:
 def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Callable[[str], None] = lambda line: None) -> list[Plan]:
     """List the captures to import. Missing repetition numbers are assigned by counting in the order of the file names.
 
-    This function raises the same errors as `import_captures`.
+    The function `plan` raises the same errors as `import_captures`.
     """
     captures, root = find_captures(source), source if source.is_dir() else source.parent
     columns_per_capture = columns_of(captures, root, mapping.entries)

@@ -50,7 +50,7 @@ class Row:
 
     @property
     def condition(self) -> tuple[Any, ...]:
-        """The values that identify a recording. Any two recordings in a set differ in at least one of these values."""
+        """The values that identify a recording. Any two recordings of a set differ in at least one value of `condition`."""
         return self.object, self.distance_m, self.room, self.motion, self.repetition
 
     def value(self, column: str) -> Any:
@@ -155,7 +155,7 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
 
 
 def index_text(rows: Iterable[Row]) -> str:
-    """Return the text of an index file with these rows, from which `read_index` reads equal rows."""
+    """Return the text of an index.csv with the given rows. `read_index` reads equal rows from this text."""
     rows = list(rows)
     header = [*COLUMNS, *dict.fromkeys(key for row in rows for key in row.extra)]
     out = io.StringIO()

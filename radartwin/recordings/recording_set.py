@@ -10,7 +10,7 @@
 
 A folder is a recording set if it contains a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A
 recording belongs to the set only if the index has a row for it. This row is written after the recording's files, so a process may be killed
-while it writes a recording. Adding a recording of the same name again then completes the set.
+while it writes a recording. To complete the set after an interrupted write, add the recording of the same name again.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class RecordingSet:
     def course(self, row: Row) -> tuple[Radar, int, NDArray[np.float64] | None]:
         """Return the radar, the number of frames, and the radar's poses (F, 4, 4) of a recording, without reading its samples.
 
-        The poses are None for a radar at rest. The method raises the same errors as `read`.
+        The returned poses are None for a radar at rest. The method `course` raises the same errors as `read`.
         """
         radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
         if not samples.is_file():

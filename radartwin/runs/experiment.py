@@ -37,12 +37,12 @@ class Result:
     Attributes:
         table: name of the result table.
         rows: rows of the result table as dictionaries. The first columns state the conditions; SCORE_COLUMNS and `run_keys` follow.
-        figures: mapping from a figure's name to the function that draws it. In a result that was read from the store, the mapping
-            gives the path of the figure's files without suffix instead.
+        figures: mapping from a figure's name to the function that draws it. If the result was read from the store on disk,
+            `figures` maps the name to the path of the figure's files, without their suffix.
         metrics: mapping from name to the numbers that MLflow shows; about thirty at most, without brackets in the names.
         keys: keys of the stored data that the result was computed from.
         run_key: key of the stored result; the runner sets it.
-        models: mapping from name to trained model. In a result that was read from the store, the mapping gives the model's folder instead.
+        models: mapping from name to trained model. If the result was read from the store on disk, `models` maps the name to a folder.
     """
 
     table: str

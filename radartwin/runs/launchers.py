@@ -38,7 +38,10 @@ class Launcher:
         self._plugin = launcher([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs, job)
 
     def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
-        """Run the jobs (job number -> overrides) until each has ended. If the launcher fails before any job starts, raise its error."""
+        """Run the sweep's jobs (`jobs` maps job number to overrides) until each has ended.
+
+        If the launcher fails before any job starts, raise its error.
+        """
         waiting = dict(jobs)
         with self._watched(list(jobs), total):
             while waiting:

@@ -81,7 +81,10 @@ class Sweep:
             self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
-        """Run the jobs (job number -> overrides and configuration). Results of jobs that are already finished are read from the store."""
+        """Run the sweep's jobs; `jobs` maps the job number to (overrides, configuration).
+
+        Results of jobs that are already finished are read from the store.
+        """
         total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
         waiting: dict[int, list[str]] = {}
@@ -124,7 +127,7 @@ def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def composed(jobs: Sequence[list[str]], composer: Composer) -> list[Config]:
-    """Compose the configuration of each job. Raises a ConfigError that names the first job whose configuration is wrong."""
+    """Compose the configuration of each job of a sweep. Raises a ConfigError that names the first job whose configuration is wrong."""
     configs = []
     for job in jobs:
         try:

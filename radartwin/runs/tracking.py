@@ -43,7 +43,7 @@ class Tracker:
     """Tracks the runs of one output folder in MLflow. The constructor only checks the database; the method `prepare` opens it.
 
     Args:
-        config: tracking settings; if their backend is "off", every method of the tracker does nothing.
+        config: tracking settings; if `config.backend` is "off", every method of `Tracker` does nothing.
         output: root folder of all output.
     Raises:
         BackendError, OutputError: the SQLite database cannot be opened or created.

@@ -91,7 +91,9 @@ def shipped(room: str) -> tuple[Record, ...]:
 
 
 def ship(folders: Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
-    """Write the recorded answers about a room, and their digest, to the package. Return the path of the written answers.json.
+    """Write the recorded answers about a room, and the SHA-256 digest of their file, to the package.
+
+    Return the path of the written answers.json.
 
     Args:
         folders: scene folders of one room, from one or several scans, labelled by `radartwin label`. Only answers that the manifests of

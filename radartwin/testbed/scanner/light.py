@@ -95,7 +95,9 @@ def _depths(look: Look, position: np.ndarray) -> np.ndarray:
 
 
 def _extremes(shadows: np.ndarray) -> np.ndarray:
-    """Return the smallest and largest depth (..., 2) in the block of 3 x 3 pixels that starts at each pixel; border pixels are repeated."""
+    """Return the smallest and largest depth (..., 2) in the block of 3 x 3 pixels that starts at each pixel; pixels at the border of the
+    cube-map side are repeated to fill the block.
+    """
     out = np.empty((*shadows.shape, 2), np.float32)
     for k, extreme in enumerate((np.minimum, np.maximum)):
         rows = shadows.copy()

@@ -134,9 +134,7 @@ def _outer(material: str | Layered) -> str:
 
 
 def _picture(mesh: trimesh.Trimesh):
-    """Return a mesh's texture as Pillow picture with texture coordinates (V, 2) of its vertices; (None, None) for a mesh without
-    texture.
-    """
+    """Return a mesh's texture (Pillow image) and the texture coordinates (V, 2) of its vertices; (None, None) without texture."""
     visual = mesh.visual
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)

@@ -62,7 +62,7 @@ def scan(
     Returns:
         The frames, with the poses that the phone estimates, and the true values.
     Raises:
-        SceneError: the scene is empty, the room has no free place to stand, or an argument is out of range.
+        SceneError: the scene is empty, the room has no free floor for a person, or an argument is out of range.
         PoseError: one of the given poses is not a rigid transform.
     """
     if not len(scene):

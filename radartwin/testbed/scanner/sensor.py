@@ -40,8 +40,8 @@ class Sensor:
         range_m: largest depth that the sensor measures, in metres [Apple].
         spots: number of laser spots across and down the depth map [L21].
         noise_m, noise_per_m: * standard deviation of the depth at pixels with high confidence: noise_m + noise_per_m x depth, by default
-            4 mm + 1 mm per metre. In [chair], 68 % of these pixels lie within 7 to 9 mm of the vendor's mesh at 1 to 3.5 m, including the
-            error of the mesh. [L21] and [TY23] state 1 cm.
+            4 mm + 1 mm per metre. In [chair], 68 % of the pixels with high confidence lie within 7 to 9 mm of the vendor's mesh at 1 to
+            3.5 m range, including the error of the mesh. The sources [L21] and [TY23] state a depth error of 1 cm.
         white_m: * standard deviation in metres of the part of the depth noise that is uncorrelated between pixels [chair].
         unsure: * factors on the depth noise at pixels with low, medium and high confidence. The 68 % quantiles of the depth residuals in
             [chair] are 20 to 110 mm (low), 12 to 43 mm (medium) and 8 mm (high).
@@ -60,7 +60,7 @@ class Sensor:
         metal_signal: factor on the laser signal from bare metal, which reflects most light away from the phone [Apple, X25]; the value is
             an assumption.
         drift_m: * standard deviation in metres of the position error per axis after one metre of walking. The position error grows with the
-            square root of the walked path. [K22] states 0.02 m for all three axes together.
+            square root of the walked path. The source [K22] states a position error of 0.02 m for all three axes together.
         yaw_deg: * standard deviation in degrees of the heading error after one metre of walking. Roll and pitch do not drift, because the
             phone measures gravity. A heading error that caused all of the 0.02 m in [K22] would be 0.66 degrees. The default heading error
             is a sixth of 0.66 degrees, an assumption, because the position also drifts.
@@ -150,8 +150,8 @@ def measured(
 def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.Generator) -> np.ndarray:
     """Return the phone's estimates (N, 4, 4) of its poses. The first pose is exact; then position and heading drift as a random walk.
 
-    The phone software ARKit corrects the drift when it recognises an earlier position. This model does not correct the drift, so its pose
-    errors after a long walk are larger.
+    The phone software ARKit corrects the drift when it recognises an earlier position. The model in this file does not correct the drift,
+    so its pose errors after a long walk are larger.
     """
     step = np.sqrt(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1))
     heading = np.radians(strength * sensor.yaw_deg) * step * rng.standard_normal(len(step))

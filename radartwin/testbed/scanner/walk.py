@@ -27,7 +27,7 @@ def walked(scene: Scene, frames: int, rng: np.random.Generator) -> np.ndarray:
     """Return camera poses (N, 4, 4) with OpenCV axes, evenly spaced along a closed walk through the room.
 
     Raises:
-        SceneError: the room has no free place to stand.
+        SceneError: the room has no free floor on which a person could stand.
     """
     ground = _closed_walk(scene)
     steps = np.linalg.norm(np.diff(ground, axis=0, append=ground[:1]), axis=1)
