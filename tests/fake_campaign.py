@@ -24,7 +24,7 @@ from radartwin.store.digest import spec_digest
 
 LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
 MODULATION = {"symmetric": 0.05, "faceted": 0.9, "asymmetric": 0.5}
-OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # of the room's echoes from the target
+OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # range differences between the room's echoes and the target
 
 
 class FakeCampaign:

@@ -19,7 +19,7 @@ HOSTILE = "</script><script>document.title='taken'</script> \"'><img src=x onerr
 KEY, OLD_KEY = "a" * 32, "b" * 32
 PAIR = "gallery_mug_lab_turntable_1m"
 RANGE_M = np.linspace(0, 6, 129)
-MEASURED_M, SIMULATED_M = 2.0, 4.0  # range of the single echo of each domain
+MEASURED_M, SIMULATED_M = 2.0, 4.0  # range in metres of the only echo in the measured and in the simulated recording
 FLOOR_DB, ECHO_DB = -100.0, -40.0
 
 

@@ -93,10 +93,10 @@ def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[s
     check_rows("campaign", rows)
     drives = cell(rows, "measured", "depth", "wall")
     assert (drives["made"], drives["found"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 0, 4, 4, 1)
-    assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # two recordings and a set-up, over four frames
+    assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # pauses of two recordings and a set-up, divided by four frames
     turning = cell(rows, "measured", "turntable", "wall")
     assert (turning["made"], turning["frames"], turning["traced"]) == (1, 160, 128)
-    assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the twin makes one revolution
+    assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the simulation of the scanned room makes a single revolution
     every = [cell(rows, of, "all", "disk (MB)") for of in ("measured", "simulated")]
     assert [one["made"] for one in every] == [7, 5]
     frames, traced, disk = (sum(one[column] for one in every) for column in ("frames", "traced", "value"))
@@ -113,7 +113,7 @@ def test_a_second_run_simulates_nothing(
     assert "0 of them to be made" in capsys.readouterr().err
     for one, other in zip(rows, again, strict=True):
         assert (other["made"], other["found"]) == (0, one["made"])
-        assert (other["metric"], other["value"]) == (one["metric"], one["value"])  # stored times are reported again
+        assert (other["metric"], other["value"]) == (one["metric"], one["value"])  # the table reports the stored times again
 
 
 def test_a_scan_is_added_to_the_first_recording_of_its_room(config: Config, store: Store, first_run: object) -> None:
@@ -130,7 +130,7 @@ def test_a_scan_is_added_to_the_first_recording_of_its_room(config: Config, stor
     assert scanned[0] == (alone[0][0] + 1, alone[0][1] + 3)
     assert scanned[1:] == alone[1:]
     without = [one.setups for one in table.make(Campaign(void, store, progress), progress) if one.domain == "twin"]
-    assert without == [setups for setups, _ in alone]  # without a room there is no scan
+    assert without == [setups for setups, _ in alone]  # without a simulated room, there is no scan
 
 
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
@@ -141,19 +141,19 @@ def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() ->
 
     drives = 6 * [(50, 50)]
     seconds = table.extrapolated([made(1, 31.0), made(0, 1.0), made(0, 1.0)], drives, 2)
-    assert seconds == pytest.approx(2 * 30 + 6 * (1.0 + 0.5))  # two rooms set up, six drives
+    assert seconds == pytest.approx(2 * 30 + 6 * (1.0 + 0.5))  # set-up of two rooms, and six drives
     alone = table.extrapolated([made(1, 31.0)], drives, 2)
     assert alone == pytest.approx(6 * 31.5)  # the set-up time is unknown, so each recording includes it
 
 
 def test_targets_are_judged(config: Config, store: Store, first_run: object) -> None:
     made = table.make(Campaign(config, store, Progress(quiet=True)), Progress(quiet=True))
-    for seconds, verdict in ((0.03, "holds"), (0.2, "fails")):  # of each frame
+    for seconds, verdict in ((0.03, "holds"), (0.2, "fails")):  # seconds of each frame
         rows = table.rows(config, [replace(one, seconds=(seconds * one.frames, 0.0), setups=0) for one in made])
         verdicts = {row["claim"]: row["verdict"] for row in rows if row["claim"]}
         assert verdicts[table.FRAME.text] == verdict
         assert verdicts[table.DISK.text] == "holds"
-        assert verdicts[table.MINUTES.text] == verdict  # of 70,000 states
+        assert verdicts[table.MINUTES.text] == verdict  # verdict for 70,000 room states
 
 
 def test_the_plan_has_cheap_motions_first_and_keeps_tracks_together(config: Config, store: Store) -> None:

@@ -68,7 +68,7 @@ def test_an_exported_campaign_is_a_valid_set_without_the_truth(folder: Path) -> 
     turning = next(row for row in report.rows if row.motion == "turntable")
     assert turning.value("period_s") == "25"
     described = (folder / "set" / "recordings" / f"{turning.recording}.json").read_text()
-    assert "seed" in described  # of the receiver's noise
+    assert "seed" in described  # seed of the receiver noise
     assert not [word for word in ("material", "gap", "placement") if word in described]
 
 
@@ -91,7 +91,7 @@ def test_an_experiment_gives_the_same_values_for_both_providers(folder: Path) ->
     testbed, recordings = (
         environment.score(config, campaign_of(config), Progress(quiet=True)).rows for config in (configured(folder), recorded(folder))
     )
-    assert len(testbed) == len(recordings) == 4  # two correlations of the void, two energy shares
+    assert len(testbed) == len(recordings) == 4  # two correlations of the simulation without a room, and two energy shares
     for one, other in zip(testbed, recordings, strict=True):
         assert (one["domain"], other["domain"]) == ("testbed", "recordings")
         for column in ("metric", "scale", "verdict", "n"):
@@ -205,12 +205,13 @@ def test_the_twin_has_the_recorded_motion_and_frame_rate(folder: Path, tmp_path:
         ours, theirs = campaign.log(condition, "twin"), campaign.log(condition)
         assert ours.frame_rate_hz == theirs.frame_rate_hz == 20.0
         turns = condition.motion == "turntable"
-        assert (ours.frames, theirs.frames) == (8 if turns else 10, 10)  # one turn of the table
+        assert (ours.frames, theirs.frames) == (8 if turns else 10, 10)  # one revolution of the turntable
         if turns:
             assert theirs.angle_rad is not None
             assert np.allclose(np.diff(theirs.angle_rad), 2 * np.pi / 8)
         else:
-            assert np.allclose(ours.distance_m, 1.0 + 0.2 / 20 * np.arange(10))  # the rail's speed, the recording's rate
+            # speed of the rail in m/s over the frame rate of the recording in Hz
+            assert np.allclose(ours.distance_m, 1.0 + 0.2 / 20 * np.arange(10))
         made = campaign.recording("void", condition)
         assert (made.num_frames, made.radar.frame_rate_hz) == (ours.frames, 20.0)
     nominal = campaign_of(configured(folder, "materials=void")).clean("void", campaign.cases("twin")[0])

@@ -47,10 +47,10 @@ def test_revolutions_differ_by_more_than_noise(tmp_path: Path) -> None:
     assert reflector[ROOM_M] > 10
     can = changes_db(tmp_path, "can_211_400")
     assert can[ROOM_M] > 10
-    assert can[GATE_M] > 0  # the motor below the disc creeps as it warms up
+    assert can[GATE_M] > 0  # the motor below the disc moves slowly (creeps) while it warms up
     creeping = changes_db(tmp_path, "can_211_400", "measured.gap.trajectory=0")
     assert creeping[ROOM_M] > 3
     alike = changes_db(tmp_path, "can_211_400", "measured.gap.trajectory=0", "measured.gap.clutter=0")
-    assert max(alike.values()) < -6  # only rounding in the tracer and in 16 bits remains
+    assert max(alike.values()) < -6  # the remaining change is rounding in the tracer and in the 16-bit samples
     assert alike[ROOM_M] < creeping[ROOM_M] - 20
     print({"reflector": reflector, "can": can, "creeping alone": creeping, "nothing": alike})

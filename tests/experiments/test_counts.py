@@ -30,7 +30,7 @@ def counted(tmp_path_factory: pytest.TempPathFactory):
         return result.run_key, counts
 
     first, counts = run()
-    # the scan, and clean and processed recordings of measured, twin and void
+    # the scan, and the noise-free and the processed recordings of measurement, simulated room, and simulation without a room
     assert counts.by_kind["clean built"] == 3
     assert counts.by_kind["processed built"] == 3
     assert (counts.reused, counts.scored) == (counts.by_kind["scan reused"], 1)

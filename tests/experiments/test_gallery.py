@@ -63,7 +63,7 @@ def test_the_maps_peak_at_the_logged_target(motion: Motion) -> None:
         if not np.isnan(across[0]):
             assert view.across[panel][place] == pytest.approx(across[0], abs=tolerance)
         elif panel == "Doppler":
-            assert view.across[panel][place] == 0  # a turning point has no Doppler
+            assert view.across[panel][place] == 0  # at a turning point of the motion, the Doppler shift is zero
 
 
 def test_the_diagonal_recedes_to_the_left() -> None:

@@ -54,7 +54,7 @@ def test_each_change_moves_its_own_feature_by_the_expected_amount() -> None:
     base = reading(STEADY)
     twice = case_set.moved(reading(2 * STEADY), base)
     assert twice["target brightness (dB)"] == pytest.approx(6.02, abs=0.01)
-    assert twice["target change (dB)"] == pytest.approx(0.0, abs=0.01)  # |2 - 1| over 1
+    assert twice["target change (dB)"] == pytest.approx(0.0, abs=0.01)  # ratio of the amplitude change |2 - 1| to the amplitude 1
     assert twice["room level (dB)"] == pytest.approx(0.0, abs=0.01)
     assert twice["room change (dB)"] < -100
     louder = case_set.moved(reading(STEADY, room=1e-3), base)
@@ -129,7 +129,7 @@ def test_a_claim_holds_or_fails_by_the_measured_change(tmp_path: Path) -> None:
         found = {(row["cases"], row["metric"]): row["verdict"] for row in rows}
         assert found["turntable, metal", "target brightness (dB)"] == verdict
         assert found["turntable", "noise floor (dB)"] == "holds"
-        assert found["drive", "room change (dB)"] == "untestable"  # no claim
+        assert found["drive", "room change (dB)"] == "untestable"  # the table makes no claim about this feature
 
 
 def test_both_domains_agree_with_every_gap_off(tmp_path: Path) -> None:

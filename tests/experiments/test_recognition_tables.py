@@ -185,7 +185,7 @@ def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("holds", 24, pytest.approx(1 / 6))
     assert objects["p"] < 1e-4
     material = find(result, level="calibrated", motion="lateral", method=rover_recognition.TRAINED, metric="balanced accuracy")
-    assert material["n"] == 20  # the reflector's four recordings are not scored
+    assert material["n"] == 20  # the four recordings of the corner reflector are not scored
     for motion in ("lateral", "depth"):
         assert find(result, motion=motion, method="simulated labels shuffled")["verdict"] == "holds"
 
@@ -223,7 +223,7 @@ def test_material_errors_are_zero_with_true_materials(profile: str, shares: int)
     result = checked(material_errors.score(chosen, campaigns, Progress()))
     errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
     assert errors[0] == 0
-    assert len(errors) == shares + 2  # and as configured
+    assert len(errors) == shares + 2  # one further error with the configured settings
     assert min(errors[1 : shares + 1]) > 0.1
 
 

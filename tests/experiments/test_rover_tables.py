@@ -35,7 +35,7 @@ def test_a_nearly_exact_twin_orders_objects_alike(fidelity: Result) -> None:
         assert row["value"] > 0.7
         assert row["verdict"] == "holds"
         assert row["paper"] == paper
-        assert row["n"] == 6 * 3 * 2  # objects, distances, domains
+        assert row["n"] == 6 * 3 * 2  # number of objects times distances times two domains (measured, simulated)
     lateral = find(fidelity, metric=metric, room="atrium", motion="lateral")
     assert lateral["verdict"] == "untestable"  # the paper's claim is about depth drives
 
@@ -49,7 +49,7 @@ def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> Non
     assert signs["items"] == 2 * 2 * 3
     assert signs["value"] == 1
     assert signs["verdict"] == "holds"
-    ratio = find(fidelity, metric="simulated over measured")  # both domains have the same contrast
+    ratio = find(fidelity, metric="simulated over measured")  # measurement and simulation have the same contrast between objects
     assert ratio["value"] == pytest.approx(1, abs=0.2)
     assert ratio["verdict"] == "fails"
 

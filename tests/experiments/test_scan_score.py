@@ -14,7 +14,7 @@ from radartwin.testbed.scanner import scan
 
 X, Y, Z = np.eye(3)
 L, W, H = 5.0, 4.0, 2.4
-WINDOW = (1.0, 0.9, 2.2, 1.9)  # in the wall y = W, along it and up
+WINDOW = (1.0, 0.9, 2.2, 1.9)  # window in the wall y = W: first x, lower z, last x, upper z in metres
 
 
 def named(name, mesh, minc="painted"):
@@ -112,7 +112,7 @@ def test_pixels_see_the_front_of_a_thin_plate_only():
     hidden = rectangle([2.3, 1.9, 0.895], X, Y, (0.4, 0.2))
     scene = Scene([*room(), named("plate", plate), named("hidden", hidden)])
     pose = np.eye(4)
-    pose[:3, :3] = np.stack([X, -Y, -Z], axis=1)  # looking down
+    pose[:3, :3] = np.stack([X, -Y, -Z], axis=1)  # the camera looks down
     pose[:3, 3] = 2.5, 2.0, 2.2
     frames, truth = scan(scene, strength=0.0, poses=pose[None], colour_every=0)
     see = sighted(truth, frames)

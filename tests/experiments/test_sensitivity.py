@@ -16,7 +16,7 @@ from radartwin.store.products import Store
 
 CONFIG = compose(["experiment=sensitivity", "profile.resamples=50"])
 RNG = np.random.default_rng(0)
-VALUES = RNG.standard_normal((6, 4)) * [1.0, 10.0, 0.1, 0.0]  # the last feature tells nothing
+VALUES = RNG.standard_normal((6, 4)) * [1.0, 10.0, 0.1, 0.0]  # the last feature is constant, so that it carries no information
 
 
 def twin(shift: float, frame_s: float, figure: float | None) -> Twin:

@@ -90,14 +90,14 @@ def tone(range_m: float, amplitude: float = 1.0) -> np.ndarray:
 def test_signal_profile_and_gain_errors_are_separate() -> None:
     low, nothing = (signal_error.compare([(gain * tone(2.0), tone(2.0))], RADAR) for gain in (0.1, 0.0))
     assert (low.signal, low.offset_db) == pytest.approx((0.9, -20.0))
-    assert 15 < low.profile_db < 20  # its skirts are deeper than 40 dB already
+    assert 15 < low.profile_db < 20  # below 20 dB, because levels more than 40 dB below the peak are not compared
     assert (low.free_db, low.gain_db) == pytest.approx((0.0, 20.0), abs=0.01)
     assert nothing.signal == 1
     assert 20 < nothing.profile_db <= signal_error.DYNAMIC_DB
     turned = signal_error.compare([(1j * tone(2.0), tone(2.0))], RADAR)
     assert (turned.signal, turned.profile_db) == pytest.approx((np.sqrt(2), 0.0), abs=1e-9)
     elsewhere = signal_error.compare([(tone(3.0), tone(2.0))], RADAR)
-    assert elsewhere.free_db > 10  # no gain mends a wrong range
+    assert elsewhere.free_db > 10  # a free gain factor cannot correct an echo at a wrong range
 
 
 def measured(family: str, setting: str, seconds: list[float], error: float, **changes: Any) -> dict[str, Any]:

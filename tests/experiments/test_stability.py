@@ -62,7 +62,8 @@ def test_map_shows_every_sweep_value_and_failure() -> None:
     assert [text.get_text() for text in blocks[1].texts].count("safe throughout") == 2
 
 
-# Where this tracer was seen to fail or stand, dB: values that must stay safe, and what is known to fail.
+# STANDS: {parameter: (value, limit of the error in dB)} at which the tracer must stay accurate. FALLS: {parameter: value} at which it is
+# known to fail.
 STANDS = {
     "rays": (256, 0.6), "grid": (2.5, 0.3), "facets": (16, 0.5), "holes": (5, 0.6), "noise": (0.1, 0.8), "tilt": (40, 0.8),
     "near": (0.3, 1.5), "fold": (10.0, 0.2), "speed": (7.0, 0.5), "thickness": (0.0, 0.1), "gap": (0.03, 0.1), "snr": (20, 0.2),

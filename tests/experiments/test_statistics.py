@@ -25,7 +25,8 @@ def test_correlation_equals_scipy_and_has_interval_and_p() -> None:
     assert found.n == 12
     assert found == statistics.spearman(first, second, 2000, 0)
     assert statistics.spearman(first, np.exp(first), 100, 0).value == pytest.approx(1)
-    assert statistics.spearman(np.arange(5.0), np.arange(5.0), 100, 0).p == pytest.approx(1 / 120)  # exact for few items
+    # with few items, all permutations are counted, so that p is exact
+    assert statistics.spearman(np.arange(5.0), np.arange(5.0), 100, 0).p == pytest.approx(1 / 120)
 
 
 def test_rank_correlation_handles_ties_and_constant_draws() -> None:
@@ -40,7 +41,7 @@ def test_correlation_intervals_have_their_nominal_coverage() -> None:
     for seed in range(100):
         found = statistics.spearman(*related(40, 1.0, seed), 300, seed, alternative=None)
         held += found.low <= truth <= found.high
-    assert 86 <= held <= 99  # 95 % less what a percentile bootstrap of 40 pairs loses
+    assert 86 <= held <= 99  # a percentile bootstrap of 40 pairs covers the true value in slightly less than 95 % of draws
 
 
 def distances(points: np.ndarray) -> np.ndarray:
@@ -52,10 +53,10 @@ def test_mantel_separates_related_from_unrelated_matrices() -> None:
     points = rng.normal(size=12)
     same = statistics.mantel(distances(points), distances(points + 0.1 * rng.normal(size=12)), 999, 0)
     assert same.value > 0.9
-    assert same.p == pytest.approx(0.001)  # no drawn permutation is as good
+    assert same.p == pytest.approx(0.001)  # no random permutation gives as high a correlation
     assert same.low < same.value < same.high
     other = [statistics.mantel(distances(points), distances(rng.normal(size=12)), 99, seed).p for seed in range(40)]
-    assert 0.3 < np.mean(other) < 0.7  # uniform under no relation
+    assert 0.3 < np.mean(other) < 0.7  # without a relation, p is uniformly distributed
 
 
 def test_mantel_ignores_scale_and_refuses_other_matrices() -> None:
@@ -64,7 +65,7 @@ def test_mantel_ignores_scale_and_refuses_other_matrices() -> None:
     first, second = (statistics.mantel(scale * distances(points), other, 50, 0) for scale in (1.0, 30.0))
     assert second.value == pytest.approx(first.value)
     assert second.p == first.p
-    few = statistics.mantel(distances(points[:3]), other[:3, :3], 200, 0)  # some draws hold one object alone
+    few = statistics.mantel(distances(points[:3]), other[:3, :3], 200, 0)  # some bootstrap draws contain a single object only
     assert few.low <= few.value <= few.high
     with pytest.raises(InputError, match="square"):
         statistics.mantel(np.zeros((2, 2)), np.zeros((2, 2)), 9, 0)

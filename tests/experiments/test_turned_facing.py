@@ -47,7 +47,7 @@ def test_interpolated_and_traced_revolutions_have_equal_poses(simulated, name, s
     interpolated, traced = simulated(case, config), simulated(case, config, traced=True)
     assert interpolated.shape == traced.shape
     assert np.abs(interpolated - traced).max() < 0.02
-    assert np.abs(traced + traced.mean()).max() > 0.5  # the target turns
+    assert np.abs(traced + traced.mean()).max() > 0.5  # the target rotates, so that its yaw is not constant
 
 
 def test_without_errors_the_start_is_the_logged_one(simulated):

@@ -29,9 +29,9 @@ def test_a_nearly_exact_twin_keeps_order_distances_and_signatures(shape: Result)
         assert row["verdict"] == "holds"
         assert row["p"] < 0.01
         assert row["items"] == 12
-        assert row["n"] == 12 * 2 * (2 + 1)  # objects, distances, repetitions of both domains
+        assert row["n"] == 12 * 2 * (2 + 1)  # 12 objects times 2 distances times (2 measured + 1 simulated) repetitions
     assert find(shape, metric="own signature less others'", case="all objects")["verdict"] == "holds"
-    assert find(shape, metric="signatures", case="all objects")["verdict"] == "untestable"  # the paper gives no bound
+    assert find(shape, metric="signatures", case="all objects")["verdict"] == "untestable"  # the paper states no limit for this value
 
 
 def test_equal_objects_have_no_order() -> None:
@@ -40,7 +40,7 @@ def test_equal_objects_have_no_order() -> None:
     assert find(result, metric="order of objects", case="all objects")["verdict"] == "fails"
     assert find(result, metric="distances between objects", case="all objects")["verdict"] == "fails"
     assert find(result, metric="own signature less others'", case="all objects")["verdict"] == "fails"
-    assert not [row for row in result.rows if row["metric"] == "variation over distance"]  # one distance
+    assert not [row for row in result.rows if row["metric"] == "variation over distance"]  # the recordings have a single distance
 
 
 def test_rows_have_interval_n_seed_and_keys_and_figures_are_drawn(shape: Result) -> None:

@@ -125,7 +125,7 @@ def test_two_concurrent_sweeps_on_one_store_compute_each_run_once(study: Study) 
 
 
 def test_a_clock_set_back_between_and_during_runs_changes_nothing(study: Study, tmp_path: Path) -> None:
-    # A clock that jumps an hour back at every second reading, put in before anything else is imported.
+    # A clock that jumps an hour back at every second call; it is installed before any other module is imported.
     (tmp_path / "sitecustomize.py").write_text(
         "import itertools, time\nreal, n = time.time, itertools.count()\ntime.time = lambda: real() - 3600 * (next(n) % 2)\n"
     )
@@ -162,10 +162,10 @@ def test_five_hundred_jobs_and_five_kills_give_the_right_table(study: Study) -> 
         goal = (kill + 1) * jobs // (kills + 2) + chance.randrange(20)
         wait_until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal, 900)
         time.sleep(chance.random())
-        if kill % 2:  # the parent of the sweep, and with it all
+        if kill % 2:  # kill the parent process of the sweep, which ends all its workers
             os.killpg(sweep.pid, signal.SIGKILL)
             sweep.communicate()
-        else:  # one of its workers; the sweep goes on
+        else:  # kill one of the workers; the sweep continues
             workers = [int(p) for p in subprocess.run(["pgrep", "-P", str(sweep.pid)], capture_output=True, text=True).stdout.split()]
             os.kill(chance.choice(workers), signal.SIGKILL)
             wait_until(lambda goal=goal: len(list((study.output / "cache" / "run").glob("*/meta.json"))) >= goal + 10, 900)

@@ -102,7 +102,7 @@ def test_two_concurrent_writers_of_tables_lose_no_index_entry(tmp_path: Path, mo
 
     def slowly(output: Path, name: str) -> index.Entries:
         entries = read(output, name)
-        time.sleep(0.2)  # the other has time to write what would be lost
+        time.sleep(0.2)  # the other process has time to write files that a race would lose
         return entries
 
     monkeypatch.setattr(index, "read", slowly)

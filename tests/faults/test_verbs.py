@@ -78,7 +78,7 @@ VERBS = {
     "dashboard": ["dashboard", "--output", "{d}/out"],
     "doctor": ["doctor", "--output", "{d}/out"],
 }  # fmt: skip
-NEEDS_NO_SPACE = ("dashboard", "doctor")  # they work on a full disk
+NEEDS_NO_SPACE = ("dashboard", "doctor")  # these subcommands work on a full disk
 
 
 def error_lines(done: subprocess.CompletedProcess[str]) -> list[str]:

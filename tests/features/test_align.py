@@ -47,5 +47,5 @@ def test_invalid_energies_are_refused(energy: np.ndarray) -> None:
 
 
 def test_smallest_of_equally_good_offsets_is_taken() -> None:
-    ramp = np.exp(np.linspace(0, 3, 40))  # correlates perfectly at every offset
+    ramp = np.exp(np.linspace(0, 3, 40))  # an exponential ramp correlates perfectly with itself at every offset
     assert start_offset(ramp, ramp, 20) == 0

@@ -16,7 +16,7 @@ from radartwin.features.log import Nominal as Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.signature import signature
 
-AXIS_M = 24 * BIN_M  # on a bin, about 1.05 m
+AXIS_M = 24 * BIN_M  # range of the turntable's axis, on the centre of a range bin, about 1.05 m
 FRAMES = 40
 TURN_HZ = RADAR.frame_rate_hz / FRAMES  # one revolution in FRAMES frames
 
@@ -73,14 +73,15 @@ def test_harmonic_ratio_does_not_depend_on_scale_start_angle_distance_and_turns(
 
 def test_noise_floor_does_not_change_the_harmonic_ratio() -> None:
     """Without the noise correction, noise with half of the target's energy would reduce the harmonic ratio by the factor (2/3)^2 = 0.44."""
-    sigma = 1e-3 * np.sqrt(0.5 / (7 * 1.5 / RADAR.num_samples / RADAR.num_chirps) * 1.5)  # gate of 7 bins; the echo fills 1.5 of one
+    # the gate has 7 range bins, and the echo has the power of 1.5 bins
+    sigma = 1e-3 * np.sqrt(0.5 / (7 * 1.5 / RADAR.num_samples / RADAR.num_chirps) * 1.5)
     assert ratio(turning(lobes, turns=3, noise=sigma), 3) == pytest.approx(0.17, rel=0.15)
 
 
 def test_revolution_interpolates_between_frames() -> None:
-    theta = 2 * np.pi * np.arange(150) / 59.6  # a revolution of 59.6 frames, two and a half of them
+    theta = 2 * np.pi * np.arange(150) / 59.6  # two and a half revolutions of 59.6 frames each
     energy = 1 + 0.8 * np.cos(2 * theta + 0.3)
-    shown = envelope.revolution(energy, -theta)  # turning the other way
+    shown = envelope.revolution(energy, -theta)  # rotation in the opposite direction
     assert len(shown) == 60
     assert envelope.harmonics(shown)[1] == pytest.approx(0.4, rel=0.01)
 
@@ -193,7 +194,8 @@ def test_brightness_does_not_depend_on_range_and_follows_the_scale() -> None:
 
 def test_noise_does_not_change_the_brightness() -> None:
     clean = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)])), AXIS_M)
-    noisy = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)], noise=2e-3)), AXIS_M)  # as much noise as target in the gate
+    # the gate contains as much noise energy as target energy
+    noisy = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)], noise=2e-3)), AXIS_M)
     where = np.full(60, AXIS_M)
     assert envelope.brightness_db(noisy, where) == pytest.approx(envelope.brightness_db(clean, where), abs=0.4)
     with pytest.raises(InputError, match="not above the noise"):
@@ -234,7 +236,8 @@ def test_extent_does_not_depend_on_scale_range_and_noise() -> None:
     expected = read(1e-3, AXIS_M)
     assert read(1e-6, AXIS_M) == pytest.approx(expected, rel=1e-3)
     assert read(1e-3, 2 * AXIS_M) == pytest.approx(expected, rel=0.05)
-    assert read(1e-3, AXIS_M, noise=1.5e-2) == pytest.approx(expected, rel=0.1)  # 0.57 rad for 0.37 with the noise left in
+    # without the noise correction, the result would be 0.57 rad instead of 0.37 rad
+    assert read(1e-3, AXIS_M, noise=1.5e-2) == pytest.approx(expected, rel=0.1)
 
 
 # Doppler
@@ -251,7 +254,7 @@ def test_radial_velocity_is_finer_than_a_doppler_bin() -> None:
     assert found[time > 2.0] == pytest.approx(-0.2, abs=0.01)
     tracked = track.around(made, back_and_forth(time), RADAR.frame_rate_hz)
     difference = found - doppler.range_rate(tracked, RADAR.frame_rate_hz)
-    assert np.sqrt(np.mean(difference**2)) < 0.06  # the line through nine frames rounds the turn
+    assert np.sqrt(np.mean(difference**2)) < 0.06  # the straight line through nine frames smooths the turning point of the motion
 
 
 def test_radial_velocity_does_not_depend_on_scale_range_and_phase() -> None:
@@ -304,7 +307,7 @@ def test_signature_does_not_depend_on_start_angle_scale_and_distance() -> None:
     assert np.ptp(first) == 1
     for other in (shown(scale=100.0), shown(turns=2)):
         assert other == pytest.approx(first, abs=1e-3)
-    assert shown(start=2 * np.pi * 17 / FRAMES) == pytest.approx(first, abs=0.02)  # chirps drift over a frame
+    assert shown(start=2 * np.pi * 17 / FRAMES) == pytest.approx(first, abs=0.02)  # the angle changes between the chirps of a frame
     assert shown(bins=48) == pytest.approx(first, abs=0.02)
 
 
@@ -340,7 +343,7 @@ def test_frame_features_have_one_row_per_frame(name: str) -> None:
 def test_depth_features_of_an_approach_match_its_geometry() -> None:
     frames = 40
     nominal = 1.5 - 0.2 * np.arange(frames, dtype=np.float64) / RADAR.frame_rate_hz
-    front = 0.03  # the front of the object is nearer than its axis
+    front = 0.03  # distance in metres by which the front of the object is nearer than its axis
     made = process(echoes(frames, [(lambda t: 1e-3 / (1.5 - 0.2 * t - front) ** 2, lambda t: 1.5 - 0.2 * t - front), (3e-4, 4.0)]))
     names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
     found = dict(zip(names, values, strict=True))

@@ -26,7 +26,7 @@ def test_calibration_maps_each_feature_to_the_measured_scale() -> None:
     rng = np.random.default_rng(3)
     simulated = rng.normal([-40.0, 0.2], [3.0, 0.05], size=(200, 2))
     slope, offset = np.array([0.5, 2.0]), np.array([-12.0, 0.1])
-    measured = (simulated * slope + offset)[rng.permutation(200)[:150]]  # other frames in another order
+    measured = (simulated * slope + offset)[rng.permutation(200)[:150]]  # the measured frames are a random subset in random order
     found = fit_map(simulated, measured)
     assert found.slope == pytest.approx(slope, rel=0.1)
     assert found.apply(simulated).mean(axis=0) == pytest.approx(measured.mean(axis=0))

@@ -34,7 +34,7 @@ def test_moving_gate_contains_the_energy_of_a_moving_target() -> None:
     np.testing.assert_allclose(inside, 1.0)
     np.testing.assert_allclose(total, 1.25)
     assert multipath_share(power, AXIS, target) == pytest.approx(0.2)
-    assert multipath_share(power, AXIS, 3.0) > 0.8  # a fixed gate misses it
+    assert multipath_share(power, AXIS, 3.0) > 0.8  # a gate at a fixed range misses the target
 
 
 def test_invalid_targets_and_shapes_are_named() -> None:

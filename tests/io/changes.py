@@ -84,7 +84,7 @@ def replaced(seed: str) -> st.SearchStrategy[str]:
 
     def put(edits: Sequence[tuple[int, str]]) -> str:
         text = seed
-        for at, new in sorted(edits, reverse=True):  # from the end, so that places stay
+        for at, new in sorted(edits, reverse=True):  # edit from the end, so that the positions of the other edits stay valid
             text = text[: words[at].start()] + new + text[words[at].end() :]
         return text
 

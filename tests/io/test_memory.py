@@ -30,6 +30,6 @@ def test_memory_of_a_large_array_is_reused():
 
 
 def test_another_c_library_changes_nothing(monkeypatch):
-    monkeypatch.setattr(ctypes, "CDLL", lambda name: object())  # it has neither mallopt nor malloc_trim
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: object())  # a C library without mallopt and malloc_trim
     memory.keep_freed.__wrapped__()
     memory.give_back()

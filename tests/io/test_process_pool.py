@@ -13,7 +13,7 @@ from processes import ROOT, runs, started, wait_until
 
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
 
-PATHS = os.pathsep.join((str(ROOT), str(ROOT / "tests")))  # the test module itself imports processes
+PATHS = os.pathsep.join((str(ROOT), str(ROOT / "tests")))  # the worker imports this test module, which imports tests/processes.py
 
 
 def hold(folder: Path) -> None:

@@ -93,7 +93,8 @@ def test_name_outside_minc_is_refused_or_replaced_by_the_closest_category() -> N
 @pytest.mark.parametrize(
     ("material", "name", "becomes", "stand_in"),
     [
-        ("painted", None, MINC["painted"].material, True),  # the material under the paint is a guess
+        # the answer names no material under the paint, so that the material is uncertain
+        ("painted", None, MINC["painted"].material, True),
         ("painted", "drywall", MINC["painted"].material, False),
         ("painted", "concrete", "concrete", False),
         ("wallpaper", "plaster on brick", "brick", True),  # its fit ends at 40 GHz
@@ -103,7 +104,7 @@ def test_name_outside_minc_is_refused_or_replaced_by_the_closest_category() -> N
         ("other", None, MINC["other"].material, True),
         ("wood", "varnished pine", MINC["wood"].material, False),
         ("wood", "plywood", Layered([("plywood", 0.02)]), True),  # its fit ends at 40 GHz
-        ("plastic", "steel", MINC["plastic"].material, True),  # a contradiction, in which the category counts
+        ("plastic", "steel", MINC["plastic"].material, True),  # category and description contradict each other, and the category decides
         ("tile", "ceramic tile on concrete", MINC["tile"].material, True),
         ("stone", "something nobody can name", MINC["stone"].material, True),
     ],

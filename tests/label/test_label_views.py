@@ -93,7 +93,7 @@ def test_colours_of_vertices_faces_and_textures_are_drawn() -> None:
     camera = Camera.looking(np.array([0, 0, 1.0]), np.array([2.0, 0, 1.0]), 60, 33)
     uv = np.column_stack([(1 - wall.vertices[:, 1]) / 2, wall.vertices[:, 2] / 2])
     image = Image.new("RGB", (2, 2))
-    image.putdata([(255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)])  # the top row first
+    image.putdata([(255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)])  # pixels row by row, the top row first
     looks = {
         "vertex": ColorVisuals(wall, vertex_colors=np.tile([10, 200, 30, 255], (len(wall.vertices), 1))),
         "face": ColorVisuals(wall, face_colors=np.tile([10, 200, 30, 255], (len(wall.faces), 1))),
@@ -133,7 +133,8 @@ def test_photographs_are_used_only_if_they_show_the_surface(tmp_path) -> None:
     drawing = Drawing(scene)
     low, high = eye_at([0.4, 1.5, 0.5], [4, 1.5, 0.5]), eye_at([0.4, 1.5, 1.6], [4, 1.5, 1.2])
     shots = [(drawing.picture(camera, drawing.seen(camera)), camera.pose, camera.intrinsics) for camera in (low, high)]
-    shots.append((np.zeros((480, 640, 3), np.uint8), eye_at([-1, 1.5, 1.5], [-4, 1.5, 1.5]).pose, high.intrinsics))  # away
+    # this camera looks away from the surface
+    shots.append((np.zeros((480, 640, 3), np.uint8), eye_at([-1, 1.5, 1.5], [-4, 1.5, 1.5]).pose, high.intrinsics))
 
     save_photos(tmp_path, shots)
     crops = Views(scene, load_photos(tmp_path), 2).crops(range(len(scene)))

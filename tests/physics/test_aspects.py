@@ -76,12 +76,12 @@ def test_traced_trihedral_is_within_the_stated_error():
     angles = np.random.default_rng(1).uniform(0, 2 * np.pi, 60)
     between = aspects.at(np.tile(angles[:, None, None], (1, 1, 2)))[:, 0] - chirp(angles)
     assert np.sqrt(np.mean(np.abs(between) ** 2)) < 0.03 * level
-    # one turn in 25 s at 10 Hz, around the trihedral's own peak
+    # one revolution in 25 s at 10 Hz, near the angle at which the trihedral's echo is strongest
     rate = 2 * np.pi / 25
     frames = np.pi + rate * np.arange(6) / radar.frame_rate_hz
     moving = rt.simulate(scene, radar, np.eye(4)[None], motion={"target": turned(frames)}).iq
     ours = aspects.at(frames[:, None, None] + rate * radar.chirp_times())
-    inside = slice(1, -1)  # at the ends the tracer's velocity is one-sided
+    inside = slice(1, -1)  # in the first and last frame, the tracer's velocity is a one-sided difference
     difference = np.sqrt(np.mean(np.abs(moving[inside] - ours[inside]) ** 2))
     assert difference < 0.05 * np.sqrt(np.mean(np.abs(moving[inside]) ** 2))
     assert len(aspects.signals) == ASPECTS

@@ -24,7 +24,7 @@ def test_cans_match_cylinders_of_their_straight_wall(name, radius, straight):
     """The broadside cross-section of a cylinder is 2 pi r h^2 / lambda. Seams, neck and base of a can may add 1 dB."""
     level = around(name)
     assert level.mean() == pytest.approx(db(2 * np.pi * radius * straight**2 / WAVELENGTH), abs=1.0)
-    assert np.ptp(level) < 0.2  # no facet ripple
+    assert np.ptp(level) < 0.2  # the facets of the mesh cause no ripple over the angle
 
 
 def test_mug_is_round_and_weaker_than_metal():

@@ -273,7 +273,7 @@ def test_coupled_echoes_match_tubes():
     panels = paths_of(scene, at(SENSOR))[1:]
     tubes = paths_of(scene, at(SENSOR), room="tubes", rays=3_000_000, rays_per_wavelength2=9.0)
     ways = np.array([(centre * (1, 1, sign) - SENSOR) / np.linalg.norm(centre * (1, 1, sign) - SENSOR) for sign in (1, -1)])
-    tubes = [  # not the floor's own, which cancel only all together
+    tubes = [  # without the paths of the floor alone, which cancel only if all of them are summed
         p.where(((p.departure @ ways.T).max(axis=1) > np.cos(0.045)) & ((p.arrival @ ways.T).max(axis=1) > np.cos(0.045))) for p in tubes
     ]
     for target, limit in ((SENSOR, 0.1), (MIRRORED, 0.8)):

@@ -94,13 +94,13 @@ def test_signal_does_not_depend_on_the_block_size(monkeypatch: pytest.MonkeyPatc
         return simulate(scene, Radar.iwr1843(), np.eye(4), motion={"frame": poses}, max_bounces=bounces).iq
 
     divided = signal()
-    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made))  # whole poses, not divided at edges
+    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made))  # blocks contain whole poses, and tubes are not divided at edges
     whole = signal()
     monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made) // 7)
     covered, left = tube_grid.covered, []
     monkeypatch.setattr(tube_grid, "covered", lambda *arguments: left.append(covered(*arguments)) or left[-1])
     parts = signal()
-    assert len(left) >= 3  # every pose
+    assert len(left) >= 3  # the tubes of every pose
     assert all(cells is not None and len(cells) < 0.7 * max(made) for cells in left)
     assert np.linalg.norm(whole - divided) < 0.1 * np.linalg.norm(divided)
     assert np.linalg.norm(parts - whole) < 1e-4 * np.linalg.norm(whole)

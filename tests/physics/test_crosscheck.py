@@ -74,8 +74,8 @@ def test_an_opening_reflects_nothing() -> None:
     closed = rt.Surface(objects.plate(1.0, 1.0).apply_translation((SIZE[0], 0.6, 0.6)), "metal", "shutter", role="room")
     scene = rt.Scene([rt.Surface(mesh, "concrete", "walls", role="room"), closed])
     ahead = [i for i in Room(scene, FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], 1) if i.departure[0] > 0.99]
-    assert len(ahead) == 1  # the mirror point (1.1, 0.9) lies on the shutter
-    assert not ahead[0].clear or abs(SENSOR[1] - 1.1) > 0.05  # ... at its very edge
+    assert len(ahead) == 1  # the mirror point (1.1, 0.9) is on the screen that covers the slot
+    assert not ahead[0].clear or abs(SENSOR[1] - 1.1) > 0.05  # the mirror point is close to the edge of this screen
     moved = rt.Scene([scene.surfaces[0], closed.moved(np.array([[1, 0, 0, 0], [0, 1, 0, -0.5], [0, 0, 1, 0], [0, 0, 0, 1.0]]))])
     assert not [i for i in Room(moved, FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], 1) if i.departure[0] > 0.99]
 
@@ -106,7 +106,7 @@ def test_reference_is_scored_by_its_matched_paths() -> None:
     theirs = found([5.0002, 6.0, 8.0, 9.0], [0.0, 10.0, 20.0, 30.0], [2.0, 0.1, 0.5, 1e-5])
     theirs = replace(theirs, clear=np.array([True, False, False, False]))
     scored = crosscheck.compare(theirs, mine)
-    assert scored.matched.tolist() == [True, True, False]  # the fourth is 106 dB down
+    assert scored.matched.tolist() == [True, True, False]  # the fourth path is 106 dB weaker than the strongest path
     assert scored.length_mm == pytest.approx([0.2, 0.0])
     assert scored.level_db == pytest.approx([6.02], abs=0.01)
     assert scored.cut_level_db == pytest.approx([0.0])

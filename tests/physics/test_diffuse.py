@@ -191,7 +191,8 @@ def test_shadowed_points_vanish():
     edge = (np.abs(np.abs(on_wall[:, 1]) - 0.6) < 1e-3) | (np.abs(np.abs(on_wall[:, 2]) - 0.4) < 1e-3)
     kept = np.isin(open_wall.length_m, found.length_m)
     assert behind.sum() > 300
-    assert (kept == ~behind)[~edge].mean() > 0.999  # all but what is pruned differently once the strongest points are hidden
+    # a few further points differ, because pruning changes when the strongest points are hidden
+    assert (kept == ~behind)[~edge].mean() > 0.999
     turned = at((0, 0, 0))
     turned[0, :3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     other = traced([WALL], turned, count=4_000)

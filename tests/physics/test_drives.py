@@ -16,7 +16,7 @@ from radartwin.testbed.motion_errors import RoverErrors, rover
 
 RADAR = rt.Radar.iwr1843()
 SETTINGS = TraceSettings(max_bounces=2)
-NEAR = slice(22, 26)  # of a drive's 50 frames
+NEAR = slice(22, 26)  # four of the 50 frames of a drive
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,8 @@ def test_room_of_a_drive_matches_separate_tracing(drive):
     room, nominal, actual = drive
     shared = signal(Drives(room, RADAR, nominal, SETTINGS).room(actual), len(actual))
     alone = signal(trace_paths(rt.Scene(room), RADAR, actual, None, SETTINGS)[0], len(actual))
-    assert np.abs(actual[:, :3, 3] - nominal[:, :3, 3]).max() > 2e-3  # more than half a wavelength off the log
+    # the actual positions differ from the logged positions by more than half a wavelength
+    assert np.abs(actual[:, :3, 3] - nominal[:, :3, 3]).max() > 2e-3
     assert relative_error(shared, alone) < 0.02
 
 
@@ -52,7 +53,7 @@ def test_moved_paths_over_the_room_match_separate_tracing(drive):
     without = signal(trace_paths(rt.Scene(room), RADAR, actual, None, SETTINGS)[0], len(actual))
     assert relative_error(echo + over, together - without) < 0.05
     assert relative_error(over, together - without - echo) < 0.3
-    assert relative_error(over, np.roll(over, 1, axis=0)) > 0.5  # the next frame is another signal
+    assert relative_error(over, np.roll(over, 1, axis=0)) > 0.5  # the signal of the next frame is clearly different
 
 
 def test_moved_paths_keep_their_first_and_last_points():
@@ -72,10 +73,10 @@ def test_moved_paths_keep_their_first_and_last_points():
     (found,) = Track(np.stack([behind, place]), [path]).seen(poses, 10.0)
     for frame in range(2):
         to_last = last - poses[frame, :3, 3]
-        assert found.amplitude[frame, 0] == 3.0  # of the nearest place
+        assert found.amplitude[frame, 0] == 3.0  # the amplitude comes from the nearest traced position
         assert found.length_out_m[frame] == pytest.approx(np.linalg.norm(to_last), abs=1e-12)
         assert found.arrival[frame] == pytest.approx(poses[frame, :3, :3].T @ to_last / np.linalg.norm(to_last), abs=1e-12)
-        unfolded = ways[0] * (lengths[0] + between) - poses[frame, :3, 3]  # the first point's image, where the way goes on
+        unfolded = ways[0] * (lengths[0] + between) - poses[frame, :3, 3]  # image of the first reflection point along the unfolded path
         assert found.length_in_m[frame] == pytest.approx(np.linalg.norm(unfolded), abs=1e-12)
         towards = unfolded / np.linalg.norm(unfolded) + to_last / np.linalg.norm(to_last)
         assert found.rate_mps[frame] == pytest.approx(-towards @ velocity, abs=1e-6)

@@ -78,7 +78,7 @@ def test_late_chirp_rotates_an_echo_by_its_beat_frequency():
     turned = hardware.echoes(echo(2.0).astype(np.complex64), RADAR, np.random.default_rng(1))
     degrees = np.degrees(np.angle((turned / echo(2.0))[..., 64:192].mean(axis=-1)))[0]
     beat = RADAR.slope_hz_per_s * 4.0 / C
-    assert np.ptp(degrees, axis=-1).max() < 1e-3  # all receivers agree
+    assert np.ptp(degrees, axis=-1).max() < 1e-3  # all receivers have the same phase
     late = degrees[:, :, 0] < -0.18
     assert degrees[late[:, :, None].repeat(4, 2)] == pytest.approx(-360 * 1.1e-9 * beat, abs=0.01)
     assert 8 <= late.sum() <= 24
@@ -91,7 +91,7 @@ def test_leakage_is_at_zero_range_at_the_level_of_real_captures():
     """
     noisy = received(Recording(np.zeros(SHAPE, np.complex64), RADAR), dataclasses.replace(Hardware(), offset_dbfs=-np.inf), 0).iq
     power = (np.abs(spectrum(noisy)) ** 2).mean(axis=(0, 1, 2, 3))
-    assert np.argmax(power) <= 2  # within 9 cm
+    assert np.argmax(power) <= 2  # the peak is within 9 cm of zero range
     sample_noise = np.median(power[50:200]) * np.hanning(256).sum() ** 2 / (np.hanning(256) ** 2).sum()
     assert 10 * np.log10(power.max() / sample_noise) == pytest.approx(14, abs=6)
 
@@ -134,7 +134,7 @@ def test_adc_adds_its_offset_rounds_and_saturates_at_full_scale():
     counts = silent / hardware.scale
     assert np.abs(counts - np.rint(counts.real) - 1j * np.rint(counts.imag)).max() < 1e-3
     assert np.abs(counts).mean() == pytest.approx(FULL_SCALE * 10 ** (-70 / 20), rel=0.1)
-    loud = (10 ** (-29 / 20) * echo(1.0)).astype(np.complex64)  # twice full scale
+    loud = (10 ** (-29 / 20) * echo(1.0)).astype(np.complex64)  # an echo of twice the ADC's full scale
     clipped, values = hardware.digitised(loud, RADAR)
     assert values > 0.5 * loud.size
     assert np.abs(clipped.real).max() <= (FULL_SCALE + 1) * hardware.scale * (1 + 1e-6)
@@ -142,7 +142,8 @@ def test_adc_adds_its_offset_rounds_and_saturates_at_full_scale():
     rounded, none = hardware.digitised(quiet, RADAR)
     assert none == 0
     error = rounded - quiet - silent.mean()
-    assert (np.abs(error) ** 2).mean() == pytest.approx(hardware.scale**2 / 6, rel=0.3)  # two uniform roundings
+    # rounding errors of I and Q are uniformly distributed
+    assert (np.abs(error) ** 2).mean() == pytest.approx(hardware.scale**2 / 6, rel=0.3)
 
 
 def test_saved_recording_holds_the_counts_of_the_adc(tmp_path):

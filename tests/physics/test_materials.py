@@ -127,7 +127,8 @@ def test_slabs_match_the_reference_table(shared_data):
     checked = 0
     for row in csv.DictReader(path.read_text().splitlines()):
         name = row["material"].replace(" ", "_")
-        if name in ("brick", "plywood", "marble"):  # the table extrapolates these fits
+        # for these materials, the reference table extrapolates fits beyond their frequency range
+        if name in ("brick", "plywood", "marble"):
             continue
         te, _ = reflection(Layered([(name, float(row["d_mm"]) / 1e3)]), np.array(1.0), np.array(77e9))
         assert 20 * np.log10(abs(te)) == pytest.approx(float(row["slab77_dB"]), abs=0.05), row
@@ -188,7 +189,8 @@ def test_rough_transmission_is_the_mean_over_gaussian_heights(angle_deg):
     assert ament_transmitted(sigma, np.cos(outside), k, index**2) == pytest.approx(expected, abs=1e-9)
     smooth, rough = (transmission(Layered([("glass", 3e-3)]), np.cos(outside), np.array(77e9), height)[0] for height in (0.0, sigma))
     glass = permittivity("glass", np.array(77e9))
-    assert abs(rough / smooth) == pytest.approx(float(ament_transmitted(sigma, np.cos(outside), k, glass)) ** 2)  # two faces
+    # the slab has two rough faces
+    assert abs(rough / smooth) == pytest.approx(float(ament_transmitted(sigma, np.cos(outside), k, glass)) ** 2)
 
 
 def test_every_material_has_a_roughness_class_with_a_source():
@@ -200,7 +202,7 @@ def test_every_material_has_a_roughness_class_with_a_source():
     with pytest.raises(MaterialError, match="marzipan"):
         roughness_m("marzipan")
     te, _ = reflection("metal", np.array(1.0), np.array(77e9))
-    assert abs(te) > 0.999  # a plain name is smooth
+    assert abs(te) > 0.999  # a material without roughness is smooth
 
 
 def test_tabulated_rows_are_those_of_the_recommendation():

@@ -23,7 +23,8 @@ RADAR = traced.MONOSTATIC
 FREQUENCY = RADAR.center_frequency_hz
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
 K = 2 * np.pi / WAVELENGTH
-ATTITUDES = {"tilted": room_oracles.rotation(), "turned": Rotation.from_rotvec([0.3, -1.9, 0.8]).as_matrix()}  # no image on the axis
+# rotations for which no image is exactly on the antenna's axis
+ATTITUDES = {"tilted": room_oracles.rotation(), "turned": Rotation.from_rotvec([0.3, -1.9, 0.8]).as_matrix()}
 
 
 def settings(**values):
@@ -72,7 +73,7 @@ def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
         rows.append((abs(mine - exact) / (len(images) * WAVELENGTH / (4 * np.pi * length)), abs(exact), order))
     errors, levels, orders = np.array(rows).T
     strays = np.array([np.abs(np.array(list(together)) - n).min() for n in part.length_m])
-    assert strays.max(initial=0) < 3e-5  # no path that is no image
+    assert strays.max(initial=0) < 3e-5  # the tracer finds no path that is not an image
     return errors, levels / levels.max(), orders
 
 
@@ -344,7 +345,7 @@ def fuzzed(seed):
         low = rng.uniform([0, 0, 0], [4, 3, 1.5])
         high = low + rng.uniform(0.02, 1.0, 3)
         if seed % 3 == 0:
-            low[2] = 0.0  # in contact with the floor
+            low[2] = 0.0  # this box touches the floor
         mesh = objects.box(low.tolist(), high.tolist())
         if seed % 2:
             vertices = np.concatenate([mesh.vertices, rng.uniform(0, 2, (3, 3))])

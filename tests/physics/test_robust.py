@@ -51,8 +51,8 @@ def test_random_triangle_soup_is_finite(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 60))
     corners = rng.normal(0, 0.05, (count, 1, 3)) + rng.normal(0, 10 ** rng.uniform(-4, -1), (count, 3, 3))
-    corners[::5, 1] = corners[::5, 0]  # no area
-    corners[1::5] = corners[0] + [0, 0, 1e-9]  # as good as the same
+    corners[::5, 1] = corners[::5, 0]  # triangles without area
+    corners[1::5] = corners[0] + [0, 0, 1e-9]  # two corners that are nearly equal
     soup = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), process=False)
     for distance in (None, 0.7):
         value = rt.rcs(soup, rng.normal(size=3), distance=distance, polarization="VH", max_bounces=6)

@@ -104,7 +104,7 @@ def test_sphere_that_turns_about_its_axis_returns_equal_samples_in_every_frame()
         rays_per_wavelength2=4,
     ).iq
     spread = np.abs(iq - iq[:1]).max() / np.abs(iq).max()
-    assert spread < 0.05  # tessellation under the curved facets
+    assert spread < 0.05  # the limit covers the tessellation of the sphere
 
 
 def test_wall_hides_objects_behind_it():

@@ -56,7 +56,7 @@ def test_synthesis_matches_the_direct_sum(rate, nodes):
     paths = random_paths(40, 3, rate, nodes)
     expected = direct_sum(paths, radar)
     error = np.linalg.norm(synthesize(paths, radar) - expected) / np.linalg.norm(expected)
-    assert error < 1e-4  # the target is 1e-3; 6 taps give 1e-5
+    assert error < 1e-4  # the required error is 1e-3; an interpolation kernel with 6 taps gives 1e-5
 
 
 def test_no_paths_give_zero_samples():
@@ -136,7 +136,8 @@ def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degr
     exact, planar = (synthesize(paths, radar, elements=e)[0, 0, :, :, 0] for e in ("exact", "planar"))
     error = np.degrees(np.abs(np.angle(exact * planar.conj())).max())
     assert error == pytest.approx(degrees, rel=0.01)
-    assert np.degrees(planar_phase(paths, radar)) == pytest.approx(error, rel=0.05)  # a bound, at the end of the sweep
+    # `planar_phase` gives a bound for the highest frequency of the chirp
+    assert np.degrees(planar_phase(paths, radar)) == pytest.approx(error, rel=0.05)
     assert planar_phase(paths, radar) >= np.radians(error)
     auto = synthesize(paths, radar, elements="auto")[0, 0, :, :, 0]
     assert np.array_equal(auto, planar if range_m >= 1.93 else exact)

@@ -43,7 +43,8 @@ def test_sphere_and_wall_match_geometric_optics(density, bound_db):
             sequence = (sequence << 12) + (2 if letter == "S" else 1)
         source, receiver = (image if name[end] == "W" else sensor for end in (0, -1))
         level, length, _ = geometric_optics_of_a_sphere(centre, radius, source, receiver)
-        expected = -((-1) ** name.count("W")) * level * np.exp(1j * K * length)  # every metal surface turns the vertical field over
+        # every reflection on metal changes the sign of the vertical field
+        expected = -((-1) ** name.count("W")) * level * np.exp(1j * K * length)
         value = coherent(hits, hits.sequence == sequence)
         assert abs(20 * np.log10(abs(value / expected))) < bound, name
         assert abs(np.degrees(np.angle(value / expected))) < 20, name
@@ -143,7 +144,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
     way = 2.0
     expected = np.prod([np.sqrt(1 / (1e-9 + 1j * (1 / way - 1 / f))) / np.sqrt(1 / (1e-9 + 1j * (1 / 1e-3 - 1 / f))) for f in foci_m])
     expected /= abs(expected)
-    turn = np.radians(25.0)  # of the focal lines against the grid
+    turn = np.radians(25.0)  # angle between the focal lines and the axes of the ray grid
     axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
     foot_u, foot_v = (-(axes.T / np.array(foci_m)) @ axes)[:2].tolist()
     none = {name: None for name in ("index", "pose", "origin", "weight", "hat_share", "in_box", "departure", "length", "first", "sequence")}

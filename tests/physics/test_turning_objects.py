@@ -50,8 +50,8 @@ def test_a_can_is_flat_and_a_reflector_and_a_flat_bottle_are_peaked(campaign: Ca
 def test_harmonic_ratio_of_the_reflector_is_stable_in_its_far_field(campaign: Campaign) -> None:
     ratio = {distance: values["harmonic_ratio"] for distance, values in turning(campaign, "corner_reflector").items()}
     far = np.array([ratio[distance] for distance in (1.0, 1.5, 2.0)])
-    assert far.std(ddof=1) / far.mean() < 0.07  # the paper's figure over 0.6 to 2.1 m
-    assert ratio[0.5] < 0.75 * far.mean()  # a tenth of a metre across, at half a metre: far inside the near field
+    assert far.std(ddof=1) / far.mean() < 0.07  # limit from the paper for 0.6 to 2.1 m
+    assert ratio[0.5] < 0.75 * far.mean()  # the reflector is 0.1 m wide, so that 0.5 m is far inside its near field
 
 
 def test_brightness_of_a_can_follows_the_range_law_of_a_line(campaign: Campaign) -> None:

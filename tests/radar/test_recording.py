@@ -226,8 +226,8 @@ def test_order_of_i_and_q_follows_from_the_receive_filter(tmp_path):
     rng = np.random.default_rng(5)
     shape = (1, 64, 2, 4, 256)
     spectrum = rng.normal(size=shape) + 1j * rng.normal(size=shape)
-    spectrum[..., 231:] *= 0.3  # nothing above 0.9 fs
-    spectrum[:, :, :, :, 200] += 40.0  # an echo in the upper half, which must not affect the decision
+    spectrum[..., 231:] *= 0.3  # weak noise above 0.9 fs
+    spectrum[:, :, :, :, 200] += 40.0  # an echo in the upper half of the spectrum, which must not affect the detection of exchanged I and Q
     samples = np.fft.ifft(spectrum, axis=-1) * 2000
     assert band_edge_db(samples[0]) > 5
     for swapped in (False, True):

@@ -77,7 +77,7 @@ def test_the_loss_is_info_nce_in_one_or_both_directions(symmetric: bool):
     rng = np.random.default_rng(0)
     z = rng.normal(size=(6, 8))
     z /= np.linalg.norm(z, axis=1, keepdims=True)
-    y, texts = np.array([0, 0, 1, 1, 1, 0]), np.stack([ANCHORS[label] for label in OBJECTS])  # the third text has no row
+    y, texts = np.array([0, 0, 1, 1, 1, 0]), np.stack([ANCHORS[label] for label in OBJECTS])  # no row of the data belongs to the third text
     settings = replace(SETTINGS, symmetric=symmetric)
     found = float(text_loss(torch.from_numpy(z), torch.from_numpy(y), torch.from_numpy(texts).double(), torch.ones(3).double(), settings))
     logits = z @ texts.T / settings.temperature
@@ -90,7 +90,7 @@ def test_the_paired_term_needs_labels_and_moves_pairs_together():
     with pytest.raises(ValueError, match="few_shot"):
         fit(split(), ANCHORS, replace(SETTINGS, paired=1.0))
     simulated, measured = rows(SIMULATED, 1), rows(MEASURED, 2, each=6, copies=1)
-    shifted = measured.with_values(measured.values + 1.5)  # a domain apart
+    shifted = measured.with_values(measured.values + 1.5)  # measured features shifted by a constant difference from the simulated features
     known, rest = draw_shots(shifted, 3, seed=0)
     one = Split("few_shot", join(simulated, known), rest, 3)
 

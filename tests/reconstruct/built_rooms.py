@@ -8,8 +8,8 @@ from radartwin.scene.scene import Scene, Surface
 
 EDGE_M = 0.05
 SIZE = (5.0, 4.0, 2.4)
-WINDOW = (1.0, 0.9, 2.2, 1.9)  # in the wall y = 4, along it and up
-DOOR = (1.0, 0.0, 1.9, 2.0)  # in the wall x = 5
+WINDOW = (1.0, 0.9, 2.2, 1.9)  # window in the wall y = 4: first x, lower z, last x, upper z in metres
+DOOR = (1.0, 0.0, 1.9, 2.0)  # door in the wall x = 5
 WHITE, BROWN, GREY = (220, 220, 215), (120, 80, 50), (150, 150, 155)
 X, Y, Z = np.eye(3)
 L, W, H = SIZE
@@ -89,6 +89,6 @@ def coloured(mesh, rule, seed=0):
 
 def with_door(v):
     u = W - v[1]
-    light = 1.0 - 0.25 * v[2] / H  # a gradient of light without an edge
+    light = 1.0 - 0.25 * v[2] / H  # brightness that decreases with height without an edge
     inside = v[0] > L - 0.05 and DOOR[0] < u < DOOR[2] and v[2] < DOOR[3]
     return np.array(BROWN if inside else WHITE) * light

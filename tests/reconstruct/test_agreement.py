@@ -22,7 +22,7 @@ from radartwin.reconstruct.mesh_file import ScanWarning
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
-OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # of the camera: y up, z back
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL camera axes: y up, z backward
 WRITTEN = {
     "opencv": lambda pose: pose,
     "opengl": lambda pose: pose @ OPENGL,

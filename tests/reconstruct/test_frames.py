@@ -59,10 +59,10 @@ def test_own_layout_returns_the_saved_frames(own):
     assert back.names == ("a", "b")
     for old, new in zip((wall("a"), wall("b", 0.1)), back, strict=True):
         assert np.allclose(new.pose, old.pose, atol=1e-12)
-        assert np.allclose(new.depth_m, old.depth_m, atol=0.0005)  # millimetres on the disk
+        assert np.allclose(new.depth_m, old.depth_m, atol=0.0005)  # the file stores depth in whole millimetres
         assert new.colour is not None
         assert old.colour is not None
-        assert np.abs(new.colour.astype(int) - old.colour).max() <= 3  # JPEG of quality 95
+        assert np.abs(new.colour.astype(int) - old.colour).max() <= 3  # colours differ because the file is a JPEG of quality 95
         assert np.array_equal(np.asarray(new.confidence), np.asarray(old.confidence))
         assert np.allclose(new.intrinsics, LENS)
 
@@ -71,7 +71,7 @@ def test_arkit_axes_are_converted_to_z_up_and_opencv(tmp_path):
     frames = load_frames(arkit(tmp_path / "arkit"))
     assert np.allclose(frames[0].pose[:3, 3], (0, 0, 1.5))
     assert np.allclose(frames[0].pose[:3, 2], (0, 1, 0))  # ARKit looks along -z, which the turn from y up to z up makes +y
-    assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))  # rows of the picture go down
+    assert np.allclose(frames[0].pose[:3, 1], (0, 0, -1))  # the rows of a picture run downwards
     middle = points(frames[0])[95:97, 127:129].reshape(-1, 3).mean(axis=0)
     assert np.allclose(middle, (0, 2, 1.5), atol=0.01)
 
@@ -99,7 +99,7 @@ def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
     (folder / "groundtruth.txt").write_text(f"# time\n0.99 1 0 0 {quarter}\n1.05 5 0 0 {quarter}\n2.01 2 0 0 {quarter}\n")
     frames = load_frames(folder, intrinsics=(40, 40, 15.5, 11.5))
     assert frames.poses[:, 0, 3].tolist() == [1, 2]  # the third has no pose within 20 ms
-    assert frames[0].depth_m[5, 5] == pytest.approx(2.0)  # 1/5000 m
+    assert frames[0].depth_m[5, 5] == pytest.approx(2.0)  # the depth unit of the file is 1/5000 m
     assert frames[0].colour is not None
 
 

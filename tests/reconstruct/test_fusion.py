@@ -164,7 +164,7 @@ def test_alignment_reduces_drift_to_a_quarter():
     assert after < 0.25 * before
     blurred, _ = fuse(truth.with_poses(estimated), voxel_m=0.03, refine=False)
     plane = [np.abs(np.asarray(m.vertices)[np.abs(m.vertices[:, 2]) < 0.08, 2]).std() for m in (mesh, blurred)]
-    assert plane[0] < 0.75 * plane[1]  # both contain the floor's edges, which bend alike
+    assert plane[0] < 0.75 * plane[1]  # both errors include the edges of the floor, which the fusion bends equally
 
 
 def test_alignment_hardly_moves_true_poses():
@@ -196,7 +196,7 @@ def test_holes_are_counted_and_measured():
     bottom = sheet.triangles_center[:, 2] < -0.49
     sheet.update_faces(~inside & ~bottom)
     found = holes(sheet)
-    assert found.count == 1  # the missing bottom is the rim
+    assert found.count == 1  # the only boundary is the rim of the missing bottom
     assert found.area_m2 == pytest.approx(0.25, rel=0.01)
     assert found.boundary_m == pytest.approx(2 + 4)
 

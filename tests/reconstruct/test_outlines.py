@@ -31,7 +31,7 @@ def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
     assert len(corners) == 8  # every corner is shared by three surfaces, to the millimetre
     assert np.abs(np.ptp(np.array(sorted(corners)), axis=0) - SIZE).max() < 4e-3
     normals = np.array([s.mesh.face_normals[0] for s in scene])
-    assert np.allclose(np.abs(normals).max(axis=1), 1, atol=1e-3)  # upright, level, square
+    assert np.allclose(np.abs(normals).max(axis=1), 1, atol=1e-3)  # all normals are parallel to a world axis
     inside = np.array([L, W, H]) / 2
     assert all((inside - s.mesh.triangles_center[0]) @ s.mesh.face_normals[0] > 0 for s in scene)
 
@@ -70,7 +70,7 @@ def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
     grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (150, 120), 0.02)
     mask = np.zeros(grid.shape, dtype=bool)
     mask[10:110, 10:90] = True
-    for column in range(10, 110):  # one edge frayed by up to two cells
+    for column in range(10, 110):  # one edge of the grid is irregular by up to two cells
         mask[column, 88 : 88 + rng.integers(0, 4)] = True
     line = outline.meeting_line(grid, X, 0.25)  # the plane x = 0.25, 5 cm from the edge at 0.2
     assert line is not None

@@ -100,7 +100,7 @@ def test_room_in_feet_read_as_metres_gives_a_warning(tmp_path):
     ):
         load_scan(path)
     load_scan(path, unit="ft")
-    load_scan(path, unit="m")  # a given unit is not questioned
+    load_scan(path, unit="m")  # RadarTwin accepts the unit that the user states
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("ft", 0.3048), ("in", 0.0254), ("m", 1.0)])
@@ -128,8 +128,8 @@ def test_defects_are_counted_and_degenerate_and_duplicate_faces_removed(tmp_path
     faces = np.vstack(
         [
             mesh.faces,
-            mesh.faces[3][[1, 2, 0]],  # the same face, started elsewhere
-            mesh.faces[5][::-1],  # the same face, turned over
+            mesh.faces[3][[1, 2, 0]],  # the same face with another first corner
+            mesh.faces[5][::-1],  # the same face with the opposite normal
             [[8, 9, 10]],  # collinear
             [[8, 8, 9]],  # two corners alike
             [fin],  # a third face on an edge
@@ -142,7 +142,7 @@ def test_defects_are_counted_and_degenerate_and_duplicate_faces_removed(tmp_path
     assert report.duplicate_faces == 2
     assert report.degenerate_faces == 2
     assert report.non_manifold_edges == 1
-    assert report.boundary_edges == 2  # the fin's free edges
+    assert report.boundary_edges == 2  # the two free edges of the additional face
     assert not report.watertight
     assert len(loaded.faces) == 13
     assert any("2 degenerate and 2 duplicate" in line for line in report.lines())

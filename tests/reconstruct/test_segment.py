@@ -66,7 +66,7 @@ def test_planes_of_a_noisy_room_are_accurate_to_two_millimetres():
         at_centre = (plane.offset_m - plane.normal @ centre + plane.normal[axis] * centre[axis]) / plane.normal[axis]
         assert abs(at_centre - nearest) < 2e-3
         assert np.degrees(np.arccos(abs(plane.normal[axis]))) < 0.3
-        assert plane.normal[axis] * (SIZE[axis] / 2 - nearest) > 0  # faces into the room
+        assert plane.normal[axis] * (SIZE[axis] / 2 - nearest) > 0  # the normal points into the room
     assert not truth
 
 

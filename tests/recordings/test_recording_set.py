@@ -58,7 +58,7 @@ def test_rows_are_selected_by_columns_and_alternatives(bench: RecordingSet) -> N
     assert len(bench.select(distance_m=[1.0, 2.0], repetition=1)) == 4
     assert len(bench.select(operator="ann", object=("mug", "can"))) == 4
     assert bench.select(object="bottle") == []
-    assert len(bench.select(distance_m=1.00001)) == 4  # the index rounds
+    assert len(bench.select(distance_m=1.00001)) == 4  # the index stores rounded distances
     with pytest.raises(InputError, match=r"'colour'.*object.*operator"):
         bench.select(colour="red")
     with pytest.raises(MissingError, match="no recording of object=bottle, distance_m=1"):
@@ -153,7 +153,8 @@ def test_index_round_trips(tmp_path: Path) -> None:
     path = tmp_path / "index.csv"
     path.write_text(index_text(rows))
     assert read_index(path) == (rows, [])
-    path.write_bytes(b"\xef\xbb\xbf" + index_text(rows).replace("\n", "\r\n").encode())  # as a spreadsheet saves it
+    # the index file with the byte order mark and line ends of a spreadsheet program
+    path.write_bytes(b"\xef\xbb\xbf" + index_text(rows).replace("\n", "\r\n").encode())
     assert read_index(path) == (rows, [])
 
 

@@ -134,7 +134,8 @@ def test_each_problem_is_found_alone(folder: Path, damage: Callable[[Path], obje
     damage(folder)
     problems = found(folder)
     assert not [word for word in words if word not in problems], problems
-    assert len(problems.splitlines()) == (4 if "its scale" in problems else 1), problems  # all four recordings have this scale
+    # all four recordings have the wrong scale, so that there are four problems
+    assert len(problems.splitlines()) == (4 if "its scale" in problems else 1), problems
 
 
 def test_harmless_findings_are_notes(folder: Path) -> None:

@@ -28,8 +28,8 @@ def test_classes_have_the_counts_of_the_study():
     cans = [e for e in twelve.values() if "can" in e.name]
     assert dropped in {e.name for e in cans}
     assert len(cans) == 6
-    assert len({round(e.size_m[2], 4) for e in cans}) == 6  # they differ in height
-    assert np.ptp([e.size_m[0] for e in cans]) < 0.003  # and hardly in diameter
+    assert len({round(e.size_m[2], 4) for e in cans}) == 6  # all six cans have different heights
+    assert np.ptp([e.size_m[0] for e in cans]) < 0.003  # the diameters of the cans differ by less than 3 mm
     assert [e.material_class for e in twelve.values()].count("metal") == 7
     assert {e.name for e in twelve.values() if e.shape == "asymmetric"} == {"olive_oil", "mouthwash", "mustard", "dressing"}
     assert {e.contents for e in twelve.values() if e.contents} == {"oil", "mouthwash", "mustard", "dressing"}

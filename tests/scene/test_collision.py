@@ -36,7 +36,7 @@ OVERLAPS = {
 
 @pytest.mark.parametrize(("a", "b", "depth"), OVERLAPS.values(), ids=OVERLAPS)
 def test_overlap_is_the_shortest_side_of_the_common_box(a, b, depth):
-    tolerance = 0.04 * depth + 1e-6  # the facets of a can, a sphere
+    tolerance = 0.04 * depth + 1e-6  # the tolerance covers the facets of cans and spheres
     assert overlap_m(a, b) == pytest.approx(depth, abs=tolerance)
     assert overlap_m(b, a) == pytest.approx(depth, abs=tolerance)
 

@@ -131,7 +131,7 @@ def test_distances_run_from_the_front_to_the_centre():
         {"relation": "in front of", "anchor": "door", "distance_m": 2.0},
         {"relation": "in front of", "anchor": "cabinet", "distance_m": 1.5},
     ]
-    with pytest.raises(LayoutError, match="no place"):  # not within the width of both
+    with pytest.raises(LayoutError, match="no place"):  # no position is within the width of both the door and the cabinet
         placed(relations=both)
 
 
@@ -155,7 +155,7 @@ def test_objects_stand_on_and_beside_earlier_objects():
     assert can.mesh.bounds[0, 2] == pytest.approx(crate.mesh.bounds[1, 2] + GAP_M)
     assert mug.mesh.bounds[0, 2] == pytest.approx(0.73 + GAP_M)
     assert [s.name for s in (crate, can, mug, second)] == ["crate", "can", "mug", "mug_2"]
-    assert "table_left_top" in str(second.provenance["layout"])  # where it is free
+    assert "table_left_top" in str(second.provenance["layout"])  # the search places the second object where the table is free
 
 
 def test_a_given_position_is_used_with_a_gap_to_the_support():

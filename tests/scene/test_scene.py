@@ -53,7 +53,7 @@ def test_either_file_of_the_folder_loads_the_scene(tmp_path, part):
         Scene.load(tmp_path / part, material="concrete")
 
 
-DAMAGES = {  # how a text of the manifest changes -> the error and its message
+DAMAGES = {  # {damage: (function that changes the manifest's text, exception, part of the message)}
     "not json": (lambda text: "{", SceneError, r"manifest\.json is not a radartwin-scene"),
     "another document": (lambda text: "[]", SceneError, r"manifest\.json is not a radartwin-scene"),
     "another format": (lambda text: text.replace("radartwin-scene", "other"), SceneError, r"manifest\.json is not a radartwin-scene"),

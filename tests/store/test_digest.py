@@ -94,9 +94,9 @@ def test_closure_follows_imports_in_functions_and_relative_ones_but_not_those_fo
 @pytest.mark.parametrize(
     ("file", "content", "changes"),
     [
-        ("near/leaf", '"""Another text."""\n\n# a comment\nVALUE   =   1\n', False),  # only text and layout
+        ("near/leaf", '"""Another text."""\n\n# a comment\nVALUE   =   1\n', False),  # only docstring, comment and formatting change
         ("near/leaf", "VALUE = 2\n", True),
-        ("near/neighbour", "VALUE = 4\n", True),  # not imported, but of a package that is
+        ("near/neighbour", "VALUE = 4\n", True),  # this module is not imported, but a module of its package is
         ("near/added", "", True),
         ("far/stranger", "VALUE = 4\n", False),
         ("near/middle", "from . import leaf\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import study_x.other\n", False),

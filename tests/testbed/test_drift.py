@@ -48,7 +48,7 @@ def test_course_is_slow_bounded_and_reproducible() -> None:
     times = np.arange(3000) / 10
     found = np.array([drift.course(times, ERRORS, seed) for seed in range(200)])
     assert np.abs(found).max() <= REACH
-    assert found.std() == pytest.approx(0.9, abs=0.1)  # of a normal process, reflected at two standard deviations
+    assert found.std() == pytest.approx(0.9, abs=0.1)  # standard deviation of a normal process that is reflected at two standard deviations
     assert np.abs(np.diff(found, axis=1)).max() < 0.3  # no jump from frame to frame
     turns = found[:, ::250]
     assert np.abs(turns[:, 1] - turns[:, 0]).mean() > 0.3  # the state differs after one revolution

@@ -54,7 +54,7 @@ def test_rover_is_below_and_behind_its_radar():
     assert set(body.names) == {fixtures.ROVER}
     for part in body:
         high = part.mesh.bounds[1]
-        assert high[2] < 0 or high[0] < -0.01  # nothing in front of the radar at its height
+        assert high[2] < 0 or high[0] < -0.01  # no equipment is in front of the radar at the height of the radar
 
 
 def test_clutter_gap_adds_the_equipment():

@@ -130,7 +130,8 @@ def test_turntable_wobble_tilts_about_its_bearing():
     for seed in range(400):
         moved = turntable(TURN, errors, rng(seed))
         tilts.append(np.degrees(np.arccos(np.clip(moved[:, 2, 2], -1, 1))))
-        np.testing.assert_allclose(np.linalg.norm(moved[:, :3, 3] - [2.0, 0.0, 0.9], axis=1), 0.1, atol=1e-9)  # about its bearing
+        # the disc rotates about its bearing, 0.1 m from the target
+        np.testing.assert_allclose(np.linalg.norm(moved[:, :3, 3] - [2.0, 0.0, 0.9], axis=1), 0.1, atol=1e-9)
     # two tilts of 0.2 degrees about two axes each: mean square 4 * 0.2^2
     assert np.mean(np.square(tilts)) == pytest.approx(4 * 0.2**2, rel=0.1)
 

@@ -21,9 +21,9 @@ from radartwin.testbed.testbed import TRUTH_BOUNCES, TRUTH_RAYS_PER_WAVELENGTH2,
 
 RADAR = Radar.iwr1843()
 C = 299_792_458.0
-WAVELENGTH = C / (77e9 + 70e12 * 256 / 5.21e6 / 2)  # in the middle of the sweep
-ELEMENT_DBI = 10.5  # of the IWR1843BOOST's patch rows
-DISTANCES_M = (0.5, 1.0, 1.5, 2.0)  # of the turntable campaign
+WAVELENGTH = C / (77e9 + 70e12 * 256 / 5.21e6 / 2)  # wavelength at the centre frequency of the sampled chirp
+ELEMENT_DBI = 10.5  # gain of the patch antenna rows of the IWR1843BOOST
+DISTANCES_M = (0.5, 1.0, 1.5, 2.0)  # turntable distances of the virtual measurement campaign
 BALL_M = 0.015
 
 

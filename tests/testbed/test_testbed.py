@@ -98,7 +98,7 @@ def test_vessel_has_headspace_and_a_deviating_liquid():
     assert 0.05 <= min(levels) < max(levels) <= 0.15
     assert np.mean(levels) == pytest.approx(HEADSPACE, rel=0.1)
     assert np.log(factors).std() == pytest.approx(0.10, rel=0.1)
-    assert len(truth(LAB, only(contents=2.0, clutter=1.0), 0)) == len(LAB)  # nothing else is filled
+    assert len(truth(LAB, only(contents=2.0, clutter=1.0), 0)) == len(LAB)  # no other object is filled
 
 
 def test_vessel_with_headspace_echoes_like_a_full_one():
