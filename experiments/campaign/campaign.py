@@ -27,7 +27,7 @@ from radartwin.radar.recording import Recording
 from radartwin.runs import workers
 from radartwin.store.products import Product, Store
 
-Materials = str | MaterialsConfig | None  # material source of the twin's room; None is the configured source
+Materials = str | MaterialsConfig | None  # material source of the simulated room; None stands for the configured source
 CLEAN, PROCESSED = "clean", "processed"
 _FILE = "recording"
 
@@ -139,7 +139,7 @@ class Campaign:
                 raise InputError("measured=recordings has no recordings without receiver; use measured=testbed")
             spec = {"domain": MEASURED, **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaign.truth"]
-        chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the twin has no repetitions
+        chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the simulation has no repetitions
         nominal = self.log(case, domain)
         spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, chosen, self.store)}
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MEASURED, TWIN, VOID = "measured", "twin", "void"
 DOMAINS = (MEASURED, TWIN, VOID)
 COMPARED = (MEASURED, TWIN)
-LABELS = {MEASURED: "measured", TWIN: "simulated"}  # names of the domains in tables and figures
+LABELS = {MEASURED: "measured", TWIN: "simulated"}  # names of measurement and simulation in tables and figures
 
 Motion = Literal["turntable", "radial", "diagonal", "depth", "lateral"]
 RAIL: tuple[Motion, ...] = ("radial", "diagonal")  # the target moves along a rail
@@ -26,7 +26,7 @@ ROVER: tuple[Motion, ...] = ("depth", "lateral")  # the radar moves on a rover
 REFLECTOR = "corner_reflector"
 BENCH_ROOM = "lab"  # room of the turntable and the rail
 RATE_HZ = 10.0
-TURN_S = 25.0  # period of the turntable
+TURN_S = 25.0  # time of one turntable revolution in seconds
 BENCH_HEIGHT_M = 1.0  # height of the radar in front of the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0

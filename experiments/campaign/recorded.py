@@ -26,7 +26,7 @@ from radartwin.recordings.index import INDEX, Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene.objects.catalogue import catalogue
 
-TURN = "period_s"  # index column with the period of the turntable in seconds
+TURN = "period_s"  # index column with the time of one turntable revolution in seconds
 _MOTIONS = get_args(Motion)
 # Fields in which a recording's radar may differ from the twin's: they do not change range bins and chirps.
 _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_dbm", "if_filter", "phase_noise")

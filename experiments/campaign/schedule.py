@@ -15,7 +15,7 @@ from pathlib import Path
 from experiments.campaign.cases import ROVER, Case
 from radartwin.config.config import Config
 
-Track = tuple[str, str, str, str]  # setup, domain, room, motion
+Track = tuple[str, str, str, str]  # name of the set-up, domain, room, motion
 
 
 @dataclass(frozen=True)

@@ -63,8 +63,8 @@ class Made:
     keys: tuple[str, ...]  # store keys of the clean and the processed recording
     now: bool  # whether this run simulated the recording
     seconds: tuple[float, float]  # wall time of the clean and the processed recording
-    core_seconds: tuple[float, float]  # core time of both
-    bytes: tuple[int, int]  # size of both
+    core_seconds: tuple[float, float]  # core time of the clean and the processed recording
+    bytes: tuple[int, int]  # size of the clean and the processed recording in the store
     frames: int
     traced: int  # number of traced states
     setups: int  # number of tracks and rooms that were set up for this recording; 0 if it reused cached set-ups
@@ -231,8 +231,8 @@ def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
 def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
     """Return the disk space of a recording in the store, in bytes.
 
-    The sum contains the clean part and the processed part. The clean part holds samples as 16-bit counts, or for a turntable the complex
-    signals of one chirp at the traced target angles.
+    The disk space is the sum of the recording before receiver effects (clean part) and the processed part. The clean part holds samples as
+    16-bit counts, or for a turntable the complex signals of one chirp at the traced target angles.
     """
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1

@@ -13,7 +13,7 @@ Setup = TypeVar("Setup")
 
 
 def count(name: str) -> None:
-    """Add one to the count of the events with this name."""
+    """Add one to the number of events that are counted under the name `name`."""
     _counts[name] += 1
 
 
@@ -26,7 +26,9 @@ def counted() -> Iterator[Counter[str]]:
 
 
 def cached(cache: OrderedDict[str, Setup], key: str, build: Callable[[], Setup], size: int) -> Setup:
-    """Return the cached set-up with this key; a missing set-up is built and counted. The cache keeps the `size` last used set-ups."""
+    """Return the cached set-up with this key; a missing set-up is built and counted. The cache keeps the `size` set-ups that were
+    used last.
+    """
     if key not in cache:
         count(SETUPS)
         cache[key] = build()

@@ -1,8 +1,8 @@
 """Simulate the recordings of the testbed (virtual measurements): the true scene before receiver effects, and the receiver effects.
 
 This module never imports the simulated scan, the material labels or the simulator settings of the scanned room. A clean recording (before
-receiver effects) depends on whether measured.gap.hardware is zero, but not on its strength. Noise, leakage and ADC effects are added when
-the recording is read; the random seed of these effects comes from the recording's name.
+receiver effects) depends on whether the option measured.gap.hardware is zero, but not on the value of the option. Noise, leakage and ADC
+effects are added when the recording is read; the random seed of these effects comes from the recording's name.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from radartwin.testbed import motion_errors as errors
 if TYPE_CHECKING:
     from radartwin.config.config import Config
 
-ROUND = ("can_", "drink_can")  # prefixes of bodies of revolution
-OFF_AXIS = 3.0  # standard deviations of placement and wobble for which the aspects must be dense enough
+ROUND = ("can_", "drink_can")  # prefixes of the names of objects that are bodies of revolution
+OFF_AXIS = 3.0  # number of standard deviations of placement and wobble that the spacing of traced angles must cover
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
 
@@ -75,7 +75,8 @@ class _Place:
 def record(case: Case, config: Config) -> Recording | Turned:
     """Simulate the clean recording of a case, that is, the output of an ideal receiver behind the IF filter.
 
-    A turntable recording with more frames than traced target angles is returned as `Turned`, which interpolates its frames between them.
+    A turntable recording with more frames than traced target angles is returned as `Turned`, which interpolates its frames between the
+    traced angles.
     """
     gaps = gaps_of(config)
     nominal = log(case, config.profile.campaign, measured=True)
@@ -105,7 +106,9 @@ def record(case: Case, config: Config) -> Recording | Turned:
 
 @functools.cache
 def aspects(target: str, gaps: testbed.Gaps) -> int:
-    """Return the number of target angles (aspects) to trace per revolution. Recordings with more frames are interpolated between them."""
+    """Return the number of target angles (aspects) to trace per revolution. A recording with more frames per revolution is
+    interpolated between the traced target angles.
+    """
     surfaces = catalogue()[target].surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
@@ -119,7 +122,7 @@ def receive(clean: Recording, case: Case, config: Config) -> Recording:
 
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the true object in its own frame. All repetitions of a case use the same object."""
+    """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
     return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
 
@@ -138,7 +141,9 @@ def _small(case: Case) -> frozenset[str]:
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """Return (disc, other parts) of the target's stand. The other parts of a turntable include a motor, a gear and a cable."""
+    """Return (disc, other parts) of the target's stand. For a turntable, the other parts of the stand include a motor, a gear and a
+    cable.
+    """
     top = stand_top(nominal)
     parts = rooms.support(top)
     if case.motion == "turntable":

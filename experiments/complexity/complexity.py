@@ -113,9 +113,9 @@ class Asked:
     """A feature set of one case (scene, object and motion), for which a simulation model is chosen."""
 
     name: str  # name of the case
-    words: str  # name of the feature set
+    words: str  # name of the feature set for which a model is chosen
     kept: Kept  # frames on which the model is chosen
-    between: Kept  # held-out frames between these
+    between: Kept  # held-out frames between the frames of `kept`
     limits: Limits  # repeatability limits of the features
     probe_of: ProbeOf
 

@@ -45,7 +45,7 @@ class Found:
     choice: Choice  # the choice of simulator=auto
     models: dict[str, Model]  # models by the names AUTO, FIXED and SHIPPED
     errors: dict[str, tuple[float, str]]  # (error in repeatability limits, worst feature) of each model, on the frames of the choice
-    between: dict[str, tuple[float, str]]  # the same on the held-out frames
+    between: dict[str, tuple[float, str]]  # (error in repeatability limits, worst feature) of each model, on the held-out frames
     layers: tuple[float, str]  # error of the shipped default without layered materials, on the frames of the choice
     seconds: dict[str, list[float]]  # core seconds per frame of each model, one value per round
     choosing_s: float  # core seconds of all recordings that the choice needed

@@ -67,7 +67,7 @@ class Setting:
 
     name: str
     simulator: dict[str, Any] = field(default_factory=dict)  # changed fields of the simulator's configuration
-    materials: str = ""  # source of the twin's materials, if it differs from the default
+    materials: str = ""  # source of the materials of the simulated room, if not the default
 
 
 SETTINGS = (

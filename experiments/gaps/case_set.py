@@ -80,9 +80,9 @@ class Reading:
     profile: NDArray[np.float64]  # (B,) mean power
     brightness_db: float  # energy in the target gate, corrected for the range law
     room_db: float  # energy in the cells of `room`
-    multipath: float  # multipath share
+    multipath: float  # share of the energy outside the target gate (multipath share)
     harmonic_ratio: float  # angular harmonic ratio of a revolution; NaN for a drive
-    track_m: NDArray[np.floating]  # (F,) range of the target's peak
+    track_m: NDArray[np.floating]  # (F,) range in metres of the target's peak in each frame
     energy: NDArray[np.float64]  # (F,) energy in the target gate
     noise_db: float  # median noise of a range bin
     zero_db: float  # mean power of the bins within ZERO_M

@@ -36,8 +36,8 @@ from radartwin.recognize.split import label_free
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
-LABELS = "labels"  # gap: the twin has materials of the configured source instead of the true materials
-TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the twin is simulated or read
+LABELS = "labels"  # gap: the simulated room has materials of the configured source instead of the true materials
+TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the simulated recordings are computed or read
 TESTBED = tuple(gap for gap in case_set.GAPS if gap != "geometry")
 # Gaps that need a new set-up of the testbed's room
 SETS_UP = ("clutter", "solver", "materials", "roughness", "contents", "hardware")

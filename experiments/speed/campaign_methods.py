@@ -45,7 +45,7 @@ BRIGHTNESS = "brightness_db"
 class Twin:
     """The settings with which one method simulates the campaign."""
 
-    family: str  # name of the method
+    family: str  # name of the simulation method
     setting: str
     simulator: tuple[str, ...] = ()  # command-line options that select the simulator
     changed: Mapping[str, Any] = field(default_factory=dict)  # parts of the configuration that are replaced

@@ -50,7 +50,7 @@ class Part:
     motion: Mapping[str, np.ndarray]
     scored: int  # number of frames, from the first, that are compared with the reference
     radar: Radar  # the radar of the comparison
-    reference: Callable[[], np.ndarray]  # samples (scored, chirps, tx, rx, samples) of that radar
+    reference: Callable[[], np.ndarray]  # reference samples (scored, chirps, tx, rx, samples) for the radar `radar`
 
     def iq(self, frames: int, radar: Radar, simulator: object, elements: str = "exact", aside_m: float = 0.0) -> np.ndarray:
         """Simulate the first `frames` frames and return their samples. `aside_m` shifts the radar in metres to avoid cached paths."""

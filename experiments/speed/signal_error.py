@@ -32,7 +32,7 @@ class Errors:
     profile_db: float  # rms difference of the range profiles
     offset_db: float  # mean level of the profiles relative to the reference
     free_db: float  # rms difference of the profiles after the gain that minimises it
-    gain_db: float  # that gain
+    gain_db: float  # gain in dB that minimises the rms difference of the profiles
 
 
 def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:

@@ -80,7 +80,7 @@ class Compared:
     matched: np.ndarray  # (N,) whether each path of the reference has a partner among ours
     length_mm: np.ndarray  # (M,) length errors of the matched paths
     level_db: np.ndarray  # level errors of the matched paths with a clear first Fresnel zone
-    cut_level_db: np.ndarray  # level errors of the other matched paths
+    cut_level_db: np.ndarray  # level errors of the matched paths without a clear first Fresnel zone
     ours_matched: np.ndarray  # whether each of our paths has a partner in the reference
     small: int  # number of the reference's paths that reflect at small surfaces
 

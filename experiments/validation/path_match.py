@@ -51,7 +51,7 @@ def together(found: PathSet) -> PathSet:
 def _apart_deg(found: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
     """Return for each path (N,) the larger angle in degrees between the compared directions at its two ends.
 
-    The angles are computed from chords, because cosines are inaccurate for small angles.
+    The angles between directions are computed from chords, because cosines are inaccurate for small angles.
     """
     chords = [np.linalg.norm(one - other, axis=1) for one, other in ((found.departure, departure), (found.arrival, arrival))]
     return np.degrees(2 * np.arcsin(np.clip(np.maximum(*chords) / 2, 0, 1)))

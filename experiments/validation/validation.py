@@ -1,8 +1,8 @@
 """Validation table (card): every physics check with its reference value, RadarTwin's value, error, limit and verdict.
 
 The checks (cases) are in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). With
-profile=quick, only the cases that take seconds run, each with some of its sizes, seeds and angles. With profile=paper, all cases run in
-full.
+profile=quick, only the validation cases that take seconds run, each with some of its sizes, seeds and angles. With profile=paper, all
+validation cases run with all of their sizes, seeds and angles.
 """
 
 from __future__ import annotations
@@ -64,7 +64,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def row(case: Case, full: bool) -> dict[str, Any]:
-    """Compute a validation case and return its table row. If the case cannot be tested, the column `oracle` gives the reason."""
+    """Compute a validation case and return its table row. If a validation case cannot be tested, the column `oracle` of its row gives
+    the reason.
+    """
     shared = {"subject": case.subject, "case": case.name, "claim": case.claim}
     score = {"limit": case.limit, "unit": case.unit or "-", "run_keys": "", "metric": case.metric, "paper": None, "low": None, "high": None}
     started = time.perf_counter()

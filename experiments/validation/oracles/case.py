@@ -36,7 +36,7 @@ class Untestable(Exception):
 
 @dataclass(frozen=True)
 class Case:
-    """One validation case. Each case is one row of the validation table (card) and one test."""
+    """One validation case. Each validation case is one row of the validation table (card) and one physics test."""
 
     name: str  # unique, lower case with hyphens
     subject: str  # group of the card

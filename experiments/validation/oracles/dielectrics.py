@@ -71,7 +71,8 @@ def _metal(frequency_hz: float) -> complex:
 
 
 def _oblique(full: bool) -> Finding:
-    """Compare the double bounce in a dihedral with transfer matrices, as a mean over the sweep. Both reflections are at 45 degrees.
+    """Compare the double bounce in a dihedral with transfer matrices, as a mean over the sweep. Both reflections in the dihedral have an
+    angle of incidence of 45 degrees.
 
     The reflections are TE if the field is along the fold of the dihedral, and TM if the field is across the fold.
     """
@@ -88,7 +89,9 @@ def _oblique(full: bool) -> Finding:
 
 
 def _slab_table(full: bool) -> Finding:
-    """Compare slabs with the reference table at 77 GHz. Brick, plywood and marble are left out: the table extrapolates their formulas."""
+    """Compare the reflection of dielectric slabs with the reference table at 77 GHz. Brick, plywood and marble are left out, because
+    the reference table extrapolates their permittivity formulas.
+    """
     pairs = []
     for row in reference_rows("slab_reflection_77GHz.csv"):
         if row["material"] in ("brick", "plywood", "marble"):
@@ -137,7 +140,7 @@ def _bottles(contents: str, full: bool) -> Finding:
 
 
 def _bottle_series_table(full: bool) -> Finding:
-    """Compare water-filled bottles, relative to the metal can, with the reference table.
+    """Compare the echo power of water-filled bottles, relative to the metal can, with the reference table.
 
     The exact series of this module differs from the reference table by 0.01 dB.
     """

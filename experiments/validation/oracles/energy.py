@@ -27,7 +27,7 @@ def bistatic(
 ) -> np.ndarray:
     """Return the received amplitudes (F,) of a metal target between isotropic antennas, from sources (F, 3) to receivers (F, 3).
 
-    The source transmits vertical polarisation (V). The receiver receives V, or horizontal polarisation (H) if `cross` is true.
+    The sources transmit vertical polarisation (V). The receivers receive V, or horizontal polarisation (H) if `cross` is true.
     """
     variant.activate()
     built = geometry.build([mesh])
@@ -81,7 +81,8 @@ def _swapped_images(full: bool) -> Finding:
 
 
 def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
-    """Return the solid angle in steradians of triangles (N, 3, 3), seen from `point`. The triangles must not hide one another.
+    """Return the solid angle in steradians of triangles (N, 3, 3), seen from `point`. As seen from `point`, the triangles must not hide
+    one another.
 
     Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     """
@@ -95,7 +96,8 @@ def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
 def _scattered(corner: bool, full: bool) -> Finding:
     """Compare the scattered power through a sphere of receivers, in both polarisations, with the power that hits the target.
 
-    The reference value is a ratio of 0 dB. Only a larger ratio counts as an error.
+    The reference value is a ratio of scattered to incident power of 0 dB. Only a ratio of scattered to incident power above 0 dB counts as
+    an error.
     """
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500

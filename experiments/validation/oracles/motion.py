@@ -1,5 +1,5 @@
-"""Validation cases of a small moving sphere: Doppler, azimuth and phase per millimetre. This module evaluates the samples with its
-own code.
+"""Validation cases of a small moving sphere: Doppler, azimuth and phase per millimetre. Only code of this module evaluates the simulated
+samples.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _doppler(full: bool) -> Finding:
 def _azimuth(full: bool) -> Finding:
     """Compare the azimuth of the maximum of a Bartlett beamformer over eight channels with the true azimuth.
 
-    The phase that the motion causes between the channels is first removed exactly.
+    Before the beamforming, the exact phase that the motion causes between the channels is removed.
     """
     findings = []
     virtual = RADAR.virtual_positions

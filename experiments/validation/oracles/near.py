@@ -21,7 +21,7 @@ RCS = "effective cross-section (dBsm)"
 def effective(amplitude: complex, distance_m: float) -> float:
     """Return the effective cross-section in dBsm.
 
-    It is the cross-section of a far-field target at the same distance whose echo has the same received amplitude.
+    The effective cross-section is that of a far-field target at the same distance whose echo has the same received amplitude.
     """
     return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
 
@@ -132,7 +132,7 @@ def _panels(method: str, full: bool) -> Finding:
 def _two_panels(method: str, full: bool) -> Finding:
     """Compare the double bounces of two 0.5 m panels at a right angle, which are 1 mm apart at the fold.
 
-    The errors are relative to the amplitude of the double image of infinite panels.
+    The errors of the double bounces are relative to the amplitude of the double image of infinite panels.
     """
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency

@@ -4,9 +4,9 @@
 
 Symbols: E, P -> transmit and receive polarisation (the antenna axis projected onto the plane across the ray, normalised), n -> normal on
 the lit side, k -> wave vector, L_i -> distance from the source (or its image in the panels that the path hits first) to the surface, L_o
--> distance from the surface to the receiver. |a|^2 is received over transmitted power between isotropic antennas. The phase is that of the
-whole path: an infinite panel at distance d returns -lambda/(8 pi d) exp(+j k 2 d). As in physical optics, edge currents are left out. Ref:
-C. Balanis, Advanced Engineering Electromagnetics (2012), section 7.10.
+-> distance from the surface to the receiver. |a|^2 is received over transmitted power between isotropic antennas. The phase of a belongs
+to the whole path: an infinite panel at distance d returns -lambda/(8 pi d) exp(+j k 2 d). As in physical optics, edge currents are left
+out. Ref: C. Balanis, Advanced Engineering Electromagnetics (2012), section 7.10.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *
 def chain_quadrature(
     panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
 ) -> complex:
-    """Return the received amplitude of the path that hits `panels` in the given order. Shadows of other panels are ignored.
+    """Return the received amplitude of the path that hits `panels` in the given order. No panel casts a shadow on the path.
 
     All panels except the last reflect like mirrors and must be convex. Rays from the sensor's image in a mirror panel that pass through
     this panel illuminate the next panel. The last panel is treated by physical optics and may be concave.
@@ -181,7 +181,8 @@ def _area(corners: np.ndarray) -> float:
 
 
 def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> tuple[np.ndarray, ...] | None:
-    """Return quadrature nodes and weights along both parameters of a triangle. The cells resolve the phase of the path source-point-target.
+    """Return quadrature nodes and weights along both parameters of a triangle. The quadrature cells are small enough for the phase of the
+    path source-point-target.
 
     The parameters map the unit square to the triangle by p = a + u (b - a) + u v (c - b), with the area element u |(b - a) x (c - b)|.
     """

@@ -42,7 +42,7 @@ class Compared:
     def profiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (range in metres, exact range profile, tracer's range profile) up to the range of the longest path.
 
-        Both profiles are in dB and use a Hann window.
+        Both range profiles are in dB and use a Hann window.
         """
         taper = np.hanning(len(self.exact))
         spectra = [20 * np.log10(np.abs(np.fft.fft(s * taper, 4 * len(s))) / taper.sum()) for s in (self.exact, self.ours)]

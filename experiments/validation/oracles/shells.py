@@ -1,13 +1,14 @@
 """Image sources of a furnished rectangular room: every wall has its own materials, and the furniture is an obstacle.
 
-The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path to each image is folded back
-into the room. Where the path crosses a plane, the triangle at this point gives the surface that reflects. If there is no triangle, the
-path leaves the room through an opening and is dropped. Each straight segment of a path is tested against every obstacle, that is, every
-triangle outside the six planes. Reflection coefficients come from `stack`, and the roughness loss from W. Ament, Proc. IRE 41 (1953) 142.
-A path into a corner hits several planes at the same point; the possible orders of these planes are weighted by `box.orders`.
+The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path from the sensor to each image
+source is folded back into the room. Where the path crosses a plane, the triangle at this point gives the surface that reflects. If there
+is no triangle at this point, the path leaves the room through an opening and is dropped. Each straight segment of a path is tested against
+every obstacle, that is, every triangle outside the six planes. Reflection coefficients come from `stack`, and the roughness loss from W.
+Ament, Proc. IRE 41 (1953) 142. A path into a corner hits several planes at the same point; the possible orders of these planes are
+weighted by `box.orders`.
 
-The amplitude of an image is correct only if the first Fresnel zone of the path hits the same walls and no obstacle. To test this
-condition, the module follows lines around the path at the edge of the zone.
+The amplitude of an image is correct only if the first Fresnel zone of the path hits the same walls and no obstacle. To test the first
+Fresnel zone, the module follows lines around the path at the edge of the zone.
 """
 
 import itertools
@@ -63,7 +64,7 @@ class Room:
     def images(self, sensor_m: np.ndarray, axis: np.ndarray, bounces: int) -> Iterator[Image]:
         """Yield every image path of up to `bounces` reflections, for a sensor at `sensor_m` (3,) with antennas along `axis` (3,).
 
-        Both vectors are in the world frame.
+        `sensor_m` and `axis` are in the world frame.
         """
         sensor = sensor_m - self.low
         for index, place, walls in box.images(self.size_m, sensor, bounces):
@@ -113,7 +114,7 @@ class Room:
     ) -> tuple[list[int] | None, np.ndarray]:
         """Follow the line to an image, shifted by `aside`. Returns the surface hit at each wall, and the points (P, 3) in the room.
 
-        The surfaces are None if the line leaves the room through an opening.
+        The returned surfaces are None if the line leaves the room through an opening.
         """
         surfaces, reached = [], []
         for across, coordinate in walls:

@@ -2,8 +2,8 @@
 
 Refs: M. Born, E. Wolf, Principles of Optics, section 1.6 (matrices); ITU-R P.2040-4, table 3 (building materials, f in GHz); H. Liebe, G.
 Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659 (water). Time convention exp(+j omega t), loss is eta' - j eta''.
-In TE polarisation the electric field is along s = k x n, in TM polarisation along k x s. The coefficients (te, tm) of a perfect conductor
-are -1 and +1.
+In TE polarisation the electric field is along s = k x n, in TM polarisation along k x s. The reflection coefficients (te, tm) of a perfect
+conductor are -1 and +1.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,9 @@ BUILDING = {
 
 
 def permittivity(name: str, frequency_hz: float) -> complex:
-    """Return the relative permittivity of a building material, water at 20 C, or air. Other materials come from RadarTwin's own tables."""
+    """Return the relative permittivity of a building material, water at 20 C, or air. The permittivities of other materials come from
+    RadarTwin's own tables.
+    """
     ghz = frequency_hz / 1e9
     if name in BUILDING:
         real, c, d = BUILDING[name]

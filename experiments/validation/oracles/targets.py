@@ -66,7 +66,7 @@ def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class Target:
-    """A canonical target in three sizes. Each size has a mesh, a direction of view and a reference cross-section."""
+    """A canonical target in three sizes. Each size of the target has a mesh, a direction of view and a reference cross-section."""
 
     name: str
     words: str
@@ -178,7 +178,7 @@ def _pattern_prototype(full: bool) -> Finding:
 
 
 def _closed_forms(full: bool) -> Finding:
-    """Compare the ray tracer's values at 4 rays per square wavelength with the reference table."""
+    """Compare the ray tracer's cross-sections at 4 rays per square wavelength with the reference table."""
     meshes = {
         "plate10cm": objects.plate(0.1, 0.1), "tri5": objects.trihedral(0.05), "tri10": objects.trihedral(0.1),
         "tri15": objects.trihedral(0.15), "dihedral5x10": objects.dihedral(0.05, 0.1), "cyl3.3x12": objects.cylinder(0.033, 0.12),
@@ -189,7 +189,9 @@ def _closed_forms(full: bool) -> Finding:
 
 
 def _mie_table(full: bool) -> Finding:
-    """Compare spheres of at least 5 mm radius with the Mie reference table. For smaller spheres physical optics itself is wrong."""
+    """Compare spheres of at least 5 mm radius with the Mie reference table. Spheres with a smaller radius are left out, because
+    physical optics itself is wrong for them.
+    """
     rows = [row for row in reference_rows("mie_pec_sphere_77GHz.csv") if float(row["a_mm"]) >= 5]
     return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, 4.0)) for r in rows])
 
@@ -222,7 +224,7 @@ def scanned(name: str) -> trimesh.Trimesh:
 def _scanned(name: str, full: bool) -> Finding:
     """Compare the amplitudes of a scanned object over aspect angles at 4 and at 64 rays per square wavelength.
 
-    The error is the rms difference of the amplitudes, relative to the amplitudes at 64 rays.
+    The error is the rms difference of the complex amplitudes, relative to the amplitudes at 64 rays per square wavelength.
     """
     mesh = scanned(name)
     aspects = np.radians(np.linspace(0, 360, 24 if full else 5, endpoint=False) + 7)
