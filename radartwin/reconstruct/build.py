@@ -1,7 +1,8 @@
 """Turn a scan into a scene: read or fuse the scan, segment it, outline and complete its planes, assign one material, and save the scene.
 
 The scene folder contains scene.glb, manifest.json, photos/*.jpg, photos.json, `scan.ply` (the mesh of the scan before segmentation, in
-metres with z up) and `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1).
+metres with z up) and `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1 if the face belongs to
+no surface).
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class ScanOptions:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scan:
-    """A scan as one mesh, in metres with z up.
+    """A scan that was read or fused into a single mesh, in metres with z up.
 
     Attributes:
         report: facts about the scan, such as its size, as a dictionary that is stored in the scene's provenance.
@@ -90,7 +91,7 @@ def reconstruct(
     Args:
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
         out: folder into which the scene is written; with None, no file is written.
-        material: material assigned to every surface; a later labelling step can replace it per surface.
+        material: material assigned to every surface; the user can later assign a different material to each surface.
         progress: function that receives each progress message as a line of text; by default no messages are printed.
     Returns:
         The scene. The scene's provenance holds the scan report and the distances by which flattening moved the scanned faces.

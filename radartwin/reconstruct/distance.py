@@ -16,8 +16,8 @@ class Nearest:
     """Finds the triangle nearest to each given point among the triangles of several meshes, from sample points on the triangles.
 
     The sample points are about `spacing_m` apart. For each given point, the search computes the exact distances to the triangles of the
-    NEIGHBOURS nearest sample points. The smallest of these distances exceeds the true distance d to the meshes by less than
-    spacing_m^2 / (2 d).
+    NEIGHBOURS nearest sample points. The smallest of these exact distances exceeds the true distance d from the point to
+    the meshes by less than spacing_m^2 / (2 d).
     """
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], spacing_m: float = SPACING_M) -> None:

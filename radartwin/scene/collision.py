@@ -19,7 +19,7 @@ _MAX_SAMPLES = 500  # largest number of vertices that are tested for being insid
 
 
 def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
-    """Compute the depth of the overlap of two meshes in metres; 0 if they are apart or overlap by less than CONTACT_M.
+    """Compute the depth of the overlap of two meshes in metres; 0 if the meshes are apart or overlap by less than CONTACT_M.
 
     The depth is the shortest side of the axis-parallel box around the common volume. If a mesh is an open surface, such as a wall, the
     common part is flat. The depth is then the second-shortest side of the box or, if smaller, the distance by which the second mesh extends
@@ -156,7 +156,7 @@ def _crossings(starts: np.ndarray, ends: np.ndarray, triangles: np.ndarray) -> t
 
 
 def _reach(mesh: trimesh.Trimesh, triangles: np.ndarray, points: np.ndarray) -> float:
-    """Return how far `mesh` extends beyond the mean plane of `triangles` near the crossing points: the smaller of its two sides."""
+    """Return how far `mesh` extends beyond the mean plane of `triangles` near the crossing points, on the side where it extends less."""
     areas = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal = areas.sum(axis=0)
     if not np.linalg.norm(normal) > 0.5 * np.linalg.norm(areas, axis=1).sum():

@@ -63,8 +63,8 @@ def load_frames(
     read.
 
     Args:
-        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, only for pose.txt and TUM. By default they are read from the folder's
-            file intrinsics.json, {"fx": , "fy": , "cx": , "cy": }.
+        intrinsics: (fx, fy, cx, cy) in pixels of the depth picture, only for pose.txt and TUM. By default the intrinsics are read from the
+            folder's file intrinsics.json, {"fx": , "fy": , "cx": , "cy": }.
         depth_unit_m: metres per count of the depth pictures. The default of the folder layout is 1/5000 m for TUM and 1 mm otherwise.
         up: world axis of the poses that points up (x, y, z, -x, -y, -z). ARKit folders and RadarTwin's own folders define this axis. For
             pose.txt and TUM the default is the axis nearest to the cameras' mean upward direction.

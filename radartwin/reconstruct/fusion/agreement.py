@@ -54,7 +54,7 @@ class Agreement:
 
 
 def check_agreement(frames: Frames, unit_m: float | None, convention: str | None, metadata_file: str = INDEX) -> None:
-    """Raise an error if overlapping views coincide clearly better with another depth unit or pose convention than with the given one.
+    """Raise an error if overlapping views coincide clearly better with a depth unit or pose convention different from the user's.
 
     Args:
         frames: frames with their original poses, so any world axis may point up.

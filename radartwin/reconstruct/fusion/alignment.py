@@ -43,7 +43,7 @@ ANCHOR_M = 0.6  # length of the first part of the camera path, which defines the
 class AlignmentReport:
     """The result of the drift correction.
 
-    It gives the number of compared view pairs, the median distance in metres between the surfaces of two views before and after the
+    The report gives the number of compared view pairs, the median distance in metres between the surfaces of two views before and after the
     correction, and the largest shift and rotation of a pose.
     """
 
@@ -177,7 +177,7 @@ def _pairs(poses: np.ndarray, sampled: _Sampled) -> np.ndarray:
 def _normal_equations(
     poses: np.ndarray, sampled: _Sampled, pairs: np.ndarray, centre: np.ndarray, scale_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return the least-squares normal equations (P, 27) of the P view pairs, and the median residual in metres.
+    """Return the least-squares normal equations (P, 27) of P view pairs, and the median residual of all pairs in metres.
 
     Each row has 21 values of the upper triangle of the matrix and 6 values of the right side.
     """

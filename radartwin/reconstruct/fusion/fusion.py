@@ -33,7 +33,7 @@ RESIDUAL_STEP = 7  # the distance of the depth pixels from the fused surface is 
 class Holes:
     """The boundary edges and holes of a mesh.
 
-    The longest boundary loop of a connected part is the rim of the part, and the other loops are holes.
+    The longest boundary loop of a connected part is the rim of the part, and all shorter loops are holes.
 
     Attributes:
         boundary_m: total length of all boundary edges in metres, including rims.
@@ -171,7 +171,7 @@ def _filled_volume(
 ) -> Volume:
     """Create the signed distance volume between the corners `low` and `high` and average all views into the volume.
 
-    The function calls done(number of integrated views) after each view.
+    After each view, the function calls `done` with the number of views that are already averaged into the volume.
     """
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)

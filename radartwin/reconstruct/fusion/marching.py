@@ -92,7 +92,7 @@ def _gather(slot, sdf, weight, block, values, weights):
 def _colours(cells, slot, colour, colour_weight):
     """Return the colours (N, 3) at the vertices `cells` (N, 3), which are in units of voxels.
 
-    The second returned array is a boolean mask (N,) of the vertices with at least one coloured voxel around them.
+    The function also returns a boolean mask (N,) of the vertices with at least one coloured voxel around them.
     """
     out = np.full((len(cells), 3), GREY, np.uint8)
     known = np.zeros(len(cells), np.bool_)

@@ -36,7 +36,7 @@ TRIES = 4
 
 
 def assembled(mesh: trimesh.Trimesh, flattened: Flattened, material: str | Layered) -> tuple[list[Surface], np.ndarray, dict[str, Any]]:
-    """Build the surfaces of a segmented scan, all of one material.
+    """Build the surfaces of a segmented scan, all with the same material.
 
     Returns:
         The surfaces.
@@ -97,7 +97,7 @@ class _Pieces:
     def of(self, k: int, alone: bool) -> trimesh.Trimesh | None:
         """Return the mesh of segment k; None if the segment is omitted.
 
-        `alone` is True if no other segment belongs to the same object. The polygon of such a segment gets a texture.
+        `alone` is True if segment k is the only segment of its object. The polygon of a segment that is alone gets a texture.
         """
         segment = self._segments[k]
         at, colours = self._centre[segment.faces], None if self._rgb is None else self._rgb[segment.faces]
@@ -131,7 +131,7 @@ def _objects(segments: Sequence[Segment]) -> list[list[int]]:
 def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[str]:
     """Name each segment by its geometry: floor, ceiling, wall_1, level_1, plane_1, part_1, numbered in the order of the segments.
 
-    The floor is the largest level plane that faces up. The ceiling is the largest level plane above it that faces down.
+    The floor is the largest level plane that faces up. The ceiling is the largest level plane above the floor that faces down.
     """
     names: list[str] = [""] * len(segments)
     order = sorted(range(len(segments)), key=lambda k: -segments[k].area_m2)
@@ -168,7 +168,8 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
     The part of the scan is smoothed without shrinkage (Taubin 1995). Edges are then collapsed by quadric error (Garland and Heckbert 1997).
 
     Returns:
-        The simplified mesh, and the 95th percentile of the scanned vertices' distance from it in metres; None if no face remains.
+        The simplified mesh, and the 95th percentile in metres of the distances between the scanned vertices and this mesh; None if no face
+        remains.
     """
     used, index = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
     points = np.asarray(mesh.vertices)[used]

@@ -83,7 +83,8 @@ def flattened(
 ) -> Flattened:
     """Replace the planar segments of a scan by polygons.
 
-    `cameras` are the cameras that recorded the scan, or None if unknown. The function calls `step` after each plane.
+    `cameras` are the cameras that recorded the scan, or None if unknown. The function calls `step` after each finished plane, to report
+    progress.
     """
     faces = Faces.of(mesh, 0.0)
     bounds = room_bounds(faces, segments)
@@ -154,7 +155,10 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
 
 
 def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
-    """Outline a group of coplanar segments. Return its polygons, and the area of filled gaps and of gaps left open, both in m2."""
+    """Outline a group of coplanar segments.
+
+    Return the polygons of the group, and the area of filled gaps and of gaps left open, both in m2.
+    """
     root = room.segments[group[0]]
     assert root.normal is not None
     limits = bool(room.bounds[group[0]])

@@ -33,7 +33,8 @@ APART_M = 0.06  # segments with a smaller distance count as touching, because sc
 def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
     """Return a mask (S,) of the segments that bound the room: floor, ceiling, and walls.
 
-    A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts if the scan has nothing behind it.
+    A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts as a wall if the scan has no points
+    behind the plane.
     """
     places = faces.centre[thinned(faces.centre, 0.1)]
     low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])

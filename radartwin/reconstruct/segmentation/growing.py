@@ -39,7 +39,7 @@ def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) 
 
 
 def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float) -> None:
-    """Add faces without a plane to a plane that they touch, if all their corners lie near it.
+    """Add faces without a plane to a plane that the face touches, if all corners of the face lie near the plane.
 
     `label` (F,) is changed in place, ring by ring.
     """

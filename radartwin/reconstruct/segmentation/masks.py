@@ -66,7 +66,7 @@ def largest_rectangle(mask: np.ndarray) -> tuple[slice, slice]:
 
 
 def _disc(radius: float) -> np.ndarray:
-    """Return a disc-shaped boolean array as structuring element. The radius is in cells, at least one."""
+    """Return a disc-shaped boolean array as structuring element. The radius of the disc is in cells and is at least one cell."""
     r = max(1, round(radius))
     x, y = np.mgrid[-r : r + 1, -r : r + 1]
     return x * x + y * y <= r * r + 0.5 * r

@@ -27,7 +27,7 @@ MIN_WIDTH_M = 0.07  # narrower planes are rounded edges, and their faces join ne
 
 
 def segmented(mesh: trimesh.Trimesh) -> list[Segment]:
-    """Segment a mesh (metres, z up). Each face belongs to exactly one segment.
+    """Segment a mesh (metres, z up). Each face of the mesh belongs to exactly one segment.
 
     The result lists the planes from large to small, then the parts that are not planar from large to small, and last a segment of all
     fragments.
@@ -83,7 +83,8 @@ def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
 def _settle(faces: Faces, label: np.ndarray) -> None:
     """Move faces at the common edge of two planes to the plane that is nearer to the corners of the face.
 
-    Smoothed normals blur an edge over one or two faces on either side. The function changes `label` in place, ring by ring.
+    Smoothed normals blur an edge over one or two faces on either side. The function changes the plane number of each face in `label` (F,)
+    in place, starting at the edge.
     """
     normal, offset = faces.planes(label)
     coo = faces.adjacency.tocoo()

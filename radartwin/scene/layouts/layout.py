@@ -1,6 +1,6 @@
 """Define the object layout, a list of objects with their positions in a room, and the format of layout files.
 
-A layout file is a YAML file such as:
+The following text is an example of an object layout file, in YAML:
 
     objects:
       - object: mug                  # a name of the catalogue
@@ -29,8 +29,8 @@ the room, and the front of the sensor is its boresight. *Behind* is the directio
 by a person who looks at the front of the anchor; if the anchor is the sensor, they are the sensor's own left and right. *Beside* is left or
 right of the anchor, whichever is free. *Under* is below the middle of the anchor. The distance is measured from the anchor's front (for the
 sensor, from its origin) to the centre of the object. Without a distance, the object stands about 5 cm from the anchor. Sideways, the object
-stays within the anchor's width. If `on` is not given, the object stands on the support of its anchor if the anchor is an object, and on the
-floor otherwise.
+stays within the anchor's width. If `on` is not given and the anchor is an object, the new object stands on the surface below the anchor. If
+`on` is not given and the anchor is not an object, the new object stands on the floor.
 """
 
 from __future__ import annotations

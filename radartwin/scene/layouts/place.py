@@ -62,7 +62,7 @@ def furnish(scene: Scene, layout: Layout, sensor_pose: np.ndarray | None = None,
         make: function that returns the surfaces of an object, given the object's name, in the object's own frame (z up, front towards +x);
             by default the function builds catalogue objects.
     Returns:
-        A new scene that also contains the surfaces of the objects, at the end. provenance["layout"] of each of these surfaces describes the
+        A new scene with the surfaces of the objects added at the end. In each added surface, provenance["layout"] describes the
             position of the object.
     Raises:
         LayoutError: the name of an object or surface is unknown or ambiguous, or an object overlaps a surface, floats, or is outside the
@@ -152,7 +152,7 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
 
 
 def _tilt_deg(support: Surface, at: np.ndarray, limit_m: float) -> float:
-    """Return the angle between a support and the floor around a point (x, y), or 0 if the support is not plane there."""
+    """Return the tilt in degrees of a supporting surface around a point (x, y); 0 if the surface is not flat around this point."""
     turn = 2 * np.pi * np.arange(24) / 24
     ring = TILT_RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     points = np.vstack([share * ring for share in (0.33, 0.66, 1.0)])
@@ -208,7 +208,8 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
 def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:
     """Return the surface on which an object without `on` stands.
 
-    If the first anchor of the object is a placed object, the surface is the one on which the anchor stands. Otherwise it is the floor.
+    If the first anchor of the object is a placed object, the function returns the surface on which the anchor stands. Otherwise it returns
+    the floor.
     """
     ground = floor(scene)
     if not related or related[0][1].is_sensor or related[0][0].relation == "under":

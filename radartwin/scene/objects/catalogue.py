@@ -5,9 +5,9 @@ frame, the side +x of an object faces the radar. The opening of the corner refle
 side of a bottle lies along y. `aim_m` is the height at which a level radar aims: half the height of the object, or the apex of the
 reflector.
 
-Can sizes are those of the Can Manufacturers Institute: outer diameter x height, measured at the rim seams, in inches and sixteenths (211 is
-2 11/16 inches, 68.3 mm). All six cans have the diameter 211 and differ mainly in height. The wall of the two drink cans has a diameter of
-66 mm. Bottles are filled completely, without air below the cap, and have a separate cap.
+Can sizes are trade sizes of the Can Manufacturers Institute: outer diameter x height, measured at the rim seams, in inches and sixteenths
+(211 is 2 11/16 inches, 68.3 mm). All six cans have the diameter 211 and differ mainly in height. The wall of the two drink cans has a
+diameter of 66 mm. Bottles are filled completely, without air below the cap, and have a separate cap.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def depth_sweep(start: np.ndarray, length_m: float = 1.0, speed_mps: float = 0.2
 def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 0.24, frame_rate_hz: float = 10.0) -> np.ndarray:
     """Return the sensor poses (F, 4, 4) of a drive past the object, at right angles to the line of sight.
 
-    The sensor moves to its left. The pose `middle` is in the middle of the path.
+    The sensor moves towards its left side. The pose `middle` is in the middle of the path.
     """
     middle = np.asarray(middle, dtype=np.float64)
     out = sweep(middle, middle[:3, 1], length_m, speed_mps, frame_rate_hz)
@@ -118,7 +118,8 @@ def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 
 def sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
     """Return poses (F, 4, 4) of a straight motion at constant speed: up to frame f, the pose has moved by f * speed_mps / rate_hz.
 
-    The path has the length `length_m` along `direction`, in the world frame. The last frame is the last one before the end of the path.
+    The path has the length `length_m` along `direction`, in the world frame. The sensor moves only in whole frame steps, so the last frame
+    lies up to a step before the end of the path.
     """
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")

@@ -56,7 +56,9 @@ def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title:
 def describe(
     scene: Scene, poses: np.ndarray | None = None, title: str | None = None, by: str = "material", max_faces: int = MAX_FACES
 ) -> tuple[dict[str, Any], Sequence[np.ndarray]]:
-    """Return the contents of the page as a JSON dictionary, and the arrays of the page. Arguments and errors are those of `view`.
+    """Return the contents of the page as a JSON dictionary, and the arrays of the page.
+
+    The arguments and errors are the same as for the function `view`.
 
     The arrays are vertex positions (V, 3), surface number of each vertex (V,), vertex colours (V, 4), texture coordinates with the number
     of the picture (V, 3), and faces (T, 3).
