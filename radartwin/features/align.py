@@ -1,9 +1,10 @@
 """Estimate the start offset between two recordings of the same motion: the number of frames by which the second recording is late.
 
-A rover is started by hand. Two recordings must therefore be aligned before a comparison frame by frame. The offset maximises the Pearson
-correlation of sqrt(E(f)) over the overlapping frames, where E(f) is the energy in the target gate (paper, signal fidelity along
-trajectories). The square root has equal noise at every signal level. For a pass at 20 dB signal-to-noise ratio, the offset error was 0.2
-frames with sqrt(E), 0.3 frames with E and 1.0 frame with log(E).
+A person starts the rover that carries the radar by hand, so the start times of two recordings differ. Two recordings must therefore be
+aligned before a comparison frame by frame. The chosen offset maximises the Pearson correlation of sqrt(E(f)) over the overlapping frames,
+where E(f) is the energy in the target gate (the range bins around the target) in frame f. The noise of the square root is equal at every
+signal level. In a drive past the target at a signal-to-noise ratio of 20 dB, the error of the offset was 0.2 frames with sqrt(E), 0.3
+frames with E and 1.0 frame with log(E).
 """
 
 from __future__ import annotations
@@ -12,18 +13,19 @@ import numpy as np
 
 from radartwin.errors import InputError
 
-MIN_OVERLAP = 0.5  # smallest overlap, as a fraction of the frames of the shorter recording
-_TIE = 1e-9  # correlations that differ by less count as equal
+MIN_OVERLAP = 0.5  # smallest overlap of two recordings, as a fraction of the frames of the shorter recording
+_TIE = 1e-9  # correlations that differ by less than this count as equal
 
 
 def start_offset(reference: np.ndarray, other: np.ndarray, max_frames: int) -> int:
     """Estimate the delay of the recording `other` against `reference` in frames; a negative delay means that `other` is early.
 
     Args:
-        reference, other: (F,) and (G,), linear target-gate energies per frame, at least zero.
-        max_frames: largest offset in either direction; the overlap is at least MIN_OVERLAP in any case.
+        reference: (F,) linear target-gate energy of each frame of the reference recording, at least zero.
+        other: (G,) linear target-gate energy of each frame of the other recording, at least zero.
+        max_frames: largest magnitude of the delay in frames; the overlap is at least MIN_OVERLAP in any case.
     Raises:
-        InputError: energies are negative, not finite, too few, or constant.
+        InputError: the energies are negative, not finite, too few, or constant.
 
     >>> pulse = np.exp(-((np.arange(50) - 20.0) ** 2) / 30)
     >>> start_offset(pulse, np.roll(pulse, 4), 10)
@@ -51,7 +53,7 @@ def overlap(reference: np.ndarray, other: np.ndarray, frames: int) -> tuple[np.n
 
 
 def _amplitude(energy: np.ndarray) -> np.ndarray:
-    """Return the square root of the energy, scaled; the scale has no effect on a correlation."""
+    """Return the square root of the energy divided by its maximum; this division has no effect on a correlation."""
     energy = np.asarray(energy, dtype=np.float64)
     if energy.ndim != 1 or len(energy) < 3 or not (np.isfinite(energy).all() and (energy >= 0).all()):
         raise InputError("start offset: give the energies of three frames or more, finite and not negative")

@@ -1,9 +1,10 @@
 """Compute the angular extent of the target: the standard deviation of the azimuth spectrum in the target gate.
 
-The azimuth spectrum S(f, phi) is the sum over the target gate of |w(phi)^H A(f, r)|^2 minus the noise, phi in -90..90 degrees (Bartlett
-beamformer over the azimuth row of the array). The extent in radians is sqrt(sum S (phi - m)^2 / sum S) with m = sum S phi / sum S (paper,
-signal fidelity along trajectories: angular extent is among the most consistent families). A point target has the extent of the beam with
-its sidelobes: 0.25 rad on boresight for 8 elements at half a wavelength. The extent depends neither on signal level nor on range.
+The azimuth spectrum S(f, phi) of frame f is |w(phi)^H A(f, r)|^2, summed over the range bins r of the target gate, minus the noise. A are
+the channel signals, and w are the weights of a Bartlett beamformer over the azimuth row of the array, for azimuths phi from -90 to 90
+degrees. The angular extent in radians is sqrt(sum S (phi - m)^2 / sum S) with the mean azimuth m = sum S phi / sum S. A point target has
+the angular extent of the beam with its sidelobes. On boresight, this extent is 0.25 rad for 8 antennas at a spacing of half a wavelength.
+The angular extent does not depend on the signal level and the range.
 """
 
 from __future__ import annotations
@@ -33,10 +34,11 @@ def gate_spectrum(processed: Processed, target_m: ArrayLike) -> NDArray[np.float
 def angular_extent(processed: Processed, target_m: ArrayLike) -> NDArray[np.float64]:
     """Compute the angular extent of each frame in radians, (F,).
 
-    If the target gate has no energy above the noise, the result is the extent of noise.
+    If the target gate has no energy above the noise, the result is the angular extent of a constant azimuth spectrum.
 
     Args:
-        target_m: range of the centre of the target gate in metres, one value or (F,).
+        processed: processed recording of F frames.
+        target_m: range of the centre of the target gate in metres, one value for all frames or one value per frame (F,).
     """
     spectrum = gate_spectrum(processed, target_m)
     total = spectrum.sum(axis=1, keepdims=True)

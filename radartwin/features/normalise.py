@@ -1,13 +1,14 @@
-"""Bring simulated and measured features to a common scale, without labels: by ranks, or by a corner reflector.
+"""Bring simulated and measured features to a common scale without class labels, either by ranks or by a corner reflector.
 
-Ranks: u_i = (rank_i - 1/2) / n per feature among the n recordings of one domain (simulation or measurement). An increasing function of a
-feature does not change its ranks, so that any such difference between the two domains disappears (paper, scene-level recognition,
-label-free: per-feature rank normalisation).
+Rank normalisation: each value of a feature becomes u_i = (rank_i - 1/2) / n, where rank_i is its rank among the n recordings of its own
+domain (simulation or measurement). An increasing function of a feature does not change its ranks. Rank normalisation therefore removes
+every difference between simulation and measurement that such a function describes.
 
-Corner reflector: y = a x + b with a = sd(measured) / sd(simulated) and b = mean(measured) - a mean(simulated). Means and standard
-deviations are over the frames of a trihedral, once simulated and once measured (paper, corner-reflector radiometric calibration, a
-per-feature affine map of energy-dependent features). Because the map uses means and standard deviations instead of a regression, the frames
-need no alignment, and noise does not reduce the slope. If a feature is constant in the simulation, a = 1.
+Corner-reflector calibration: each simulated value x of a feature becomes y = a x + b, with a = sd(measured) / sd(simulated) and
+b = mean(measured) - a mean(simulated). The means and standard deviations (sd) are those of the feature over the frames of a trihedral
+corner reflector, once simulated and once measured. Because this affine map uses means and standard deviations instead of a regression, the
+frames of simulation and measurement need no alignment, and noise does not reduce the slope a. If a feature is constant in the simulation, a
+is 1.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError
 
-_CONSTANT = 1e-9  # a feature whose spread divided by its value is smaller counts as constant
+_CONSTANT = 1e-9  # a feature counts as constant if its standard deviation is at most this fraction of 1 + its largest magnitude
 
 
 def rank_normalise(matrix: NDArray, groups: NDArray) -> NDArray[np.float64]:
     """Replace each value by its normalised rank in its column, above 0 and below 1; equal values have their mean rank.
 
     Args:
-        matrix: (n, features), rows of one domain.
-        groups: (n,) group of each row, such as its distance; each group is ranked separately.
+        matrix: (n, features) feature values of n recordings of one domain (simulation or measurement).
+        groups: (n,) group of each recording, for example its distance; the function ranks each group separately.
     Raises:
-        InputError: values are not finite, or groups has another length.
+        InputError: values are not finite, or the length of `groups` is not n.
 
     >>> rank_normalise(np.array([[3.0], [10.0], [10.0], [1.0]]), np.zeros(4))[:, 0].tolist()
     [0.375, 0.75, 0.75, 0.125]
@@ -50,7 +51,7 @@ def rank_normalise(matrix: NDArray, groups: NDArray) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class AffineMap:
-    """Hold the slope and the offset of each feature, (features,)."""
+    """Hold the slope (features,) and the offset (features,) of the affine map from simulated to measured values of each feature."""
 
     slope: NDArray[np.float64]
     offset: NDArray[np.float64]
@@ -61,12 +62,13 @@ class AffineMap:
 
 
 def fit_map(simulated: NDArray, measured: NDArray) -> AffineMap:
-    """Fit the map to simulated and measured frames of the reflector.
+    """Fit the affine map from simulated to measured features to the frames of a corner reflector.
 
     Args:
-        simulated, measured: (F, features) and (G, features); with one row each, the slope is 1.
+        simulated: (F, features) features of F simulated frames.
+        measured: (G, features) features of G measured frames. If a matrix has a single row, the slope of the map is 1.
     Raises:
-        InputError: the matrices have different features, no rows, or values that are not finite.
+        InputError: the matrices have different numbers of features, no rows, or values that are not finite.
 
     >>> frames = np.array([[0.0], [2.0]])
     >>> fit_map(frames, 3 * frames + 1).apply(np.array([[5.0]])).tolist()

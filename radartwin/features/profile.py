@@ -1,9 +1,9 @@
 """Compute the energy in the target gate and the energy shares outside of it, and compare range profiles.
 
-Symbols: P(f, r) -> power, (F, bins), as in `Processed.power`. The gate holds the range bin of the target and GATE_BINS bins (0.13 m) on
-either side. All sums are over ranges from NEAR_M to FAR_M. The multipath share (paper, motion-specific features) is the energy outside the
-gate divided by all energy: sum_{r outside gate} P / sum P. The paper uses range profiles for the environment ablation (simulation in free
-space against simulation in the scene).
+The power P(f, r) of frame f and range bin r is `Processed.power`, (F, bins). The target gate consists of the range bin of the target and
+GATE_BINS range bins (0.13 m) on either side. All sums are over ranges from NEAR_M to FAR_M. The multipath share is the energy outside the
+target gate divided by all energy: sum_{r outside gate} P / sum P. The RadarTwin paper compares range profiles of a simulation in free space
+and of a simulation in the scanned room.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from radartwin.errors import InputError
 
-NEAR_M, FAR_M = 0.3, 5.5  # limits of all range sums: beyond the leakage between the antennas, before the walls with the weakest echoes
-GATE_BINS = 3  # range bins of the target gate on either side of the target's bin
+# Limits in metres of all sums over range. They exclude the leakage between the antennas and the walls with the weakest echoes.
+NEAR_M, FAR_M = 0.3, 5.5
+GATE_BINS = 3  # number of range bins in the target gate on either side of the target's range bin
 
 
 def gate(range_m: np.ndarray, target_m: ArrayLike) -> np.ndarray:
@@ -37,13 +38,14 @@ def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -
     """Compute the energy inside the target gate and the energy at all ranges from NEAR_M to FAR_M, for each frame.
 
     Args:
-        power: (F, bins), or (bins,) for one profile.
-        range_m, target_m: as for `gate`.
+        power: (F, bins) power of F range profiles, or (bins,) power of a single range profile.
+        range_m: (bins,) centres of the range bins in metres.
+        target_m: range of the target in metres, one value or one per frame (F,).
     Returns:
-        inside: energy inside the gate, (F,), or a scalar for one profile.
-        all: energy at all ranges, of the same shape.
+        inside: energy inside the target gate, (F,), or a scalar for a single range profile.
+        all: energy at all ranges from NEAR_M to FAR_M, (F,), or a scalar for a single range profile.
     Raises:
-        InputError: shapes do not fit, or the target is outside NEAR_M to FAR_M.
+        InputError: the shapes of the arguments do not fit together, or the target is not between NEAR_M and FAR_M.
     """
     power, target = np.asarray(power, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
     if power.shape[-1:] != range_m.shape or target.shape not in ((), power.shape[:-1]):
@@ -83,9 +85,10 @@ def profile_correlation(first: np.ndarray, second: np.ndarray, range_m: np.ndarr
     """Compute the Pearson correlation of two mean range profiles between NEAR_M and FAR_M.
 
     Args:
-        first, second: power (bins,).
-        scale: "amplitude" correlates the square roots of the powers, so the strongest peak dominates. "db" correlates the logarithms, so
-            all bins above the noise have similar weight.
+        first, second: (bins,) power of the two mean range profiles.
+        range_m: (bins,) centres of the range bins in metres.
+        scale: "amplitude" correlates the square roots of the powers, so that the strongest peak dominates the correlation. "db" correlates
+            the powers in decibels, so that all range bins above the noise have similar weight.
     """
     inside = (range_m >= NEAR_M) & (range_m <= FAR_M)
     if scale not in ("amplitude", "db"):

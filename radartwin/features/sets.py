@@ -1,12 +1,13 @@
-"""Compute the feature set of a motion, as one vector per recording or one row per frame.
+"""Compute the feature set of a motion, as one vector per recording or as one row per frame.
 
-A set is a list of families (paper, motion-specific feature design):
-- rotation (on a turntable at fixed distance): harmonics, envelope, extent, brightness
-- depth (a drive towards the target): track, multipath, window, extent, brightness
-- lateral (a drive past the target): harmonics and envelope of the pass, multipath, window, extent, brightness
-- raw (a baseline for any motion): profile, the unprocessed range profile
-To test the shape alone, exclude the signal level with `without=["brightness"]`. The families harmonics and envelope describe a whole
-motion, so all rows per frame repeat their values.
+A feature set is a list of feature families, as in the section "motion-specific feature design" of the RadarTwin paper:
+- The set `rotation` is for a target on a turntable at a fixed distance. It has the families harmonics, envelope, extent and brightness.
+- The set `depth` is for a drive towards the target. It has the families track, multipath, window, extent and brightness.
+- The set `lateral` is for a drive past the target, at right angles to the line of sight. It has the families harmonics, envelope,
+  multipath, window, extent and brightness.
+- The set `raw` is a baseline for any motion. It has only the family profile, which is the unprocessed range profile.
+To compare only the shapes of targets, exclude the signal level with `without=["brightness"]`. The families harmonics and envelope describe
+a whole motion, so all rows per frame contain the same values of these families.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate_energies, multipath_share
 
 Real = NDArray[np.floating]
-_TURNTABLE = "rotation"  # this set takes the target at its nominal range; the other sets track the target
+_TURNTABLE = "rotation"  # feature set that uses the nominal range of the target; all other feature sets track the target
 
 
 class _Recording:
@@ -43,20 +44,23 @@ class _Recording:
 
     @cached_property
     def energy(self) -> Real:
-        """Target energy minus noise, (F,). If its mean is not above zero, the noise is not subtracted, so that all features exist."""
+        """Return the energy (F,) in the target gate minus the noise energy.
+
+        If the mean of this difference is not above zero, the property returns the energy without subtraction, so that all features exist.
+        """
         energy = envelope.target_energy(self.processed, self.target_m)
         return energy if energy.mean() > 0 else energy + self.gate_floor
 
     @cached_property
     def envelope(self) -> Real:
-        """Envelope over one revolution, or over a pass with the loss by distance removed."""
+        """Return the envelope: the energy over one revolution, or the energy times distance^4 over the frames of a drive."""
         if self.turntable:
             return envelope.revolution(self.energy, log.angles(self.log, self.processed.num_frames))
         return envelope.without_range_law(self.energy, self.nominal_m)
 
     @cached_property
     def gate_floor(self) -> Real:
-        """Noise energy in the target gate, (F,); it limits the brightness of a frame from below."""
+        """Return the noise energy in the target gate of each frame, (F,), which is the lower limit for the brightness of a frame."""
         floor = np.broadcast_to(self.processed.noise_floor, self.processed.power.shape)
         return gate_energies(floor, self.processed.range_m, self.target_m)[0]
 
@@ -75,7 +79,7 @@ def _envelope(recording: _Recording, per_frame: bool) -> NamedValues:
 
 
 def _track(recording: _Recording, per_frame: bool) -> NamedValues:
-    """Return the difference of tracked and nominal range, which shows the object's depth, wheel slip, and other echoes near the peak."""
+    """Return features of tracked minus nominal range, which depend on the object's depth, on wheel slip and on echoes near the peak."""
     offset = recording.track_m - recording.nominal_m
     if per_frame:
         return ["track_offset_m"], offset[:, None]
@@ -125,24 +129,28 @@ def vector(processed: Processed, motion_log: log.Log, name: str, without: Sequen
     """Compute the features of one recording.
 
     Args:
+        processed: processed recording.
         motion_log: nominal motion of the recording.
-        name: name of the set.
-        without: excluded families.
+        name: name of the feature set.
+        without: names of the feature families to exclude.
     Returns:
-        names: the feature names.
-        values: (features,), all finite.
+        names: names of the features.
+        values: feature values (features,), all finite.
     Raises:
-        ConfigError: the set or a family is unknown.
-        InputError: the log does not fit the recording, or the target is outside the range window.
+        ConfigError: the feature set or a family is unknown.
+        InputError: the motion log does not fit the recording, or the target is not between NEAR_M and FAR_M.
     """
     return read(processed, motion_log, families(name, without), turns=name == _TURNTABLE)
 
 
 def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str], turns: bool) -> tuple[list[str], Real]:
-    """Compute the features of one recording from a list of families. Results and errors are those of `vector`.
+    """Compute the features of one recording for a list of feature families. Results and errors are those of `vector`.
 
     Args:
-        turns: whether the target is on a turntable; its nominal range then replaces the tracked range.
+        processed: processed recording.
+        motion_log: nominal motion of the recording.
+        families_read: names of the feature families.
+        turns: whether the target is on a turntable. If so, its nominal range replaces the tracked range.
     """
     recording = _Recording(processed, motion_log, turns)
     parts = [_FAMILIES[family](recording, False) for family in families_read]
@@ -154,8 +162,8 @@ def frames(processed: Processed, motion_log: log.Log, name: str) -> tuple[list[s
     """Compute the features of each frame. Arguments and errors are those of `vector`.
 
     Returns:
-        names: the feature names.
-        values: (F, features).
+        names: names of the features.
+        values: feature values (F, features) of F frames.
     """
     recording = _Recording(processed, motion_log, name == _TURNTABLE)
     parts = [_FAMILIES[family](recording, True) for family in families(name)]

@@ -1,10 +1,11 @@
-"""Track the range of the target's peak over the frames of a recording.
+"""Track the range of the target's power peak over the frames of a recording.
 
-The tracker selects one range bin b(f) per frame: the sequence that maximises sum_f ln P(f, b(f)) inside the search window, with
-|b(f+1) - b(f)| <= step (dynamic programming; Y. Barniv, Dynamic programming solution for detecting dim moving targets, IEEE Trans. AES
-21(1), 1985). The tracked range is r(f) = sum P+ r / sum P+ over b(f) +- GATE_BINS, with P+ the power above the noise floor (paper, linear
-transformations: power-weighted peak-range trajectory; motion-specific feature design, depth: tracked peak-range trajectory). The track
-does not depend on the signal level. `brightest` uses the strongest bin of each frame instead of the sequence.
+The tracker selects one range bin b(f) per frame f. Inside the search window, it finds the sequence of range bins that maximises the sum
+over frames of ln P(f, b(f)), where P is the power, under the condition |b(f+1) - b(f)| <= step. The method is dynamic programming (Y.
+Barniv, Dynamic programming solution for detecting dim moving targets, IEEE Trans. AES 21(1), 1985). The tracked range is the power-weighted
+mean range r(f) = sum P+ r / sum P+ over the range bins b(f) +- GATE_BINS, where P+ is the power above the noise. The RadarTwin paper calls
+this result the tracked peak-range trajectory. It does not depend on the signal level. The function `brightest` uses the strongest range bin
+of each frame instead of the best sequence.
 """
 
 from __future__ import annotations
@@ -16,16 +17,23 @@ from radartwin.errors import InputError
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 
-SEARCH_M = 0.3  # half width of the search window around the nominal range; covers wheel slip, start offset and the object's depth
-MAX_SPEED_MPS = 0.5  # highest speed of the peak: twice the highest speed of the study, 0.24 m/s
+# Half width in metres of the search window around the nominal range. The window includes the effects of wheel slip, start offset and the
+# depth of the object.
+SEARCH_M = 0.3
+MAX_SPEED_MPS = 0.5  # highest speed of the tracked peak in m/s, twice the highest speed of the recorded motions (0.24 m/s)
 Real = NDArray[np.floating]
 
 
 def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_hz: float) -> Real:
-    """Track the power-weighted range of the target's peak in each frame, metres, (F,). A step of one bin per frame is always allowed.
+    """Track the power-weighted range of the target's power peak in each frame, in metres, (F,).
+
+    The peak may move by one range bin per frame at any frame rate.
 
     Args:
-        low_m, high_m: limits of the search window in metres, one value or one per frame (F,); clipped to NEAR_M..FAR_M.
+        processed: processed recording of F frames.
+        low_m: lower limit of the search window in metres, one value or one per frame (F,); values below NEAR_M are raised to NEAR_M.
+        high_m: upper limit of the search window in metres, one value or one per frame (F,); values above FAR_M are lowered to FAR_M.
+        frame_rate_hz: number of frames per second.
     Raises:
         InputError: the search window of a frame contains no range bin.
     """
@@ -35,9 +43,9 @@ def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_
 
 
 def brightest(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> Real:
-    """Return the range around the strongest bin of each frame, (F,); arguments as for `track`.
+    """Return the power-weighted range around the strongest range bin of each frame, in metres, (F,). The arguments are those of `track`.
 
-    Unlike `track`, the result jumps to an echo of the room wherever that echo is stronger than the target.
+    Unlike the result of `track`, this range jumps to an echo of the room in frames in which this echo is stronger than the target.
     """
     searched = _searched(processed, low_m, high_m)
     return _weighted(processed, np.where(searched, processed.power, -1.0).argmax(axis=1))
@@ -59,7 +67,7 @@ def _searched(processed: Processed, low_m: ArrayLike, high_m: ArrayLike) -> NDAr
 
 
 def _weighted(processed: Processed, path: NDArray[np.intp]) -> Real:
-    """Compute the power-weighted range around the selected bin of each frame, (F,)."""
+    """Compute the power-weighted mean range around the selected range bin `path` (F,) of each frame, in metres, (F,)."""
     range_m = processed.range_m
     near = np.abs(np.arange(len(range_m)) - path[:, None]) <= GATE_BINS
     weight = np.maximum(processed.power - processed.noise_floor, 0.0) * near
@@ -68,21 +76,25 @@ def _weighted(processed: Processed, path: NDArray[np.intp]) -> Real:
 
 
 def around(processed: Processed, distance_m: Real, frame_rate_hz: float) -> Real:
-    """Track the target within SEARCH_M of its nominal distance in each frame, (F,)."""
+    """Track the target within SEARCH_M of its nominal distance, and return its range in each frame in metres, (F,)."""
     return track(processed, distance_m - SEARCH_M, distance_m + SEARCH_M, frame_rate_hz)
 
 
 def excursion(track_m: Real) -> float:
-    """Compute the largest minus the smallest tracked range, metres."""
+    """Compute the difference between the largest and the smallest tracked range, in metres."""
     return float(np.ptp(track_m))
 
 
 def _strongest_path(power: Real, searched: NDArray[np.bool_], step: int) -> NDArray[np.intp]:
-    """Select the strongest sequence of bins, (F,). Bins outside the window stay allowed at low power, so that the window may jump."""
+    """Select the sequence of range bins (F,) with the highest sum of log powers.
+
+    The search may use range bins outside the search window, at a very low power, so that a search window that jumps still has a solution.
+    """
     tiny = np.finfo(np.float64).tiny
     level = np.log(np.maximum(power, tiny))
     level -= level.max()
-    outside = 10 * (level.min() - 1.0)  # lower than the sum of the smallest levels of ten frames
+    # Log power of a range bin outside the search window, which is lower than the lowest log powers of ten frames together.
+    outside = 10 * (level.min() - 1.0)
     level = np.where(searched, level, outside)
     frames, bins = level.shape
     score, previous = level[0].copy(), np.zeros((frames, bins), dtype=np.intp)
