@@ -108,7 +108,7 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
     """Return the overrides of each job of a sweep; for example, seed=0,1 and materials=vlm,void give four jobs.
 
     Raises:
-        ConfigError: an override cannot be parsed.
+        ConfigError: Hydra's grammar cannot parse an override.
     """
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 

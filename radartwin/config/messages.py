@@ -1,6 +1,7 @@
 """Make one-line messages for configuration mistakes: what is wrong, where, and what to do.
 
-Hydra and OmegaConf report one mistake by several exceptions with many lines of text. The function `explain` reduces them to one line.
+Hydra and OmegaConf report one mistake by several exceptions with many lines of text. The function `explain` reduces these lines to one
+line.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from radartwin.features.families import families
 class GapConfig:
     """Strength of each known difference between the virtual measurements and their simulation: 0 is off, 1 the published size, 2 doubled.
 
-    For each field, the comment names a module. This module states the size of the difference at strength 1 and the source of this size.
+    The module named beside a field states the size of the difference at strength 1 and the published source of this size.
     """
 
     geometry: float = not_negative(1.0)  # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)

@@ -60,7 +60,7 @@ class Record:
 
 
 class Journal:
-    """The file with the stored answers about the surfaces of one scene. Each new answer is appended to this file.
+    """The file with the stored answers about the surfaces of one scene. Each new answer is appended to the journal file.
 
     Raises:
         LabelError: a line other than an incomplete last line is invalid, or the path of the file is a symbolic link.
@@ -94,7 +94,7 @@ class Journal:
         return self._records.get((model, key))
 
     def append(self, record: Record) -> None:
-        """Append the record of one answer to the file of answers. When this method returns, the record is on the disk."""
+        """Append the record of one answer to the file of answers. When `append` returns, the record is saved on the disk."""
         make_folder(self.path.parent)
         try:
             with self.path.open("ab") as stream:

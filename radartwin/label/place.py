@@ -74,8 +74,8 @@ def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, 
     """Match each surface in `places` with the surface in `among` that most of its points vote for (each point votes for the nearest
     surface).
 
-    Returns: one entry per surface in `places`. The entry is the index of the matched surface in `among` and the share of the points that
-    voted for it. The entry is None if this share is below MIN_SHARE.
+    Returns: one entry per surface in `places`. Each entry is the matched surface's index in `among` and the share of the points that voted
+        for the matched surface, or None if this share is below MIN_SHARE.
     """
     out: list[tuple[int, float] | None] = []
     for shares in _votes(places, among):

@@ -65,8 +65,8 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The visible triangle of each pixel: its index `face` (h, w), -1 if none, and its `depth` (h, w) along the camera axis, inf if
-    none.
+    """The visible triangle of each pixel: `face` (h, w) is its index (-1: none), `depth` (h, w) its depth along the camera axis (inf:
+    none).
     """
 
     face: np.ndarray

@@ -57,8 +57,8 @@ class Server:
         """Yield each material question with the record of its answer as soon as the answer arrives, in any order.
 
         Raises:
-            BackendError: some questions have no answer. The error is raised after all arrived answers are yielded. If the server refuses a
-                request or is unreachable, the error is raised at once.
+            BackendError: some questions have no answer. The error is raised after `answers` has yielded all answers that arrived. If the
+                server refuses a request or is unreachable, the error is raised at once.
         """
         down = self._endpoint.down
         down.clear()

@@ -26,7 +26,10 @@ TRUTH_SPACING_M = 0.1
 
 
 class MaterialSource(Protocol):
-    """A callable that returns the scene with a material label on every surface of the room. It shares the meshes of the input scene."""
+    """A callable that returns the scene with a material label on every surface of the room.
+
+    The returned scene shares the mesh objects of the input scene.
+    """
 
     name: ClassVar[str]
 
@@ -114,7 +117,7 @@ class Random:
     also wrong at every larger p.
 
     Args:
-        p: probability that the material label of a surface is wrong.
+        p: probability that a surface gets a wrong material label, 0 to 1.
         seed: seed of the random numbers, used together with name and index of the surface.
         among: "room" draws wrong labels from the categories of the room, "all" from all MINC categories except `other`.
     Raises:

@@ -86,7 +86,8 @@ class Views:
     def _chosen(self, views: list[_View]) -> list[tuple[_View, bool]]:
         """Select the views of one surface that become crops, each with a flag that is True for the crop with the wide margin.
 
-        The last selected view has the wide margin. If too few views are available, the best view is used a second time, as the last view.
+        The last selected view has a wide margin around the surface. If too few views are available, the best view is used a second time, as
+        the last view.
         """
         chosen = _spread(views, self.count)
         if self.count == 1 or not chosen:

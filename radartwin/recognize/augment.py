@@ -41,7 +41,7 @@ def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) ->
 def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) -> Processed:
     """Return a noisy copy of a processed recording, without its Doppler data, with the noise power `noise_power` per range bin.
 
-    If the recording already has noise, only the missing noise power is added. If its noise is stronger than `noise_power`, no noise is
+    If the recording already has noise, only the missing noise power is added. If the recording's noise exceeds `noise_power`, no noise is
     added.
     """
     added = max(0.0, noise_power - float(processed.noise_floor.mean()))

@@ -98,7 +98,7 @@ def changing_range(processed: Processed) -> float:
     """Return the range in metres at which the echo changes most over the frames; the target on a turntable is there, and not a wall.
 
     Raises:
-        InputError: the echo changes at no range.
+        InputError: the echo does not change over the frames at any range.
     """
     moving = np.mean(np.abs(processed.channels - processed.channels.mean(axis=0)) ** 2, axis=(0, 1))
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)

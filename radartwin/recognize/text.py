@@ -46,7 +46,7 @@ def embed(texts: Sequence[str]) -> NDArray[np.float32]:
 
 @functools.cache
 def shipped() -> dict[str, NDArray[np.float32]]:
-    """Read the shipped embeddings as unit vectors, by text. Raise InputError if another model computed them."""
+    """Read the shipped embeddings as unit vectors, by text. Raise InputError if the embeddings come from another language model."""
     content = json.loads(SHIPPED.read_text(encoding="utf-8"))
     if (content["model"], content["weights_sha256"]) != (MODEL, WEIGHTS_SHA256):
         raise InputError(f"{SHIPPED}: the anchors are of {content['model']}, not of {MODEL}; install the package again")

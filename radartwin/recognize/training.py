@@ -35,10 +35,10 @@ def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAU
     epochs. Without simulated rows, the encoder is trained once, for `settings.epochs` epochs.
 
     Args:
-        split: training and test rows; the test rows are not used.
+        split: training and test rows; `fit` uses only the training rows.
         anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
         settings: settings of the training.
-        seed: seed of all random numbers.
+        seed: seed of all random numbers in the training.
     Raises:
         InputError: a class has no text embedding, or `settings.paired` is above 0 without labelled measured recordings.
     """
@@ -138,7 +138,8 @@ def _forward(layers, x):
 def text_loss(z, y, texts, weight, settings: Settings):
     """Return the InfoNCE loss of N radar embeddings (N, T) against the text embeddings (K, T) of all classes.
 
-    If `settings.symmetric` is True, return the mean of this loss and of the loss of each text embedding against the radar embeddings.
+    If `settings.symmetric` is True, return the mean of two InfoNCE losses: radar embeddings against text embeddings, and text against
+    radar.
     """
     import torch
     from torch.nn.functional import cross_entropy

@@ -63,7 +63,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
     """Find all problems of the recording set in a folder. Every recording is read once, one after the other.
 
     Raises:
-        MissingError: the folder does not exist.
+        MissingError: the folder of the recording set does not exist.
     """
     folder, report = Path(folder), Report()
     if not folder.is_dir():

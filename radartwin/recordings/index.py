@@ -50,7 +50,10 @@ class Row:
 
     @property
     def condition(self) -> tuple[Any, ...]:
-        """The values that identify a recording. Any two recordings of a set differ in at least one value of `condition`."""
+        """The values of the index columns that identify a recording.
+
+        Any two recordings of a set differ in at least one value of `condition`.
+        """
         return self.object, self.distance_m, self.room, self.motion, self.repetition
 
     def value(self, column: str) -> Any:

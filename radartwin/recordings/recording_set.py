@@ -9,8 +9,8 @@
                                  if the index has a column start_s
 
 A folder is a recording set if it contains a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A
-recording belongs to the set only if the index has a row for it. This row is written after the recording's files, so a process may be killed
-while it writes a recording. To complete the set after an interrupted write, add the recording of the same name again.
+recording belongs to the set only if the index has a row for it. The row in index.csv is written after the recording's files, so a process
+may be killed while it writes a recording. To complete the set after an interrupted write, add the recording of the same name again.
 """
 
 from __future__ import annotations
@@ -158,7 +158,10 @@ class RecordingSet:
         return recording
 
     def digest(self, row: Row) -> str:
-        """Return 32 hexadecimal digits that change with the content of the recording. Keys of stored results include these digits."""
+        """Return 32 hexadecimal digits that change with the content of the recording.
+
+        Keys of stored results include the digits of `digest`.
+        """
         total = hashlib.sha256()
         for path in recording_files(self.path(row)):
             with path.open("rb") as stream:
@@ -180,7 +183,9 @@ class RecordingSet:
         return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
 
     def add(self, recording: Recording, row: Row, trajectory: str | Path | None = None) -> Row:
-        """Add a recording and its index row to the set, completely or not at all. Several processes may add to one set at the same time.
+        """Add a recording and its index row to the set, completely or not at all.
+
+        Several processes may add to one recording set at the same time.
 
         Args:
             recording: the recording to add.

@@ -85,7 +85,7 @@ def read_log(path: str | Path) -> StudioLog:
 def find_log(capture: Path) -> Path | None:
     """Find the log file of a .bin capture: PREFIX_Raw_LogFile.csv or PREFIX_LogFile.csv in the same folder.
 
-    If neither file exists and the folder contains only one capture and one log, this log is returned. Otherwise None is returned.
+    If neither file exists and the folder contains one capture and one log, the function returns the path of that log; otherwise None.
     """
     prefix = capture_prefix(capture)
     for name in (f"{prefix}_Raw_LogFile.csv", f"{prefix}_LogFile.csv"):

@@ -24,7 +24,10 @@ DISK_NEEDED_GB = 5.0  # free disk space that runs need; the quick profile writes
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor's report. With status `missing` the machine cannot run simulations; with status `note` it can."""
+    """One line of the report that `radartwin doctor` prints.
+
+    With status `missing` the machine cannot run simulations; with status `note` it can.
+    """
 
     topic: str
     status: Literal["ok", "note", "missing"]

@@ -1,7 +1,7 @@
 """Run one job of a sweep for a launcher: run the experiment, write how the job ended to a file, and raise no exception.
 
-An exception in a launcher would lose the remaining jobs of the sweep. Therefore each job writes these files to its own folder, and the
-process that started the sweep reads them:
+An exception in a launcher would lose the remaining jobs of the sweep. Therefore each job writes three files to its own folder. The
+process that started the sweep reads the files:
 
     started        written first; a folder with this file and without outcome.json belongs to a job that was killed
     log.txt        standard error of the job, with the traceback of a programming error
@@ -78,7 +78,7 @@ def job_name(overrides: Sequence[str]) -> str:
 
 
 def job(composed: DictConfig) -> None:
-    """Run one job of a sweep. Hydra's launchers call this function, in any process or on any machine."""
+    """Run one job of a sweep. Hydra's launchers call the function `job`, in any process or on any machine."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 

@@ -1,7 +1,7 @@
 """Run a sweep on a SLURM cluster: hydra-submitit-launcher submits the jobs, and the command squeue reports which jobs still run.
 
 hydra-submitit-launcher itself stops waiting at the first killed job, and waits forever on a cluster without SLURM accounting. In this
-module a job has ended when its file outcome.json exists (radartwin/runs/job.py) or when the SLURM queue no longer contains the job.
+module a job has ended when the job's file outcome.json exists (radartwin/runs/job.py) or when the SLURM queue no longer contains the job.
 """
 
 from __future__ import annotations

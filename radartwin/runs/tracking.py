@@ -159,7 +159,7 @@ class Tracker:
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
-        """Yield a client of MLflow's database while holding the file lock. Errors of the database are raised as BackendError."""
+        """Yield a client of MLflow's database while holding the file lock. An error of MLflow's database is raised as BackendError."""
         with files.lock(self._lock) if self._database else contextlib.nullcontext():
             client = self._connect()
             with _store_errors(self.uri):
@@ -217,7 +217,10 @@ def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
 
 
 def _quieten() -> None:
-    """Switch off mlflow's telemetry, its migration log and its warning about missing git. Call this before the first import of mlflow."""
+    """Switch off mlflow's telemetry, its migration log and its warning about missing git.
+
+    Call `_quieten` before the first import of mlflow.
+    """
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")

@@ -6,7 +6,7 @@ temperature. The value of this process, in standard deviations, is called the te
 temperature state, at both extreme states, and at enough states between them that an object moves at most 0.2 mm between neighbouring
 states. A polynomial in the temperature state is fitted to the simulated room signals and gives the room's signal at every frame. For a path
 straight back to the radar, whose phase is 4 pi s / lambda for a shift s, the error of the polynomial is less than 0.02 of the path's
-amplitude (tested). A shift across the line of sight changes the phase less.
+amplitude (tested). An object's shift across the line of sight changes the echo's phase less than a shift along it.
 
 The default size of the drift is an order of magnitude. A plastic object of half a metre expands by 0.05 mm per degree. Wood and cardboard
 of this length expand by a few tenths of a millimetre if the relative humidity rises by ten per cent. Furniture boards settle and cables

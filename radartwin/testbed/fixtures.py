@@ -1,9 +1,9 @@
 """Build surfaces of the measurement equipment (tripod, rover, turntable drive, cables), which a scan of the room does not contain.
 
-Each function returns surfaces placed relative to the sensor or the target. Their `provenance["fixture"]` marks them, so that the testbed
-can leave some of them out if the difference `Gaps.clutter` has a strength below 1. All parts stay 1 cm apart and 1 cm from other surfaces,
-because faces in contact shadow each other. The sizes are those of ordinary parts: a photographic tripod, a mecanum rover of 40 x 35 cm with
-a mast, and a geared motor in a box. We know of no published drawing of such measurement equipment.
+Each function returns surfaces placed relative to the sensor or the target. The entry `provenance["fixture"]` marks these surfaces, so that
+the testbed can leave some of them out if `Gaps.clutter` is below 1. All parts stay 1 cm apart and 1 cm from other surfaces, because faces
+in contact shadow each other. The sizes are those of ordinary parts: a photographic tripod, a mecanum rover of 40 x 35 cm with a mast, and a
+geared motor in a box. We know of no published drawing of such measurement equipment.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ random numbers at every strength. The default sizes of the deviations were chose
   (radartwin/materials/roughness.py). A nominally smooth metal surface gets a roughness height of 0.1 mm. Any other nominally smooth surface
   gets 0.3 mm, the lower end of the range of 0.3 to 3 mm in the paper's own calibration (implementation section).
 - contents: 10 % of a liquid's permittivity, which is the uncertainty of its recipe (radartwin/materials/containers.py). A vessel also gets
-  an empty space of 5 to 15 % of its height at the top, for its neck and shoulder; this range is an order of magnitude.
+  an empty space of 5 to 15 % of its height at the top, for neck and shoulder; the range of 5 to 15 % is an order of magnitude.
 """
 
 from __future__ import annotations

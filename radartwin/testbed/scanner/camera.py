@@ -17,7 +17,7 @@ NOT_SEEN = -1
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Sight:
-    """The first surface that reflects light along the ray of each pixel. All arrays have shape (h, w).
+    """The first surface that reflects light along the ray of each pixel. All arrays of a `Sight` have the shape (h, w) of the picture.
 
     Attributes:
         depth: float32 depth in metres of the first surface that is not a transparent pane; infinite where the ray leaves the scene.
