@@ -25,7 +25,7 @@ PIXEL_M = 0.004  # default size of a bitmap pixel in metres; a pixel of a phone'
 
 
 class Look(NamedTuple):
-    """Describe a texture: a pattern with its colours and its size.
+    """Describe the texture of a surface: a visible pattern with its colours and its size.
 
     Attributes:
         draw: function of (rng, (h, w), metres per pixel, colours) that draws a bitmap (h, w, 3) with floats in 0..1.

@@ -39,9 +39,9 @@ def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) 
 
 
 def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float) -> None:
-    """Add faces without a plane to a plane that the face touches, if all corners of the face lie near the plane.
+    """Add each face without a plane to a plane that the face touches, if all corners of the face lie near this plane.
 
-    `label` (F,) is changed in place, ring by ring.
+    The function changes the plane number of each face in `label` (F,) in place, one ring of neighbour faces after the other.
     """
     normal, offset = faces.planes(label)
     if len(normal):

@@ -65,7 +65,7 @@ def room(name: str, **options: Any) -> Scene:
 def bench(name: str, height_m: float = ROVER_HEIGHT_M) -> Bench:
     """Return the sensor pose at the rover's start position in a room.
 
-    The sensor looks along +x. Targets stand on the boresight, 0.5 to 2 m from the sensor.
+    The sensor looks along the +x axis of the room. Targets stand on the boresight, 0.5 to 2 m from the sensor.
     """
     if name not in ROOMS:
         raise SceneError(f"there is no room {name!r}; choose {', '.join(ROOMS)}")

@@ -1,8 +1,8 @@
 """Build furniture from closed boxes with outward normals and gaps of a few millimetres between the boxes.
 
 Boxes never touch, because the ray tracer starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other.
-Table legs end 5 mm below the table top, and all furniture stands at a distance `GAP` from floor and walls. Every box is at least 12 mm
-thick. If a surface had a face narrower than 10 mm, the ray tracer would not treat the face as a flat panel and would trace the whole
+Table legs end 5 mm below the table top, and all furniture stands at a distance of 1 cm (`GAP`) from floor and walls. Every box is at least
+12 mm thick. If a surface had a face narrower than 10 mm, the ray tracer would not treat the face as a flat panel and would trace the whole
 surface with wavelength-scale ray tubes.
 """
 

@@ -118,8 +118,8 @@ def lateral_sweep(middle: np.ndarray, length_m: float = 1.2, speed_mps: float = 
 def sweep(start: ArrayLike, direction: ArrayLike, length_m: float, speed_mps: float, rate_hz: float) -> np.ndarray:
     """Return poses (F, 4, 4) of a straight motion at constant speed: up to frame f, the pose has moved by f * speed_mps / rate_hz.
 
-    The path has the length `length_m` along `direction`, in the world frame. The sensor moves only in whole frame steps, so the last frame
-    lies up to a step before the end of the path.
+    The path has the length `length_m` along `direction`, in the world frame. The number of frames is the path length divided by
+    the step per frame, rounded down. The last frame is therefore one to two steps before the end of the path.
     """
     if not (speed_mps > 0 and rate_hz > 0 and length_m):
         raise PoseError("sweep: speed_mps and frame_rate_hz must be positive and length_m not zero")
