@@ -100,8 +100,8 @@ def report_unchanged(output: Path) -> bool:
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """Read {table name: hash (stamp) of the table's files and of everything that they depend on}. The result is empty if the file is
-    absent or damaged, because then all tables are written again.
+    """Read {table name: hash (stamp) of the table's files and of everything that they depend on}. The dictionary is empty if the file with
+    the hashes is absent or damaged; all tables are then written again.
     """
     return read_json(output / "tables" / STAMPS)
 

@@ -150,7 +150,8 @@ def _family(row: Row) -> str:
 def _sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[Row]]]:
     """Group the rows of the table `stability` by parameter sweep (series of scenes or settings of increasing difficulty).
 
-    Returns for each sweep the row of RadarTwin's ray tracer, and the rows of the other methods that have a safe parameter region.
+    Returns for each sweep the row of RadarTwin's ray tracer, and the rows of those other simulation methods that are accurate in a part of
+    the sweep.
     """
     return [
         (own, [row for row in stability if row["sweep"] == own["sweep"] and row is not own and row["value"]])

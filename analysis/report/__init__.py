@@ -29,8 +29,8 @@ def path(output: Path) -> Path:
 def write(sections: Sequence[Section], output: Path) -> Path:
     """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
-    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. The function removes the files
-    of an earlier report.
+    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. Files of an earlier report in
+    the folder are removed.
 
     Raises:
         MissingError: a file of a table is missing or damaged.

@@ -32,7 +32,9 @@ class Stage:
         self._folder = root / STAGE
 
     def take(self, source: Path, part: str) -> str:
-        """Copy a file into a part (figures, tables, gallery or rooms). Returns the file's link relative to the parts folder."""
+        """Copy a file into a part (figures, tables, gallery or rooms). Returns the link to the copied file, relative to the parts
+        folder.
+        """
         link = f"{part}/{source.name}"
         shutil.copyfile(source, self.path(link))
         return link

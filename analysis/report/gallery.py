@@ -64,7 +64,7 @@ def drawn(path: Path, command: str) -> dict[str, Any]:
 def pairs(data: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the picture panels of the upper row that have a panel of equal axis ranges below.
 
-    Each entry holds the panel's title, label, axis ranges and marks, and the values of both panels.
+    Each entry of the returned list holds the panel's title, label, axis ranges and marks, and the values of both panels.
     """
     pictured = [axes for axes in data["axes"] if len(axes["pictures"]) == 1]
     half, found = len(pictured) // 2, []

@@ -1,9 +1,9 @@
 """List the recordings of a measurement campaign, and return each recording; a recording that is not in the store is simulated.
 
 The store holds two results for each recording, `clean` and `processed`. The result `clean` is the recording before
-receiver effects (noise, leakage, ADC). A turntable recording is stored as the radar signals at the traced target angles (aspects). The
-result `processed` is the input of all features. Receiver effects are added when a clean recording is processed; the random seed of these
-effects comes from the recording's name.
+receiver effects (noise, leakage, ADC). A turntable recording is stored as the radar signals at the traced target angles (aspects). All
+features are computed from the stored result `processed`. Receiver effects are added when a clean recording is processed; the random seed
+of these effects comes from the recording's name.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ The measured and the simulated map of the same kind (such as Doppler) have the s
 experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1. If the option is empty,
 the gallery shows the profile's list PAIRS, or the first recordings of a recording set. Dashed lines and rings in the maps mark the
 target's logged position. For a turntable, the Doppler spectrum is computed over the frames of a revolution, so the frame rate limits its
-unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For all other motions, the Doppler map and the
-azimuth map show the middle frame of the recording.
+unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For motions without a turntable, the Doppler
+map and the azimuth map show the middle frame of the recording.
 """
 
 from __future__ import annotations

@@ -77,7 +77,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def make(campaign: Campaign, progress: Progress) -> list[Made]:
-    """Simulate the missing recordings of the campaign. Returns all recordings in the order of `Campaign.plan`."""
+    """Simulate the missing recordings of the campaign. Returns the run times and sizes of all recordings in the order of
+    `Campaign.plan`.
+    """
     wanted = campaign.plan()
     missing = [one for one in wanted if not campaign.holds(*one)]
     gaps = truth.gaps_of(campaign.config)

@@ -3,7 +3,7 @@
 The run time of a recording has a fixed part, such as tracing the room once for a radar at rest, and a part that grows with the number of
 frames. The fixed part and the part per frame are estimated from a recording of all frames of a `Probe` (the frames on which simulator=auto
 compares models) and a recording of half as many frames. The simulation models are timed in turn, in several rounds. A few frames are
-simulated before the timing, so that all kernels are compiled. Each model starts with an empty cache.
+simulated before the timing, so that all kernels are compiled. Each simulation model is timed with a cache that is empty at the start.
 """
 
 from __future__ import annotations

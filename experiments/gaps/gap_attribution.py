@@ -4,9 +4,9 @@ A gap is one kind of difference between simulation and virtual measurement, such
 fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets of gaps that are on. Three numbers describe each gap.
 "Alone" is the loss that the gap causes if all other gaps are off. "Left out" is the decrease of the loss if the gap is switched off while
 all other gaps are on. "Share" is the gap's Shapley value, exact over groups of gaps; the shares of all groups sum to the total loss
-(experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide its effect. The claims were
-written before the first run. The quick profile takes 86 core-seconds on a busy machine; 28 of these core-seconds set up the scanned
-laboratory.
+(experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide its effect. The claims of the gap
+attribution were written before its first run. The quick profile takes 86 core-seconds on a busy machine; 28 of these core-seconds set up
+the scanned laboratory.
 """
 
 from __future__ import annotations
@@ -140,8 +140,8 @@ def check(config: Config) -> None:
 def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
     """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
 
-    The three rows of a gap are its loss alone, its loss if left out, and its share. These rows exist twice: for all objects, and for
-    filled bottles only. `filled` is the mask (recordings,) of the filled bottles.
+    The three rows of a gap are its loss alone, its loss if left out, and its share. The table has these rows once for all objects and once
+    for filled bottles only. `filled` is the mask (recordings,) of the filled bottles.
     """
     rows = RowList(config)
     for score in SCORES:

@@ -1,7 +1,7 @@
 """The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
 A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. Each gap is switched on alone at
-strength 1, in the paper profile also at strength 2. The predicted effects are in experiments/gaps/claims.py.
+strength 1. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
 
 A table row shows one random draw of the gap (set by measured.gap and seed), not a mean over several draws. Roughness takes power from the
 specular reflection, and this power returns as diffuse scatter, so a rougher room can become brighter. The turntable's motor and gear are
@@ -108,7 +108,7 @@ def _add_agreement(
 ) -> None:
     """Add a row for each case with the difference between measurement and simulation with all gaps off.
 
-    The claim compares this difference with the change that finer ray tracing causes.
+    The claim in such a row compares the difference between measurement and simulation with the change that finer ray tracing causes.
     """
     for case in CASES:
         found = case_set.moved(exact[case], base[case])

@@ -184,8 +184,8 @@ def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encode
     embedding is predicted.
 
     For k > 0 labelled revolutions, the class with the nearest centroid of these revolutions is predicted. Labelled revolutions are drawn
-    from one half of each object's recordings, and the accuracy is computed on the remaining half of the recordings. Returns the rows by
-    method; each row has the column `shots` (k).
+    from one half of each object's recordings, and the accuracy is computed on the remaining half of the recordings. Returns {method: table
+    rows}; the column `shots` of each row is the number k of labelled revolutions.
     """
     measured = data.measured
     found: dict[str, list[Mapping[str, Any]]] = {PRETRAINED: [], RAW: [], SCRATCH: []}
@@ -246,7 +246,7 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
 def _domain_accuracy(samples: Samples, seed: int) -> float:
     """Train a linear classifier that separates measured from simulated rows, on half of the recordings.
 
-    Returns the classifier's balanced accuracy on the other half of the recordings.
+    Returns the balanced accuracy of the classifier on the recordings that were not used for training.
     """
     from sklearn.metrics import balanced_accuracy_score
 

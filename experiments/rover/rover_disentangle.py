@@ -128,7 +128,7 @@ def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
 def room_signs(cells: Cells) -> NDArray[np.floating]:
     """Return 1 or 0 for each object, distance, pair of rooms and feature, in one array.
 
-    The value is 1 if the feature changes in the same direction from room to room in measurement and simulation.
+    The entry is 1 if the feature value changes in the same direction between the two rooms in measurement and simulation.
     """
     found = []
     rooms = sorted({room for _, room, _ in cells})

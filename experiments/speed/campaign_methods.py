@@ -52,7 +52,9 @@ class Twin:
 
 
 def twins(full: bool) -> list[Twin]:
-    """Return the compared methods; the default method is the first. `full` adds more settings of the methods."""
+    """Return the compared methods; the default method is the first. If `full` is true, more settings of the compared methods are
+    included.
+    """
     few = [
         Twin(OURS, DEFAULT),
         Twin(OURS, "no room", changed={"materials": VoidMaterials()}),

@@ -178,7 +178,8 @@ def _claims(
 ) -> list[dict[str, Any]]:
     """Return the rows of two claims about a test problem.
 
-    The claims are that the default method is on the Pareto front by both errors, and that it is faster than RF-Genesis as published.
+    The two claims are that the default method is on the Pareto front for signal error and for profile error, and that it is faster than
+    RF-Genesis as published.
     """
     rows = []
 

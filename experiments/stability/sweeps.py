@@ -1,10 +1,10 @@
 """Sweeps that show where simulation methods fail. From value to value of a sweep, a scene becomes harder to simulate or a setting becomes
 coarser.
 
-Each value of a sweep has a known true signal. For sweeps with a single object, the mean power of a frame's samples is compared with closed
-forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). Errors in dB are limited to DYNAMIC_DB,
-which is also the error of a method that returns no signal. Methods without an absolute level get the gain that makes their level of a
-metal sphere at 1 m correct.
+For each value of a sweep, the true radar signal is known. For sweeps with a single object, the mean power of a frame's samples is compared
+with closed forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). Errors in dB are limited to
+DYNAMIC_DB, which is also the error of a method that returns no signal. Methods without an absolute level get the gain that makes their
+level of a metal sphere at 1 m correct.
 """
 
 from __future__ import annotations

@@ -117,7 +117,8 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
     """Read the reflector's recordings: measured, simulated with the room, and simulated without the room ("void").
 
-    The function reads the configured distances (default: all). Each of the three kinds of recordings must exist at each of these distances.
+    The function reads the configured distances (default: all). Measured recordings and both kinds of simulated recordings must exist at
+    each distance.
     """
     sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
     cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]

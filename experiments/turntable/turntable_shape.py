@@ -183,7 +183,7 @@ def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], si
 def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
     """Add rows on the variation of the harmonic ratio with distance, for the corner reflector and as a mean over objects.
 
-    The claim is that the reflector's ratio varies less with distance than the ratio varies between objects.
+    The claim is that the harmonic ratio of the corner reflector varies less with distance than the harmonic ratio varies between objects.
     """
     seeds = rows.config.profile.resamples, rows.config.seed
     metric = "variation over distance"

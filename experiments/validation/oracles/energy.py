@@ -145,7 +145,7 @@ def _diffuse(full: bool) -> Finding:
 def lambert_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, wavelength_m: float) -> float:
     """Return the ratio of diffuse received power to transmitted power of a concrete rectangle at x = 0, by Gauss-Legendre quadrature.
 
-    Both antennas are polarised along z.
+    The transmit and receive antennas are polarised along z.
     """
     nodes, weights = np.polynomial.legendre.leggauss(200)
     (y0, z0), (y1, z1) = corners[0, 1:], corners[2, 1:]

@@ -112,7 +112,8 @@ class Room:
     def _met_along(
         self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
     ) -> tuple[list[int] | None, np.ndarray]:
-        """Follow the line to an image, shifted by `aside`. Returns the surface hit at each wall, and the points (P, 3) in the room.
+        """Follow the line to an image, shifted by `aside`. Returns the surface that the line hits at each wall, and the points (P, 3) of
+        the line folded back into the room.
 
         The returned surfaces are None if the line leaves the room through an opening.
         """
