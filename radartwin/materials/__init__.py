@@ -1,7 +1,7 @@
-"""Compute the electromagnetics of surfaces: permittivity, reflection and transmission of layers, roughness.
+"""Compute the electromagnetic properties of surfaces: permittivity, reflection and transmission of layers, and roughness loss.
 
-A material is a plain name (a half-space), a name with factors (see `permittivity_by_name`) or a `Layered` stack. This package does not
-import `radartwin.scene`.
+A material is given by its name, which means a half-space of the material, by a name with factors on the permittivity (see
+`permittivity_by_name`), or by a `Layered` stack. This package does not import `radartwin.scene`.
 """
 
 from radartwin.materials.layers import Layered, reflection, transmission

@@ -7,19 +7,20 @@ Water follows the double-Debye model of H. Liebe, G. Hufford, T. Manabe, Int. J.
 relaxation frequencies gamma in GHz: eps = eps_0 - f [(eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2)].
 Ethanol follows the triple-Debye fit of J. Kindt, C. Schmuttenmaer, J. Phys. Chem. 100 (1996) 10373, at 25 C.
 
-All other liquids are mixtures by the law of H. Looyenga, Physica 31 (1965) 401: the cube root of the permittivity is the average of the
-cube roots, weighted by the volume fractions. The law treats all components alike and is exact to second order in their contrast. For oil
-drops in water, up to a quarter of oil, its surface reflection differs from that of Hanai's law by less than 0.2 dB. The fractions are the
-rounded composition of an ordinary product. Dissolved and suspended solids have the permittivity SOLIDS. Salt is left out: 3 % of salt adds
-1.0 to eps'' at 77 GHz, which changes the reflection by at most 0.3 dB. The composition of a product is uncertain by as much, about 10 % of
-eps.
+All other liquids are mixtures by the law of H. Looyenga, Physica 31 (1965) 401. By this law, the cube root of the permittivity of a mixture
+is the average of the cube roots of the permittivities of its components, weighted by their volume fractions. The law is exact to second
+order in the contrast of the components. For oil drops in water, with up to a quarter of oil, the surface reflection by this law differs
+from that by Hanai's law by less than 0.2 dB. The volume fractions are the rounded composition of an ordinary product. Dissolved and
+suspended solids have the permittivity SOLIDS. The model leaves out salt. A salt content of 3 % would add 1.0 to the imaginary part
+of the permittivity at 77 GHz, which changes the reflection by at most 0.3 dB. The unknown composition of a product causes a similar
+uncertainty, about 10 % of the permittivity.
 """
 
 import numpy as np
 
 from radartwin.errors import MaterialError
 
-CONSTANT_HZ = (10e9, 100e9)  # range of CONSTANT; air and vacuum have no such limit
+CONSTANT_HZ = (10e9, 100e9)  # frequency range in which the permittivities in CONSTANT are valid; air and vacuum are valid everywhere
 CONSTANT = {
     "pet": 2.9 * (1 - 0.01j),
     "hdpe": 2.31 * (1 - 0.0003j),
@@ -30,7 +31,7 @@ CONSTANT = {
 EMPTY = ("air", "vacuum")
 SOLIDS = 2.7 * (1 - 0.02j)  # dry sugar, starch and protein: 2.5 to 3 (S. Nelson, IEEE Trans. Electr. Insul. 26 (1991) 845)
 
-# Volume fractions; the rest is water.
+# Volume fractions of the components of each liquid mixture; the remaining volume is water.
 RECIPES = {
     "mouthwash": {"ethanol": 0.22},  # 21.6 % by volume on the label of the classic antiseptic kind
     "detergent": {"oil": 0.25, "ethanol": 0.03},  # hand dishwashing: 15 to 30 % surfactants (label classes of EC 648/2004), a solvent
@@ -47,7 +48,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     Water is at 20 C, ethanol and oil at room temperature.
 
     Raises:
-        MaterialError: a frequency outside the range of a model.
+        MaterialError: a frequency is outside the range in which the model of the material is valid.
 
     >>> complex(np.round(permittivity("mustard", 77e9), 1))
     (8.1-12.4j)
@@ -80,7 +81,7 @@ def water(frequency_hz: np.ndarray | float) -> np.ndarray:
     """Compute the complex relative permittivity of pure water at 20 C, eta' - j eta'', up to 1 THz.
 
     Raises:
-        MaterialError: a frequency above 1 THz.
+        MaterialError: a frequency is above 1 THz.
 
     >>> complex(np.round(water(77e9), 1))
     (8.8-15.9j)

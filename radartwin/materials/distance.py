@@ -3,10 +3,11 @@
     L(theta) = 10 log10 mean over the sweep of (|te|^2 + |tm|^2)/2          reflectivity, limited to FLOOR_DB from below
     d(A, B)  = mean over theta = 0, 2, ..., 80 degrees of |L_A - L_B|
 
-The field is unpolarised because the surfaces of a room have all orientations. The power is averaged over the sweep of the
-default radar, 77 to 80.4 GHz, because an echo contains the whole sweep. At a single frequency, the interference of the reflections from
-both faces of a wall would change with a millimetre of wall thickness. Roughness is not included because it redistributes power and does
-not absorb it. d is a metric, except that d is also 0 between different materials of equal reflectivity.
+Here te and tm are the reflection coefficients at the angle of incidence theta. The definition assumes an unpolarised field, because the
+surfaces of a room have all orientations. It averages the power over the frequency sweep of the default radar, 77 to 80.4 GHz, because an
+echo contains the whole sweep. At a single frequency, the interference of the reflections from both faces of a wall would change with a
+millimetre of wall thickness. The distance does not include roughness, because roughness redistributes power and does not absorb it. The
+distance d is a metric, except that d is also 0 between different materials of equal reflectivity.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ from radartwin.materials.permittivity_by_name import permittivity, split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
-FLOOR_DB = -40.0  # weaker reflections do not count: this level is about 30 dB below plaster, as are the diffuse echoes of a room
+# Lower limit of the reflectivity in dB. The limit is about 30 dB below the reflectivity of plaster, like the diffuse echoes of a room.
+FLOOR_DB = -40.0
 
 
 def reflectivity_db(
     material: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ, incidence_deg: np.ndarray = INCIDENCE_DEG
 ) -> np.ndarray:
-    """Compute the unpolarised reflectivity, averaged over the frequencies, in dB, at least FLOOR_DB, shape of `incidence_deg`.
+    """Compute the reflectivity of a material for an unpolarised field in dB, averaged over the frequencies and at least FLOOR_DB.
+
+    The result has the shape of `incidence_deg`.
 
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.

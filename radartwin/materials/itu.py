@@ -90,10 +90,10 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     """Compute the complex relative permittivity eta' - j eta'' of a material (time convention exp(+j omega t)).
 
     Args:
-        name: a row of P2040.
-        frequency_hz: shape (...,).
+        name: material name, a key of P2040.
+        frequency_hz: frequencies (...,) in Hz.
     Returns:
-        complex, shape (...,).
+        Complex relative permittivity (...,).
     Raises:
         MaterialError: the name is unknown, or neither the material nor its substitute has a fit at a frequency.
     Warns:
@@ -122,7 +122,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
 
 
 def _fit(name: str, frequency_ghz: np.ndarray) -> Fit | None:
-    """Return the first row of the table that is valid at all these frequencies, or None."""
+    """Return the first fit of a material in the table P2040 that is valid at all given frequencies, or None if no fit is valid."""
     low, high = float(frequency_ghz.min()), float(frequency_ghz.max())
     return next((fit for fit in P2040[name] if fit.low_ghz <= low and high <= fit.high_ghz), None)
 

@@ -1,10 +1,11 @@
 """Compute the reflection and transmission of layered walls and bottles for plane waves. Ref: ITU-R P.2040-4, section 2.2.2.
 
-Symbols: R_e, R_m, T_e, T_m -> te, tm (electric field perpendicular / parallel to the plane of incidence), theta_0 -> incidence,
-eta -> permittivity. The time convention is exp(+j omega t), so a lossy medium has eta' - j eta''. The coefficient tm relates the electric
-field along e_r = k_r x s of the reflected wave to the field along e_i = k_i x s of the incident wave (k: direction of the wave, s: unit
-vector perpendicular to the plane of incidence). A perfect conductor therefore has te = -1 and tm = +1, and at normal incidence tm = -te.
-For transmission, both fields are along e_i, so that without a stack both coefficients are 1.
+Symbols of the reference and their names in the code: R_e and T_e -> te (electric field perpendicular to the plane of incidence), R_m and
+T_m -> tm (electric field parallel to the plane of incidence), theta_0 -> incidence, eta -> permittivity. The time convention is
+exp(+j omega t), so a lossy medium has the permittivity eta' - j eta''. The reflection coefficient tm is the ratio of the reflected electric
+field along e_r = k_r x s to the incident electric field along e_i = k_i x s. Here k_i and k_r are the directions of the incident and the
+reflected wave, and s is the unit vector perpendicular to the plane of incidence. A perfect conductor therefore has te = -1 and tm = +1, and
+at normal incidence tm = -te. For transmission, both fields are along e_i, so that both coefficients are 1 if there are no layers.
 """
 
 import numbers
@@ -26,8 +27,8 @@ class Layered:
     """Describe a stack of homogeneous layers that a wave meets from air.
 
     Attributes:
-        layers: (material name, thickness in metres), the outermost first.
-        backing: the half-space behind the last layer: "air" or a material name.
+        layers: pairs (material name, thickness in metres), from the outermost to the innermost layer.
+        backing: material name of the half-space behind the last layer, for example "air".
     """
 
     layers: tuple[tuple[str, float], ...]
@@ -54,12 +55,12 @@ def reflection(
     """Compute the complex reflection coefficients (te, tm) of a material for a wave from air.
 
     Args:
-        material: a name (half-space) or a stack.
-        cos_incidence: cosine of the angle from the normal, broadcastable with `frequency_hz`.
-        frequency_hz: frequencies at which the materials are evaluated.
-        roughness_m: rms height of the surface; Ament's factor multiplies both coefficients.
+        material: name of a material, which then fills a half-space, or a stack of layers.
+        cos_incidence: cosine of the angle of incidence from the normal, broadcastable with `frequency_hz`.
+        frequency_hz: frequencies in Hz.
+        roughness_m: rms height of the surface in metres; Ament's roughness factor multiplies both coefficients.
     Returns:
-        te, tm: complex, of the broadcast shape.
+        te, tm: complex TE and TM reflection coefficients, of the broadcast shape.
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
     """
@@ -112,12 +113,12 @@ def transmission(
 
 
 def _layers(stack: Layered, frequency_hz: np.ndarray) -> tuple[list[np.ndarray], list[float]]:
-    """Return the permittivity and the thickness in metres of every layer."""
+    """Return the complex permittivity and the thickness in metres of every layer of a stack."""
     return [permittivity(name, frequency_hz) for name, _ in stack.layers], [thickness for _, thickness in stack.layers]
 
 
 class Coefficients(NamedTuple):
-    """Hold the coefficients of a stack; TM coefficients are ratios of the electric field in the plane of incidence."""
+    """Hold the reflection and transmission coefficients of a stack; all coefficients are ratios of electric fields."""
 
     reflected_te: np.ndarray
     reflected_tm: np.ndarray
@@ -138,14 +139,14 @@ def stack_coefficients(
 
     Args:
         permittivities: one complex array per layer, outermost first, broadcastable with `cos_incidence`.
-        thicknesses_m: one per layer.
-        backing: complex permittivity behind the last layer.
-        cos_incidence: cosine of the angle from the normal in air, shape (...,), 0 < cos <= 1.
-        frequency_hz: broadcastable with `cos_incidence`.
+        thicknesses_m: thickness of each layer in metres.
+        backing: complex permittivity of the half-space behind the last layer.
+        cos_incidence: cosine (...,) of the angle of incidence from the normal in air, above 0 and at most 1.
+        frequency_hz: frequencies in Hz, broadcastable with `cos_incidence`.
     Returns:
-        Coefficients of the broadcast shape. Transmission is the field just behind the stack over the field just in front.
+        Coefficients of the broadcast shape. A transmission coefficient is the field just behind the stack over the field just in front.
     Raises:
-        MaterialError: a permittivity with gain.
+        MaterialError: a permittivity has gain, that is, a positive imaginary part.
 
     >>> half_space = stack_coefficients([], [], np.array(4.0 + 0j), np.array(1.0), np.array(77e9))
     >>> complex(np.round(half_space.reflected_te, 6)), complex(np.round(half_space.reflected_tm, 6))

@@ -1,14 +1,15 @@
-"""Map each of the 23 categories of the MINC data set to a material at 77 GHz, in the table `MINC`.
+"""Map each of the 23 material categories of the MINC image data set to a material at 77 GHz, in the table `MINC`.
 
-Categories: S. Bell, P. Upchurch, N. Snavely, K. Bala, Material Recognition in the Wild with the Materials in Context Database, CVPR 2015.
-Materials: rows of ITU-R P.2040-4 and the plastics and liquids of this package, as half-spaces or as the usual layers of such a surface
-(its build-up). If several build-ups are common, the table has the build-up with the smallest `distance_db` to the others, and the note
-gives their distances in dB.
+S. Bell, P. Upchurch, N. Snavely, K. Bala, Material Recognition in the Wild with the Materials in Context Database, CVPR 2015, define the
+categories. The materials are those of ITU-R P.2040-4 and the plastics and liquids of this package. A category has either a half-space of a
+material or a stack with the usual layers of such a surface (its build-up). If several build-ups are common for a category, the table
+contains the build-up with the smallest `distance_db` to the other common build-ups. The field `note` gives the distances in dB.
 
-Frequencies: a P.2040 row is used inside its fitted range only (concrete, plasterboard, wood, glass, ceiling board, chipboard and metal
-from 1 to 100 GHz, floorboard from 50). The fits of brick, marble and carpet tile end at 40 to 60 GHz. The table still names these three
-materials, so that a radar at a lower frequency uses their own fits. At 77 GHz `itu.STAND_INS` replaces them by substitute materials, with a
-StandInWarning. Above 100 GHz only materials with a second fit have values. Plastics and oil have values from 10 to 100 GHz.
+The package uses a P.2040 fit only inside its frequency range. The fits of concrete, plasterboard, wood, glass, ceiling board, chipboard and
+metal include 1 to 100 GHz, and that of floorboard 50 to 100 GHz. The fits of brick, marble and carpet tile end at 40 to 60 GHz. The table
+still names these three materials, so that a radar at a lower frequency uses their own fits. At 77 GHz, `itu.STAND_INS` replaces them by
+substitute materials, with a StandInWarning. Above 100 GHz, only materials with a second fit have values. Plastics and oil have values from
+10 to 100 GHz.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ FREQUENCY_HZ = 77e9
 
 @dataclass(frozen=True)
 class Row:
-    """Describe the material of one category."""
+    """Describe the material of one MINC category."""
 
-    material: str | Layered
-    proxy: bool  # whether the material is a substitute at every frequency, because no material describes the category itself
-    source: str  # of the build-up or of the permittivity
-    note: str  # remaining uncertainty
-    texture: str  # class of `radartwin.materials.roughness.CLASSES` that defines the roughness
-    # whether common build-ups of the category differ by more than 2.5 dB of `distance_db`; for example, the category does not determine
-    # the wall under a paint or the thickness of a plastic
+    material: str | Layered  # material name, for a half-space, or a stack of layers
+    proxy: bool  # whether the material is a substitute at every frequency, because the package has no material for the category itself
+    source: str  # source of the layers or of the permittivity
+    note: str  # explanation of the remaining uncertainty
+    texture: str  # class of `radartwin.materials.roughness.CLASSES` that defines the surface roughness
+    # Whether common layer stacks of the category differ by more than 2.5 dB in `distance_db`. For example, the category does not determine
+    # the wall under a paint or the thickness of a plastic.
     uncertain: bool = False
 
     @property
@@ -42,30 +43,33 @@ class Row:
         return roughness_m(self.texture)
 
     def stand_in(self, frequency_hz: float = FREQUENCY_HZ, exact: bool = False) -> bool:
-        """Return whether the material is a substitute: `proxy` is set, it has no fit at this frequency, or the build-up is uncertain.
+        """Return whether the material is a substitute for the category's real material.
+
+        The material is a substitute if `proxy` is true, if it has no fit at this frequency, or if the layer stack is uncertain.
 
         Args:
-            exact: whether the build-up is known from elsewhere; `uncertain` then has no effect.
+            frequency_hz: frequency in Hz.
+            exact: whether the layer stack is known from another source; the field `uncertain` then has no effect.
         """
         unknown = self.uncertain and not exact
         return self.proxy or unknown or not all(in_range(name, frequency_hz) for name in names_in(self.material))
 
 
 def names_in(material: str | Layered) -> tuple[str, ...]:
-    """Return the names of all plain materials of a half-space or stack, outermost first, the backing last."""
+    """Return the names of all plain materials of a half-space or layer stack, from the outermost layer to the backing."""
     return (material,) if isinstance(material, str) else (*(name for name, _ in material.layers), material.backing)
 
 
 _BOARD_ON_STUDS = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
 _BUILDING = "building practice (EN 520 board of 12.5 mm, studs of 75 mm)"
-# The usual layers of a plain material, for labels that name a material instead of a category.
+# The usual layers of a surface for material labels that name a plain material instead of a MINC category.
 BUILD_UPS: dict[str, Layered] = {
     "plasterboard": _BOARD_ON_STUDS,
     "ceiling_board": Layered([("ceiling_board", 0.015)]),  # EN 13964 mineral tiles of 15 to 19 mm, a void above
     "chipboard": Layered([("chipboard", 0.018)]),  # EN 312 furniture board
     "floorboard": Layered([("floorboard", 0.008)], backing="concrete"),  # EN 13329 laminate on a slab
 }
-COVERED = ("painted", "wallpaper")  # these categories describe the finish of a wall, not the layers below it
+COVERED = ("painted", "wallpaper")  # categories that describe the finish of a wall, but not the layers below the finish
 _ACCONEER = "60 GHz values of docs/pcr_tech/radar_principles, Acconeer (Clear BSD)"
 
 MINC: dict[str, Row] = {
@@ -118,7 +122,7 @@ ROOM = tuple(category for category in CATEGORIES if category not in NOT_OF_A_ROO
 
 
 def row(category: str) -> Row:
-    """Return the row of a category.
+    """Return the row of the table `MINC` for a category.
 
     Raises:
         MaterialError: the name is not one of the 23 categories; `radartwin.materials.names.resolve` accepts other names.

@@ -1,8 +1,9 @@
-"""Resolve names of materials outside MINC and P.2040 to the known material with the most similar reflection.
+"""Find the known material for a material name that is neither a MINC category nor a material of ITU-R P.2040.
 
-Two tables exist. SYNONYMS lists other words for a known material (drywall, steel). PERMITTIVITY lists further materials. Each of them
-resolves to air or to a P.2040 material with a fit at 77 GHz, whichever half-space reflects most alike (`distance.closest`). Porcelain, for
-example, resolves to glass because its permittivity is 6.0. There is no default material: a name in neither table is refused.
+The module has two tables. The table SYNONYMS lists other words for a known material, such as drywall or steel. The table PERMITTIVITY lists
+further materials with their permittivity. For such a material, the module chooses air or a P.2040 material with a fit at 77 GHz, whichever
+half-space has the most similar reflection (`distance.closest`). For example, it replaces porcelain by glass, because the permittivity of
+porcelain is 6.0. There is no default material: the module refuses a name that is in neither table.
 
 Sources of PERMITTIVITY, real part and loss tangent at 60 to 100 GHz: [L] J. Lamb, Int. J. Infrared and Millimeter Waves 17 (1996) 1997;
 [A] 60 GHz values of docs/pcr_tech/radar_principles, Acconeer; [D] data sheets and handbooks at microwave frequencies. The loss tangents of
@@ -80,9 +81,9 @@ _SPELLINGS = {"fiberglass": "fibreglass", "teflon": "ptfe", "styrofoam": "foam",
 class Resolved:
     """Hold the material that a name resolves to."""
 
-    name: str  # in lower case with underscores
-    material: str | Layered
-    category: str | None  # MINC category; None for a plain material
+    name: str  # material name in lower case, with underscores instead of spaces
+    material: str | Layered  # known material: a name (half-space) or a stack of layers
+    category: str | None  # MINC category of the material; None for a plain material
     stand_in: bool  # whether the material is a substitute at 77 GHz
 
 

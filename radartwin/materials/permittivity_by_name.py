@@ -1,7 +1,8 @@
-"""Compute the permittivity of a named material: P.2040 materials, plastics and liquids.
+"""Compute the permittivity of a material from its name. The known materials are those of ITU-R P.2040 and some plastics and liquids.
 
-A name may have factors on the permittivity, which model the spread between samples of one material: `plasterboard~1.0500~0.8000` has 1.05
-times the real permittivity and 0.8 times the loss of plasterboard. Every function that accepts a material name accepts such a name.
+A material name may end with two factors on the permittivity, which model the spread between samples of one material. For example,
+`plasterboard~1.0500~0.8000` has 1.05 times the real part and 0.8 times the imaginary part (loss) of the permittivity of plasterboard. Every
+function that accepts a material name also accepts a name with factors.
 """
 
 import difflib
@@ -15,13 +16,13 @@ from radartwin.materials import containers, itu
 
 MATERIAL_NAMES = tuple(sorted({*itu.P2040, *containers.NAMES}))
 
-# Thickness in metres of each plain name that means a slab instead of a half-space; empty, because every plain name is a half-space.
+# Thickness in metres of each material whose plain name means a slab. The mapping is empty, because every plain name means a half-space.
 MATERIAL_THICKNESS: dict[str, float] = {}
 _MARK = "~"
 
 
 def check_name(name: str) -> None:
-    """Raise MaterialError, with the most similar known names, unless `name` is a material."""
+    """Raise MaterialError if `name` is not the name of a known material. The error message gives the most similar known names."""
     if split(name)[0] not in MATERIAL_NAMES:
         near = difflib.get_close_matches(str(name), MATERIAL_NAMES, 2)
         hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(MATERIAL_NAMES)}"
@@ -29,7 +30,7 @@ def check_name(name: str) -> None:
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> NDArray[np.complex128]:
-    """Compute the complex relative permittivity eta' - j eta'' of a named material, shape of `frequency_hz`."""
+    """Compute the complex relative permittivity eta' - j eta'' of a named material. The result has the shape of `frequency_hz`."""
     check_name(name)
     name, real, loss = split(name)
     if real != 1 or loss != 1:
@@ -39,7 +40,9 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> NDArray[np.comp
 
 
 def varied(name: str, real: float, loss: float) -> str:
-    """Return the material name with factors on real permittivity and loss, to four decimals. Factors that `name` already has multiply.
+    """Return the material name `name` with the factors `real` and `loss` on the real and imaginary part of the permittivity.
+
+    If `name` already has factors, the function multiplies them by `real` and `loss`. It rounds all factors to four decimals.
 
     >>> varied("glass", 1.05, 0.8)
     'glass~1.0500~0.8000'
@@ -49,9 +52,9 @@ def varied(name: str, real: float, loss: float) -> str:
 
 
 def split(name: str) -> tuple[str, float, float]:
-    """Split a material name into the plain name, the factor on the real permittivity and the factor on the loss.
+    """Split a material name into the plain name and the factors on the real and the imaginary part of the permittivity.
 
-    Both factors are 1 for a plain name.
+    Both factors are 1 if the name has no factors.
 
     Raises:
         MaterialError: the name does not end with two numbers, the first factor is not positive, or the second factor is negative.
