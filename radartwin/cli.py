@@ -1,8 +1,8 @@
 """Run the command line, and turn errors into an exit status and a one-line message. The folder radartwin/commands holds the arguments and
 the commands.
 
-The exit status is 0 if the command finished and 1 if a run failed. It is 2 if the user's input is wrong; the command then prints one line
-on standard error and no traceback.
+The exit status is 0 if the command finished and 1 if a run failed. The exit status is 2 if the user's input is wrong; the command then
+prints one line on standard error and no traceback.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Compile functions with Numba, and run compiled functions on all processor cores.
 
-Numba caches the machine code in the folder of the source file. If that folder is read-only, Numba uses the user's cache folder, and if that
-is read-only too, memory.
+Numba caches the machine code in the folder of the source file. If the folder of the source file is read-only, Numba caches the machine code
+in the user's cache folder. If both folders are read-only, the machine code stays in memory only.
 """
 
 import os

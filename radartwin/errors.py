@@ -1,7 +1,8 @@
 """Exceptions for errors that the user can correct.
 
-Each exception is also a ValueError or an OSError. Its message is one line that says what is wrong, where, and what to do. The command line
-prints this line and exits with status 2. Every other exception is a defect of the program, and the command line shows its traceback.
+Each exception is also a ValueError or an OSError. The message of the exception is one line that says what is wrong, where, and what to do.
+The command line prints this line and exits with status 2. Every other exception is a defect of the program, and the command line shows its
+traceback.
 """
 
 

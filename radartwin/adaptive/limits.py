@@ -1,12 +1,13 @@
 """Repeatability limit of each radar feature: the largest change that a simulation setting may cause.
 
 If the same object is set up and recorded twice, a feature of the two recordings differs by less than its repeatability limit with a
-probability of 95 %. The limit is sqrt(2) t s, with s the standard deviation of the feature between such recordings and t Student's quantile
-for the degrees of freedom of s (ISO 5725-6:1994, 4.1.4; the limit tends to 2.8 s for many recordings). The limit of a whole range profile
-is the 95 % quantile of the root mean square difference in decibels between the profiles of two recordings. Each object has its own limits,
-but no limit is below MIN_SHARE times the limit pooled over all objects. Without this lower bound, a feature that hardly varies would get a
-limit that is too small, for example the multipath power fraction of an object much brighter than its room. The shipped limits come from
-simulated recordings of the testbed, the virtual measurement campaign; experiments/generators/repeatability.py writes them.
+probability of 95 %. The repeatability limit of a feature is sqrt(2) t s, with s the standard deviation of the feature between repeated
+recordings and t Student's quantile for the degrees of freedom of s (ISO 5725-6:1994, 4.1.4; the limit tends to 2.8 s for many recordings).
+The repeatability limit of a whole range profile is the 95 % quantile of the root mean square difference in decibels between the profiles of
+two recordings. Each object has its own limits, but no limit is below MIN_SHARE times the limit pooled over all objects. Without the lower
+bound MIN_SHARE, a feature that hardly varies would get a limit that is too small, for example the multipath power fraction of an object
+much brighter than its room. The shipped limits come from simulated recordings of the testbed, the virtual measurement campaign;
+experiments/generators/repeatability.py writes them.
 """
 
 from __future__ import annotations
@@ -76,7 +77,9 @@ class Limits:
 
 
 def distances(names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """Return {feature: absolute difference from the reference}. All strong bins of a range profile count as a single feature, PROFILE."""
+    """Return {feature: absolute difference from the reference}. The strong bins of a range profile count as a single feature, which is
+    named PROFILE.
+    """
     apart = np.abs(np.asarray(values) - reference)
     bins = np.array([name.startswith(_BIN) for name in names])
     found = {name: float(d) for name, d, is_bin in zip(names, apart, bins, strict=True) if not is_bin}

@@ -27,8 +27,8 @@ class Model:
         parts: simulated parts of the room: "none", "large" (surfaces with an extent of at least LARGE_M) or "whole".
         max_bounces, coupling, diffuse, rays_per_wavelength2: the options of the same names in `TraceSettings`.
         elements: "planar" or "exact", the option of the same name in `simulate`.
-        layered: whether walls and objects have layers. If False, each surface is a half-space of its outermost material. The search always
-            simulates the layers, because layers take no additional time.
+        layered: whether walls and objects have layers. If `layered` is False, each surface is a half-space of its outermost material. The
+            search always simulates the layers, because layers take no additional time.
     """
 
     parts: str = WHOLE

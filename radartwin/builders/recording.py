@@ -73,7 +73,7 @@ class Setup:
 def build_setup(
     radar_config: RadarConfig, scene: SceneConfig, materials: MaterialsConfig, trajectory: TrajectoryConfig, seed: int = 0
 ) -> Setup:
-    """Build radar, room, target and poses of a recording. Raises UserError if they do not fit together."""
+    """Build radar, room, target and poses of a recording. Raises UserError if radar, room, target and poses do not fit together."""
     radar = build_radar(radar_config)
     room = build_room(scene, materials, seed)
     provenance = describe_room(room, scene, materials)

@@ -33,7 +33,8 @@ MOTION_FAMILIES = {  # feature families of each motion with a known repeatabilit
 def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
     """Return the names of the feature families that must stay within their repeatability limits.
 
-    The result holds the families of the configured feature set. For features=raw, it holds all families that are defined for the motion.
+    The result holds the feature families of the configured feature set. For features=raw, the result holds all feature families that are
+    defined for the motion.
 
     Raises:
         ConfigError: the repeatability of features is unknown for the motion, or the configured feature set belongs to another motion.

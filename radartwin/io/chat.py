@@ -1,9 +1,9 @@
 """Ask a language model on an OpenAI-compatible server: vLLM, Ollama, LM Studio or a commercial service.
 
 The client sends POST URL/chat/completions with a JSON schema that the model's answer must follow. After a time-out or an HTTP status code
-in RETRIED, the client sends the request again, with growing pauses or with the pause in the server's Retry-After header. Any other error
-ends the request. The API key comes from an environment variable and is never written to a file. docs/decisions/012-own-or-library.md
-explains why the openai package is not used.
+in RETRIED, the client sends the request again, with growing pauses or with the pause in the server's Retry-After header. If the server
+returns any other error, the client does not try again. The API key comes from an environment variable and is never written to a file.
+docs/decisions/012-own-or-library.md explains why the openai package is not used.
 """
 
 from __future__ import annotations
@@ -29,12 +29,15 @@ LONGEST_PAUSE_S = 120.0
 
 
 class NoAnswerInTime(BackendError):
-    """Raised if every try of a request timed out. Later requests may still succeed, whereas after any other error they would fail too."""
+    """Raised if every try of a request timed out. After this error, later requests may still succeed; after any other error, later requests
+    would fail too.
+    """
 
 
 @dataclass
 class Endpoint:
-    """Describe a server and the name of a language model on it. Several threads may share the object.
+    """Hold the URL of a chat server and the name of a language model on this server, and send requests to the server. Several threads may
+    share the object.
 
     Args:
         url: base URL of the server's API, including /v1.

@@ -186,10 +186,10 @@ def sync(path: Path, deep: bool = True) -> None:
 
 @contextlib.contextmanager
 def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
-    """Hold a lock on the file `path` within the `with` block, so that other processes wait. The file exists only while a process holds the
-    lock or waits for it.
+    """Hold a lock on the file `path` within the `with` block, so that other processes wait. The lock file exists only while a process holds
+    the lock or waits for the lock.
 
-    If a process dies, the operating system releases its lock.
+    If a process dies, the operating system releases the file locks that the process holds.
 
     Args:
         waiting: function that is called once if another process holds the lock.
@@ -248,8 +248,8 @@ def drop_abandoned(folder: Path) -> None:
     """Remove a folder that a dead process left incomplete, unless a living process holds the folder's lock FOLDER/lock or waits for this
     lock.
 
-    This function holds the lock until the folder is empty, so a process that wants to fill the folder waits and then starts with an empty
-    folder.
+    The function `drop_abandoned` holds the lock until the folder is empty, so that a process that wants to fill the folder waits and then
+    starts with an empty folder.
     """
     with contextlib.suppress(OSError):
         folder.rmdir()  # an empty folder is from a process that was killed before it held the lock

@@ -20,8 +20,8 @@ _PAD_BYTES = 1 << 28
 def keep_freed() -> None:
     """Make this process keep the memory that it frees, if its C library is the GNU C library.
 
-    The memory of the process then stays at its largest size until `give_back` is called. This function does not affect the memory of
-    Dr.Jit, which manages its own memory.
+    The memory of the process then stays at its largest size until `give_back` is called. The function `keep_freed` does not affect the
+    memory of Dr.Jit, which manages its own memory.
     """
     with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library
         mallopt = ctypes.CDLL(None).mallopt
@@ -48,7 +48,9 @@ def resident_bytes(pid: int) -> float:
 
 
 def free_bytes() -> float:
-    """Return the available memory of the machine in bytes. If the system does not report it, return half of the total memory."""
+    """Return the available memory of the machine in bytes. If the system does not report the available memory, return half of the total
+    memory.
+    """
     try:
         with open("/proc/meminfo", encoding="ascii") as status:
             return next(1024.0 * int(line.split()[1]) for line in status if line.startswith("MemAvailable"))

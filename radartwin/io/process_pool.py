@@ -1,4 +1,4 @@
-"""A pool of worker processes that end when their parent process ends. It is built on concurrent.futures
+"""A pool of worker processes that end when their parent process ends. The pool is built on concurrent.futures
 (docs/decisions/011-worker-pool.md).
 """
 

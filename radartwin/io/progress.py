@@ -38,7 +38,9 @@ class Progress:
 
     @contextlib.contextmanager
     def task(self, label: str, total: int | None = None) -> Iterator[Callable[[], None]]:
-        """Show the progress of work with `total` steps. Call the yielded function after each step."""
+        """Show the progress of work with `total` steps. The `with` block gets a function that the caller must call after each step of the
+        work.
+        """
         if self._quiet:
             yield lambda: None
         elif self._terminal:

@@ -25,8 +25,8 @@ def load(text: str | bytes) -> Any:
 
 
 def read(path: Path) -> Any:
-    """Parse a JSON file in UTF-8. Raises ValueError for the same reasons as `load`, and OSError. A file that is too large is not read
-    completely.
+    """Parse a JSON file in UTF-8. Raises ValueError for the same reasons as `load`, and OSError. The function does not read the whole of a
+    file that is larger than MAX_BYTES.
     """
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)

@@ -1,8 +1,8 @@
 """Write a figure as one HTML page on which the reader can zoom, pan, and read data values with pointer or keys. The page works offline.
 
-The page shows Matplotlib's vector drawing of the figure. It also contains the data of the figure: for each series, the points of lines,
-scatter plots, error bars and bars, and the pixel values of images. Date axes, shaded meshes and image cells of unequal width are drawn, but
-the page cannot show their values.
+The page shows Matplotlib's vector drawing of the figure. The page also contains the data of the figure: for each series, the points of
+lines, scatter plots, error bars and bars, and the pixel values of images. Date axes, shaded meshes and image cells of unequal width are
+drawn, but the page cannot show their values.
 """
 
 from __future__ import annotations
@@ -127,8 +127,8 @@ def _points(x: Any, y: Any) -> np.ndarray:
 
 
 def _pictures(axes: Axes) -> list[dict[str, Any]]:
-    """Return the images and the meshes of equal cells. Each has its extent (left, right, first, last), and rows of values ordered from
-    `first` to `last` on the vertical axis.
+    """Return the images and the meshes of equal cells. For each image or mesh, the result holds the extent (left, right, first, last) in
+    axis units, and the rows of values from `first` to `last` on the vertical axis.
     """
     from matplotlib.collections import QuadMesh
 

@@ -130,14 +130,16 @@ _shared = ArrayCache()
 
 
 def shared() -> ArrayCache:
-    """Return the array cache that all code in this process shares. It is in memory only, unless `in_folder` has set a folder."""
+    """Return the array cache that all code in this process shares. This cache is in memory only, unless `in_folder` has set a folder for
+    it.
+    """
     return _shared
 
 
 @contextlib.contextmanager
 def in_folder(folder: str | Path) -> Iterator[ArrayCache]:
-    """Make the shared array cache also use this folder within the `with` block. Raises OutputError if the folder cannot be created or
-    written.
+    """Within the `with` block, make the array cache that all code in this process shares also use this folder. Raises OutputError if the
+    folder cannot be created or written.
     """
     global _shared
     before, _shared = _shared, ArrayCache(folder)

@@ -2,9 +2,9 @@
 digests.
 
 The key of a stored result must change whenever the result could change. The digest of source code covers whole packages: every package with
-a module that the computation imports, directly or indirectly. Here a package is a folder two levels deep, such as radartwin.simulation; a
-file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting and imports for type checkers do not change the
-digest of source code.
+a module that the computation imports, directly or indirectly. In this module, a package is a folder two levels deep, such as
+radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting and imports for type
+checkers do not change the digest of source code.
 """
 
 from __future__ import annotations
@@ -150,7 +150,9 @@ _tops = {"radartwin", "experiments"}  # constraints.txt pins the version of ever
 
 
 def _members(name: str) -> list[str]:
-    """Return the modules of a package two levels deep. For any other name, return the module itself, or [] if no such module exists."""
+    """Return the modules of a package two levels deep. For a name that is not such a package, return the name itself if it is a module, and
+    [] if no such module exists.
+    """
     folder = _location(name)
     if name.count(".") == 1 and folder and folder.is_dir():
         parts = (path.relative_to(folder).with_suffix("").parts for path in sorted(folder.rglob("*.py")))
@@ -175,7 +177,9 @@ def _imports(name: str) -> frozenset[str]:
 
 
 def _with_parents(names: Iterable[str]) -> frozenset[str]:
-    """Return those names that are modules, and the packages that contain these modules, because Python runs the packages first."""
+    """Return those of the names that are modules, and the packages that contain these modules, because Python runs the __init__.py of a
+    package before its modules.
+    """
     parents = {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
     return frozenset(name for name in parents if _source(name))
 

@@ -41,8 +41,8 @@ RUN = "run"  # the kind of product that holds the result of an experiment
 
 @dataclass(frozen=True)
 class Product:
-    """Hold the key and the folder of a stored result. `reused` is True if the result was already in the store, and False if this call
-    computed it.
+    """Hold the key of a stored result and the path of its folder. `reused` is True if the result was already in the store, and False if
+    this call computed it.
     """
 
     path: Path
@@ -136,13 +136,13 @@ class Store:
         return spec_digest({"kind": kind, "spec": spec, "source": source_digest(entries)})[:KEY_LENGTH]
 
     def fetch(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], build: Callable[[Path], object]) -> Product:
-        """Return the stored result of this specification. If the store does not hold the result, compute it first.
+        """Return the stored result that belongs to the specification `spec`. If the store does not hold the result, compute it first.
 
         Args:
             kind: subfolder of the cache, such as "recording". A result of kind "run" counts as scored, every other result as simulated.
             spec: plain values, arrays and dataclasses that together determine the content of the result.
-            entries: modules or packages where the computation starts. The source code of their packages, and of all packages that these
-                import, is part of the key.
+            entries: modules or packages where the computation starts. The key depends on the source code of the packages of these modules,
+                and of all packages that they import.
             build: function that writes the files of the result into an empty folder. If `build` returns a mapping, the store writes it to
                 meta.json under the key "told". If `build` raises an exception, the store removes the folder.
         Raises:

@@ -60,8 +60,8 @@ def test_parts_that_change_a_feature_stay_and_are_reported() -> None:
 
 
 def test_one_dimension_does_not_use_up_the_tolerance_of_others() -> None:
-    """The search keeps a room whose removal uses nearly the whole tolerance if three small errors fit instead. Without these errors it
-    removes the room.
+    """The search keeps a room whose removal uses nearly the whole tolerance if three small errors fit instead. If no setting but the room
+    causes an error, the search removes the room.
     """
     small = {"rays_per_wavelength2": {0.25: 0.2}, "elements": {"planar": 0.1}, "coupling": {False: 0.1}}
     assert choose([(FakeProbe({"parts": {"none": 0.9}, **small}), LIMITS)]).model == Model("large", 1, False, False, 0.25, "planar")

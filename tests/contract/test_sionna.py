@@ -49,7 +49,9 @@ def level_db(parts: list[Paths]) -> float:
 
 
 def test_sionna_and_the_tracer_use_separate_processes():
-    """The test alternates both simulators, which need different Mitsuba variants. The test's own process never imports Sionna."""
+    """The test calls Sionna and our tracer alternately, because they need different Mitsuba variants. The test's own process never imports
+    Sionna.
+    """
     wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")])
     first, own, again = (np.abs(rt.simulate(wall, RADAR, HERE, simulator=name).iq).max() for name in ("sionna", "mitsuba", "sionna"))
     import mitsuba
@@ -102,8 +104,8 @@ def test_every_path_of_a_room_is_an_exact_image():
 
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_elements_see_the_same_images_as_with_the_tracer():
-    """Both simulators give the same image per antenna element, although Sionna's mirror planes come from the facets of its paths and the
-    tracer's from panels.
+    """Sionna and our tracer give the same image per antenna element, although Sionna's mirror planes come from the facets of its paths and
+    the tracer's mirror planes from panels.
     """
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 1, 0)
     (theirs,) = backend("sionna", max_bounces=2).paths(scene, RADAR, pose[None])

@@ -40,7 +40,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Create a virtual environment with the wheel. It uses the installed dependencies of this environment, but not the checkout."""
+    """Create a virtual environment with the wheel. The virtual environment uses the dependencies that the test's own environment has
+    installed, but not the checkout.
+    """
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=False, symlinks=True)
     packages = next(folder.glob("lib/python*/site-packages"))

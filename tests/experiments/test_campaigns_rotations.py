@@ -40,7 +40,8 @@ def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float],
 
 def test_revolutions_differ_by_more_than_noise(tmp_path: Path) -> None:
     """The recording is in the laboratory at 1 m. Speed error, ripple and jitter of the turntable shift the samples of each revolution.
-    Without them, the slow mechanical drift (creep) still causes a difference.
+    Without speed error, ripple and jitter, the slow mechanical drift (creep) of the turntable still causes a difference between
+    revolutions.
     """
     reflector = changes_db(tmp_path, "corner_reflector")
     assert reflector[GATE_M] > 20

@@ -86,8 +86,8 @@ def test_common_gain_is_no_feature_error() -> None:
 
 
 def test_default_fails_if_an_equally_good_method_is_faster() -> None:
-    """The claims for the default method fail if another method is as accurate and ten times faster. They hold if the other method is less
-    accurate by more than a standard error.
+    """The claims for the default method fail if another method is as accurate and ten times faster. The claims hold if the other method is
+    less accurate than the default method by more than a standard error.
     """
 
     def one(setting: str, second: float, error: float) -> dict:

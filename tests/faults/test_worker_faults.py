@@ -55,7 +55,7 @@ def members(group: int) -> list[int]:
 
 @pytest.mark.slow
 def test_a_killed_worker_loses_no_finished_recording(tmp_path: Path) -> None:
-    """The file tests/runs/test_workers.py tests the other errors of a worker."""
+    """The test covers the kill of a worker; tests/runs/test_workers.py covers exceptions and other failures of a worker."""
     output = tmp_path / "out"
     (tmp_path / "DIE").touch()
     code, _, complained = ended(tmp_path, output)

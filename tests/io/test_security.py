@@ -1,4 +1,5 @@
-"""RadarTwin refuses malicious files with a one-line message. It runs none of their code, and reads and writes no file outside their folder.
+"""RadarTwin refuses malicious files with a one-line message. RadarTwin runs no code from a malicious file, and reads and writes no file
+outside the folder of this file.
 
 All files in these tests are well formed. The file test_fuzz.py tests damaged files.
 """

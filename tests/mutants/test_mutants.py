@@ -1,4 +1,6 @@
-"""The code that each planted fault changes exists in the source. The command `make mutants` shows that the tests detect each fault."""
+"""For each deliberate fault in tests/mutants/faults.py, the code that the fault replaces exists in the source. The command `make mutants`
+checks that the physics tests detect each deliberate fault.
+"""
 
 from __future__ import annotations
 

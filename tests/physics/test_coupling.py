@@ -310,8 +310,8 @@ def test_box_on_the_floor_matches_the_box_as_panels(height, within):
     """The right-angled corner of the floor and the front of a box is compared with the same box as panels, whose apertures share the
     corner.
 
-    Paths over the floor use currents on the box front only, but panels use the mean with currents on the floor. The two levels differ by at
-    most 2.3 dB.
+    Paths over the floor use currents on the box front only, but panels use the mean with currents on the floor. The levels of the corner's
+    echo from objects and from panels differ by at most 2.3 dB.
     """
     box = objects.box((1.15, -0.075, 0.0), (1.25, 0.075, height))
     pose = at((0, 0, 0.6))
@@ -338,8 +338,8 @@ def mirror_facing(centre, towards, size=0.3):
 
 
 def test_paths_between_two_small_mirrors_count_once():
-    """A triangular path over two plates occurs in two directions, so the field at its path length is twice the image. This holds whether
-    both plates are static or one is named in `motion`.
+    """A triangular path over two plates occurs in two directions, so the field at its path length is twice the image. The field is doubled
+    whether both plates are static or one plate is named in `motion`.
     """
     sensor, a, b = np.array([0, 0, 1.5]), np.array([3.0, 1, 1.5]), np.array([3.0, -1, 1.5])
 

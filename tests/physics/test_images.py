@@ -409,10 +409,10 @@ def test_plate_in_a_fold_hides_the_double_bounce():
 
 @pytest.mark.parametrize(("corners", "limit"), [(4, 0.01), (12, 0.01), (48, 0.1)])
 def test_column_in_front_of_a_wall_removes_its_outline(corners, limit):
-    """The shadow of an upright prism is the geometric shadow.
+    """An upright prism removes its geometric shadow from the echo of the wall.
 
-    The shadow is exact for an outline of up to 24 points. A round prism keeps only its outermost points, so that its outline shrinks by a
-    few millimetres.
+    The shadow is exact for a prism whose outline has up to 24 points. A round prism keeps only its outermost points, so that its outline
+    shrinks by a few millimetres.
     """
     wall = rectangle((0, 0, 0), (0, 0.6, 0), (0, 0, 0.2))
     turn = 0.1 + np.linspace(0, 2 * np.pi, corners, endpoint=False)

@@ -52,8 +52,8 @@ def test_filter_removes_a_target_beyond_the_band(range_m, least_db):
     [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)],
 )
 def test_target_at_3_m_has_the_loss_and_phase_lead_of_the_high_pass(corners, loss_db, lead_deg):
-    """The beat frequency of a target at 3 m is 1.401 MHz. A single high-pass stage attenuates it by 10 log10(1 + (fc/f)^2) = 0.067 dB and
-    advances its phase by atan(fc/f) = 7.1 degrees.
+    """The beat frequency of a target at 3 m is 1.401 MHz. A single high-pass stage attenuates the echo of this target by 10 log10(1 +
+    (fc/f)^2) = 0.067 dB and advances its phase by atan(fc/f) = 7.1 degrees.
     """
     plain = synthesize(target(3.0), RADAR)[0, 0, 0, 0]
     magnitude, complete = (

@@ -35,7 +35,8 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
 def passed(layers, frequency=FREQUENCY):
     """Return the transmission through a wall and the reflection from inside, at normal incidence under exp(-j w t).
 
-    Both come from the reference transfer matrix, with the phase reference at the wall's outer face and air in place of the wall.
+    The transmission and the reflection come from the reference transfer matrix. Their phase is relative to the wall's outer face with air
+    in place of the wall.
     """
     thickness = sum(d for _, d in layers)
     k = 2 * np.pi * frequency / 299_792_458.0

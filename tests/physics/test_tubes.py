@@ -134,7 +134,8 @@ def test_divided_tubes_sum_to_one():
 def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
     """The reference is the diffraction integral of a converging wave along each axis in closed form, exp(-j k x^2 (1/z - 1/f)/2).
 
-    The test takes its phase far behind the focus minus the phase before the focus, under exp(+j omega t).
+    The test compares the difference between the phase of the field far behind the focus and its phase before the focus, under exp(+j omega
+    t).
     """
     variant.activate("llvm")
     import mitsuba as mi
@@ -170,7 +171,9 @@ def test_received_power_is_below_the_transmitted_power():
 
 @pytest.mark.parametrize("material", ["metal", rt.Layered([("glass", 0.003)], "water"), rt.Layered([("pet", 0.001)])])
 def test_poses_of_a_grid_are_independent(material):
-    """The result at a pose must not depend on the other poses of the call, also with pruning, several frequency nodes and shells."""
+    """The fields at a sensor pose must not depend on the other poses in the same call of the tracer, also with pruning, several frequency
+    nodes and hollow objects.
+    """
     variant.activate()
     built = geometry.build([objects.cylinder(0.033, 0.12)])
     table = reflection_table.build([(material, 0.0)], 77e9, 80.4e9)

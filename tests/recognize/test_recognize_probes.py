@@ -86,8 +86,8 @@ def test_signatures_match_within_their_stratum_at_any_level():
 
 
 def test_a_probe_across_objects_does_not_use_the_objects_own_rows():
-    """The data contain four objects per class at random centres. An object's own rows reveal its class, but the rows of other objects do
-    not.
+    """The data contain four objects per class at random centres. Feature rows of an object reveal the class of this object, but the rows of
+    other objects of the class do not.
     """
     rng = np.random.default_rng(3)
     centres = 5 * rng.normal(size=(8, 10))

@@ -1,5 +1,5 @@
-"""A wrong depth unit or a wrong pose convention makes overlapping camera views disagree. The error message names the unit or convention
-with which the views agree.
+"""A wrong depth unit or a wrong pose convention makes overlapping camera views disagree. The error message names the depth unit or the pose
+convention with which the views agree.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SLAM_LENS = (518.0, 519.0, 325.5, 253.5)
 
 @pytest.fixture(scope="module")
 def walk() -> Frames:
-    """Return twelve noisy camera views of a laboratory."""
+    """Return twelve noisy simulated camera views of a laboratory."""
     return scan(rooms.lab(detail="shell"), seed=0, frames=12, colour_every=0)[0]
 
 

@@ -1,4 +1,4 @@
-"""The key of a stored result changes with everything that can change the result, and with nothing else."""
+"""The key of a stored result changes with every input that can change the result, and with no other input."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ SOURCES = {
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Write a package study_x. Its module `top` imports near.middle inside a function, near.middle imports near.leaf, and no module imports
-    far.stranger.
+    """Write a package study_x. The module study_x.top imports near.middle inside a function, near.middle imports near.leaf, and no module
+    imports far.stranger.
     """
     folder = tmp_path / "study_x"
     for name, source in SOURCES.items():

@@ -1,5 +1,5 @@
-"""A stored result is complete or absent. It is computed once, and computed again after a failure or a kill, also if several processes ask
-for it.
+"""A stored result is complete or absent. The store computes each result once, also if several processes ask for it, and computes it again
+after a failure or a kill.
 """
 
 from __future__ import annotations

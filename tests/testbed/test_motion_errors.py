@@ -66,8 +66,9 @@ def test_rover_start_and_path_errors_have_the_described_spread(courses):
     """The start position of the rover has an error of 10 mm per axis.
 
     The length of a path of 1 m has an error of 1.30 %, half of whose variance at each moment comes from constant wheel slip and half from
-    changing slip. The constant half contributes 1.06 %. The changing half is averaged over the path: with the correlation length l = 0.3 m
-    and the path length L, the factor is sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))). Ripple adds at most 0.5 mm.
+    changing slip. The constant wheel slip contributes a length error of 1.06 %. The changing wheel slip is averaged over the path, which
+    multiplies its length error by sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))), with the correlation length l = 0.3 m and the path length L.
+    Ripple adds at most 0.5 mm.
     """
     start = courses[:, 0, :2, 3] - SWEEP[0, :2, 3]
     assert start.std() == pytest.approx(0.01, rel=0.1)
@@ -161,8 +162,8 @@ def test_poses_at_other_times_follow_the_nominal_course():
 
 
 def test_rail_errors_have_the_described_spread_along_the_rail():
-    """The rail has a position error of 2 mm at the start, and an additional error of 0.5 % of the path at the end. Both errors are along
-    the rail only, without rotation.
+    """The rail has a position error of 2 mm at the start, and an additional error of 0.5 % of the path at the end. The position errors of
+    the rail are along the rail only, and the rail has no rotation error.
     """
     slide = np.tile(np.eye(4), (61, 1, 1))
     slide[:, :2, 3] = np.linspace(0, 0.6, 61)[:, None] * np.sqrt([0.5, 0.5])

@@ -84,10 +84,10 @@ def test_trihedral_at_2_m_matches_its_link_budget(reflector):
 
 
 def test_leakage_is_at_zero_range_and_below_the_limit(reflector):
-    """On boards of the same family, leakage from transmitter to receiver is -30 to -55 dB (TI E2E 674013: -45). Its beat frequency is 10 to
-    30 kHz, that of a few centimetres. At this frequency, two high-pass stages attenuate the leakage by 36 to 50 dB, to -66 to -105 dB. The
-    echo of the reflector at 2 m has -64 dB. In real captures, the leakage is 13 and 15 dB above the noise of a sample; relative to the
-    noise of a coherent bin, these values are 34 dB higher.
+    """On boards of the same family, leakage from transmitter to receiver is -30 to -55 dB (TI E2E 674013: -45). The beat frequency of the
+    leakage is 10 to 30 kHz, that of a few centimetres. At 10 to 30 kHz, two high-pass stages attenuate the leakage by 36 to 50 dB, to -66
+    to -105 dB. The echo of the reflector at 2 m has -64 dB. In real captures, the leakage is 13 and 15 dB above the noise of a sample;
+    relative to the noise of a coherent bin, these values are 34 dB higher.
     """
     near = reflector.power[0, reflector.range_m <= 0.2].max()
     behind = reflector.power[0, (reflector.range_m > 0.3) & (reflector.range_m < 1.5)].max()

@@ -113,7 +113,9 @@ def test_vessel_with_headspace_echoes_like_a_full_one():
 
 
 def test_gaps_draw_independently():
-    """If one more deviation is switched on with the same seed, the random values of the other deviations do not change."""
+    """If a further deviation of the testbed is switched on with the same seed, the random values of the deviations that were already on do
+    not change.
+    """
     one, two = truth(LAB, only(materials=1.0, clutter=1.0), 5), truth(LAB, only(materials=1.0, clutter=1.0, roughness=1.0), 5)
     assert materials(one) == materials(two)
     motion, sweep = {"plate": TURNING["plate"]}, np.eye(4)[None]
