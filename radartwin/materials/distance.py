@@ -54,8 +54,9 @@ def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | 
     """Find the material whose half-space reflects most like a half-space of a given permittivity.
 
     Args:
-        target: permittivity eta' - j eta'', constant over the frequencies.
-        among: names of candidate materials; of equally close materials the function returns the first.
+        target: permittivity eta' - j eta'' of the half-space to match, constant over the frequencies.
+        among: names of candidate materials. If several candidates are equally close, the function returns the first of them.
+        frequency_hz: frequencies in Hz over which the reflectivity is averaged.
     Returns:
         name: the closest material.
         distance: its electromagnetic distance from the half-space of permittivity `target`, dB.

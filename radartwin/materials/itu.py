@@ -1,9 +1,10 @@
 """Compute the permittivity of building materials and ground from the fits of ITU-R P.2040-4.
 
-Symbols: eta' = a f^b -> real permittivity, sigma = c f^d -> conductivity (S/m), f in GHz.
-Ref: ITU-R P.2040-4 (09/2025), table 3: fits to published measurements, each valid between two frequencies. Where two fits of one material
-overlap, the first row of the table applies. No fit is extrapolated. At a frequency outside its fits, a material is replaced by a
-substitute material of STAND_INS, with a warning. A material without a substitute is refused.
+The real part of the permittivity is eta' = a f^b, and the conductivity is sigma = c f^d in S/m, with the frequency f in GHz. The
+coefficients are those of ITU-R P.2040-4 (09/2025), table 3, which contains fits to published measurements. Each fit is valid between two
+frequencies. Where two fits of one material overlap, the module uses the fit that the table P2040 lists first. It does not extrapolate any
+fit. At a frequency outside the fits of a material, a substitute material of STAND_INS replaces this material, with a warning. If a material
+has no substitute, the module raises MaterialError.
 """
 
 import warnings
@@ -17,7 +18,7 @@ from radartwin.errors import MaterialError
 
 @dataclass(frozen=True)
 class Fit:
-    """Hold one row of the table: the coefficients a, b, c, d and the frequency range of the fit (GHz)."""
+    """Hold one fit of table 3 in ITU-R P.2040-4: the coefficients a, b, c, d and the frequency range of the fit in GHz."""
 
     a: float
     b: float
@@ -60,12 +61,12 @@ P2040 = {
 }  # fmt: skip
 
 # Substitute materials at 77 GHz. Each substitute has a fit at 77 GHz, and its reflection at normal incidence is closest to that of the
-# material. The reflection of the material is taken at the end of its fit, or interpolated in log frequency between two fits below and above
-# 77 GHz. Differences in reflection (substitute minus material, dB): brick -0.6, clear acrylic 0.0 (with more loss), plywood 1.0,
-# marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3, very dry ground -0.7, medium dry ground 0.9, wet ground -0.1.
-# The fits of ground end at 10 GHz, far below the relaxation of water. Very dry ground is therefore compared at 10 GHz. Medium dry and wet
-# ground are compared at 77 GHz as grains (permittivity 3.0) with 15 and 30 % water by volume; the refractive indices are averaged
-# (4.0 - j 1.3 and 4.9 - j 3.0).
+# replaced material. The reflection of the replaced material is computed at the end of its fit, or interpolated in log frequency between two
+# fits below and above 77 GHz. The reflection of the substitute minus that of the replaced material in dB is: brick -0.6, clear acrylic 0.0
+# (the substitute has more loss), plywood 1.0, marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3, very dry ground -0.7, medium dry
+# ground 0.9, wet ground -0.1. The fits of ground end at 10 GHz, far below the relaxation frequency of water. Very dry ground is therefore
+# compared with its substitute at 10 GHz. Medium dry and wet ground are compared at 77 GHz, as a mixture of grains (permittivity 3.0) with
+# 15 and 30 % water by volume. The average of the refractive indices gives the permittivities 4.0 - j 1.3 and 4.9 - j 3.0 of these mixtures.
 STAND_INS = {
     "brick": "floorboard",
     "clear_acrylic": "chipboard",
@@ -97,7 +98,8 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     Raises:
         MaterialError: the name is unknown, or neither the material nor its substitute has a fit at a frequency.
     Warns:
-        StandInWarning: a substitute replaces the material; once per material and process, unless a warning filter requests every warning.
+        StandInWarning: a substitute replaces the material. The warning appears once per material and process, unless a warning filter
+            requests every warning.
 
     >>> complex(np.round(permittivity("glass", 77e9), 3))
     (6.31-0.283j)
@@ -132,7 +134,10 @@ def _ranges(name: str) -> str:
 
 
 def _warn(name: str, stand_in: str) -> None:
-    """Warn once per process, because Python's own "once" filter repeats the warning after a change of filters and per calling line."""
+    """Warn that `stand_in` replaces the material `name`, once per process.
+
+    Python's own "once" filter would repeat the warning after each change of filters and for each calling line.
+    """
     action = next(
         (
             action

@@ -77,18 +77,20 @@ def reflection(
 def transmission(
     material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the complex transmission coefficients (te, tm) of one passage through a wall in air: field behind over field in front.
+    """Compute the complex transmission coefficients (te, tm) of a wall in air: the field behind the wall over the field in front of it.
 
-    The field in front is taken where the ray enters the wall. The field behind is taken at the opposite point along the normal.
-    For a wall of thickness d, the phase of the coefficient therefore replaces the phase k d cos_incidence of the path in air.
+    The field in front of the wall is taken where the ray enters the wall. The field behind the wall is taken at the opposite point along
+    the normal. For a wall of thickness d, the phase of the coefficient therefore replaces the phase k d cos_incidence of the path in air.
 
     Args:
-        material: a stack or a plain name. Of a stack only the layers matter, because air replaces the backing. A plain name is a
-            half-space, which transmits nothing unless the material is air or vacuum.
-        cos_incidence, frequency_hz: as for `reflection`.
-        roughness_m: rms height of each of the two faces, whose heights are independent; see `roughness.ament_transmitted`.
+        material: stack of layers or name of a material. For a stack, only the layers matter, because air replaces the backing. A name means
+            a half-space, which transmits nothing unless the material is air or vacuum.
+        cos_incidence: cosine of the angle of incidence from the normal, broadcastable with `frequency_hz`.
+        frequency_hz: frequencies in Hz.
+        roughness_m: rms height of both faces of the wall in metres. The heights of the two faces are independent of each other; see
+            `roughness.ament_transmitted`.
     Returns:
-        te, tm: complex, of the broadcast shape; equal at normal incidence.
+        te, tm: complex TE and TM transmission coefficients, of the broadcast shape; they are equal at normal incidence.
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
 

@@ -88,10 +88,10 @@ class Resolved:
 
 
 def resolve(name: str) -> Resolved:
-    """Resolve a name to its material. Capitals are ignored; spaces and hyphens count as underscores.
+    """Find the known material for a material name. Capitals are ignored; spaces and hyphens count as underscores.
 
     Raises:
-        MaterialError: an unknown name; the message lists the known names.
+        MaterialError: the name is unknown. The message lists the known names.
 
     >>> resolve("Porcelain").material, resolve("drywall").category
     ('glass', 'painted')
@@ -112,10 +112,10 @@ def resolve(name: str) -> Resolved:
 
 
 def mentioned(words: str) -> Resolved | None:
-    """Return the known material that a free text mentions, or None.
+    """Return the known material that a free text mentions, or None if the text mentions no known material.
 
-    If the text mentions several materials, plain materials come before categories, then longer names before shorter names, then later names
-    before earlier names, because the main noun of an English compound is its last word.
+    If the text mentions several materials, the function prefers plain materials to MINC categories, then longer names to shorter names, and
+    then names that occur later in the text, because the main noun of an English compound is its last word.
 
     >>> mentioned("white acoustic ceiling tiles").material, mentioned("lacquered sheet steel").category, mentioned("unobtainium")
     ('ceiling_board', 'metal', None)

@@ -1,13 +1,15 @@
-"""Compute the loss of the coherent field at rough surfaces, and list the rms height of each class of surface.
+"""Compute the loss of the mirror-reflected (coherent) field at rough surfaces, and list the rms height of each class of surface.
 
-Symbols: sigma_h -> rms height, theta -> angle of incidence. Ament's factor rho_s = exp(-2 (k sigma_h cos theta)^2) multiplies the field.
-Ref: W. S. Ament, Proc. IRE 41 (1953) 142: the mean of exp(2 j k h cos theta) over Gaussian heights h.
+Roughness multiplies the coherent reflected field by Ament's factor rho_s = exp(-2 (k sigma_h cos theta)^2), where k is the wavenumber,
+sigma_h the rms surface height and theta the angle of incidence. The factor is the mean of exp(2 j k h cos theta) over Gaussian heights h
+(W. S. Ament, Proc. IRE 41 (1953) 142).
 
-The factor is valid for gentle slopes (correlation length above a wavelength), without shadowing (away from grazing incidence), and for
-Gaussian heights. Up to an rms height of lambda/(16 cos theta), 0.24 mm at 77 GHz and normal incidence, the loss with other height
-distributions differs by at most 0.25 dB. At the Rayleigh criterion, lambda/(8 cos theta) or 0.49 mm, the loss is 10.7 dB, and the losses
-with other distributions differ by several dB. For higher surfaces nearly all power is diffuse. There, measured surfaces reflect more
-coherent power than the factor predicts (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
+Ament's factor is valid for Gaussian heights, for gentle slopes (correlation length above a wavelength), and away from grazing incidence,
+where parts of the surface shadow each other. Up to an rms height of lambda/(16 cos theta), which is 0.24 mm at 77 GHz and normal incidence,
+the loss for other height distributions differs from the loss by Ament's factor by at most 0.25 dB. At the Rayleigh criterion, which is an
+rms height of lambda/(8 cos theta) or 0.49 mm, Ament's factor gives a loss of 10.7 dB. Other height distributions then give losses that
+differ by several dB. At larger rms heights, nearly all reflected power is diffuse. There, measured surfaces reflect more coherent power
+than Ament's factor predicts (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
 """
 
 from typing import NamedTuple
@@ -18,7 +20,7 @@ from radartwin.errors import MaterialError
 
 
 class Roughness(NamedTuple):
-    """Hold the rms height and the correlation length of a surface in metres, and their source."""
+    """Hold the rms height and the correlation length of a surface in metres, and the source of these values."""
 
     height_m: float
     correlation_m: float
@@ -33,8 +35,8 @@ _MOULDED = "moulded or coated: texture of the mould, 5 to 25 um (VDI 3400)"
 _WOVEN = "half of an upholstery yarn of 0.5 to 1 mm"
 _PILE = "upper end of the paper's range: pile, leaves and strands of millimetres"
 
-# Roughness of each class of surface. Published heights differ by a factor of two or three from most of these values, and the coherent
-# loss in dB grows with the square of the height, so a study that depends on a height has to vary it.
+# Roughness of each class of surface. Published rms heights differ by a factor of two or three from most of these values, and the coherent
+# loss in dB grows with the square of the rms height. A study whose result depends on an rms height must therefore vary this height.
 CLASSES = {
     "metal": Roughness(0.1e-3, 20e-3, _PAPER),
     "concrete": Roughness(0.3e-3, 5e-3, _PAPER),
@@ -80,7 +82,7 @@ CLASSES = {
 def roughness_m(name: str) -> float:
     """Return the rms height of a class of surfaces in metres.
 
-    Catalogue objects and labelled scenes have these heights. A surface with only a material name is smooth.
+    Objects of the catalogue and scenes with material labels have these heights. A surface that has only a material name is smooth.
 
     Raises:
         MaterialError: the class does not exist.
@@ -94,7 +96,7 @@ def roughness_m(name: str) -> float:
 
 
 def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray) -> np.ndarray:
-    """Compute Ament's factor on the coherent reflected field, shape of `cos_incidence`.
+    """Compute Ament's factor, by which roughness multiplies the coherent reflected field. It has the shape of `cos_incidence`.
 
     >>> float(np.round(20 * np.log10(ament(0.05e-3, np.array(1.0), 2 * np.pi / 3.8934e-3)), 4))
     -0.1131
@@ -105,10 +107,12 @@ def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.
 def ament_transmitted(
     roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray, permittivity: np.ndarray | complex
 ) -> np.ndarray:
-    """Compute the factor on the coherent field that crosses one rough face of a medium, shape of `cos_incidence`.
+    """Compute the factor by which one rough face of a medium multiplies the coherent transmitted field. It has the shape of
+    `cos_incidence`.
 
-    A surface height h shifts the phase of a reflected wave by 2 h k_z, but that of a transmitted wave only by h (k_z' - k_z), with k_z'
-    inside the medium and k_z outside. Ament's factor therefore becomes exp(-(1/2) (sigma_h (k_z' - k_z))^2), a much smaller loss.
+    A surface height h shifts the phase of a reflected wave by 2 h k_z, but the phase of a transmitted wave only by h (k_z' - k_z). Here k_z
+    and k_z' are the wavenumbers along the normal outside and inside the medium. For transmission, Ament's factor therefore becomes
+    exp(-(1/2) (sigma_h (k_z' - k_z))^2), which is a much smaller loss than for reflection.
     """
     cosine = np.asarray(cos_incidence, float)
     inside = np.real(np.sqrt(np.asarray(permittivity) + 0j - (1 - cosine**2)))
