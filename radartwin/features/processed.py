@@ -76,7 +76,7 @@ class Processed:
 
     @property
     def noise_floor(self) -> NDArray[np.float64]:
-        """Return the noise power (B,), or zeros if `noise` is None."""
+        """Return the noise power in each of the B range bins, (B,), or zeros if `noise` is None."""
         return np.zeros(len(self.range_m)) if self.noise is None else self.noise.astype(np.float64)
 
     def frames(self, chosen: slice | NDArray) -> Processed:

@@ -70,7 +70,7 @@ def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | 
 
 
 def in_range(name: str, frequency_hz: float = 77e9) -> bool:
-    """Return whether a plain material has its own values at a frequency, so that no substitute material replaces it.
+    """Return whether a plain material has permittivity values of its own at a frequency, so that no substitute material replaces it.
 
     Raises:
         MaterialError: the material is a plastic or liquid without values at this frequency.

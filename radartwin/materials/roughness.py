@@ -96,7 +96,7 @@ def roughness_m(name: str) -> float:
 
 
 def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray) -> np.ndarray:
-    """Compute Ament's factor, by which roughness multiplies the coherent reflected field. It has the shape of `cos_incidence`.
+    """Compute Ament's factor, by which roughness multiplies the coherent reflected field. The result has the shape of `cos_incidence`.
 
     >>> float(np.round(20 * np.log10(ament(0.05e-3, np.array(1.0), 2 * np.pi / 3.8934e-3)), 4))
     -0.1131
@@ -107,9 +107,9 @@ def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.
 def ament_transmitted(
     roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray, permittivity: np.ndarray | complex
 ) -> np.ndarray:
-    """Compute the factor by which one rough face of a medium multiplies the coherent transmitted field. It has the shape of
-    `cos_incidence`.
+    """Compute the factor by which one rough face of a medium multiplies the coherent transmitted field.
 
+    The result has the shape of `cos_incidence`.
     A surface height h shifts the phase of a reflected wave by 2 h k_z, but the phase of a transmitted wave only by h (k_z' - k_z). Here k_z
     and k_z' are the wavenumbers along the normal outside and inside the medium. For transmission, Ament's factor therefore becomes
     exp(-(1/2) (sigma_h (k_z' - k_z))^2), which is a much smaller loss than for reflection.

@@ -1,8 +1,8 @@
 """Compute the far-field pattern of a single antenna of the radar.
 
-Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna section. It gives a peak gain above 10.5 dBi from 76 to 81 GHz.
-The one-way beamwidths in azimuth are +-28 degrees (3 dB) and +-50 degrees (6 dB). In elevation they are +-14 degrees (3 dB) and +-20
-degrees (6 dB).
+Reference: AWR1843BOOST and IWR1843BOOST user's guide (TI SPRUIM4B), antenna section. This guide gives a peak gain above 10.5 dBi from 76 to
+81 GHz. The one-way beamwidths in azimuth are +-28 degrees (3 dB) and +-50 degrees (6 dB). In elevation they are +-14 degrees (3 dB) and
++-20 degrees (6 dB).
 
 The pattern is the product of an azimuth cut and an elevation cut. The angle psi is the azimuth atan2(y, x) or the elevation asin(z). In
 each cut, the gain at the angle psi is a (sqrt(1 + (s/b)^2) - 1) dB below the peak gain, with s = 2 sin(psi/2). The constants a and b of

@@ -47,8 +47,9 @@ _SIDELOBE_MARGIN = 4.0
 class Peaks:
     """Hold N detected echoes as arrays (N,), sorted from the strongest to the weakest echo.
 
-    The azimuth is atan2(y, x) in the sensor frame, positive to the left. It is NaN if the radar has a single channel. The radial velocity
-    is positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power is the squared unit of the IQ samples.
+    The azimuth is atan2(y, x) in the sensor frame, positive to the left. The azimuth is NaN if the radar has a single channel. The radial
+    velocity is positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power is the squared unit of the IQ
+    samples.
     """
 
     range_m: Real

@@ -14,7 +14,7 @@ from radartwin.simulation.checks import check_option, check_positive, check_whol
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-PIECES = 3  # a tube that straddles an edge is divided into this many pieces along each grid axis
+PIECES = 3  # number of pieces, along each grid axis, into which the tracer divides a ray tube that straddles an edge
 MAX_TUBES = 200_000_000  # largest number of ray tubes per call of `rcs`; tracing this number of tubes takes some minutes
 
 

@@ -1,1 +1,1 @@
-"""Simulators with one common interface (`backend.Backend`)."""
+"""Contain four simulators of radar propagation paths, which implement one common interface (`backend.Backend`)."""

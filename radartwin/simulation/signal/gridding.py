@@ -1,10 +1,10 @@
 """Contain the compiled functions of the signal synthesis: they spread paths over a grid of delays, transform the grid, and form the chirps.
 
 A task is a group of consecutive paths of one frame. Each task has its own grid of delays, so that no two threads write to the same grid
-cell, and the sum over paths always has the same order. Large frames are split into several tasks. Path lengths, phases and grids have
-double precision. The Fourier transform and the chirps have single precision, which causes an error of 1e-7 of the frame's strongest echo.
-The channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. All these functions are in one file
-of over 300 lines, because Numba does not recompile a cached function when a function in another file changes.
+cell, and the sum over paths always has the same order. Frames with many paths are split into several tasks. Path lengths, phases and grids
+have double precision. The Fourier transform and the chirps have single precision, which causes an error of 1e-7 of the frame's strongest
+echo. The channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. All these functions are in
+one file of over 300 lines, because Numba does not recompile a cached function when a function in another file changes.
 """
 
 from typing import Any, NamedTuple
