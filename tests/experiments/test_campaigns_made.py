@@ -48,8 +48,8 @@ def simulated(case: Case, nominal: Any, config: Config, *more: Any) -> Recording
 
 
 def record(case: Case, config: Config, measured: bool = True) -> Recording | Turned:
-    """Return a recording of noise after a pause that stands for the simulation time. The first recording of each motion pauses twice, which
-    stands for a set-up.
+    """Return a recording of noise after a pause that stands for the simulation time. For the first recording of each motion, the function
+    pauses twice, because this recording includes a set-up.
     """
     rng = np.random.default_rng([*case.name.encode(), measured])
     time.sleep(PAUSE_S)

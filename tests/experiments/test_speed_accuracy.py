@@ -134,7 +134,7 @@ def test_default_fails_if_another_is_much_better_in_both() -> None:
     [(1200.0, 3.0, 2.0, "holds"), (600.0, 3.0, 2.0, "fails"), (1200.0, 3.0, 0.5, "fails"), (1200.0, 0.5, 2.0, "fails")],
 )
 def test_speed_claim_needs_every_error_lower(seconds: float, error: float, free: float, verdict: str) -> None:
-    """The default method took 2 s in its last timed repetition."""
+    """In this test of the speed claim, the default method took 2 s in its last timed repetition."""
     naive = measured(RFGENESIS, speed_accuracy.PUBLISHED, [seconds], error, free_error_db=free)
     assert verdicts(rows_of(naive))["its seconds a frame over those of the default"] == verdict
 

@@ -103,8 +103,8 @@ def table_top(edge):
 
 
 def test_table_edge_under_the_object_matches_the_half_plane_factor():
-    """The echo over table and sphere becomes weaker as the table moves away. The half-plane Fresnel factor predicts this decrease with an
-    error of 0.093.
+    """The echo with one reflection on a table and one on a sphere becomes weaker as the table moves away from the sphere. The half-plane
+    Fresnel factor predicts this decrease with an error of 0.093.
     """
     centre = np.array([1.2, 0.0, 0.3])
     level, length, place = sphere_echo(centre, SENSOR, MIRRORED)
@@ -122,8 +122,8 @@ def test_table_edge_under_the_object_matches_the_half_plane_factor():
 
 
 def test_object_behind_a_screen_is_seen_over_a_wall():
-    """Behind a screen, the direct echo and the two echoes with one reflection on the wall vanish, and the echo wall - sphere - wall keeps
-    its level.
+    """If a screen hides an object from the radar, the direct echo and the two echoes with one reflection on the wall vanish, and the echo
+    wall - sphere - wall keeps its level.
     """
     centre = np.array([1.6, 0.0, 1.0])
     wall = rt.Surface(rooms.rectangle([-1, 1.0, -0.5], np.eye(3)[0], np.eye(3)[2], (4.5, 3.0)), "metal", "wall", role="room")

@@ -54,7 +54,9 @@ def test_object_partly_behind_the_source_needs_all_cells() -> None:
 
 
 def test_corner_beside_the_source_needs_all_cells() -> None:
-    """An extent in depth of one rounding error does not count as depth; for example, 0.1 + 0.2 differs from 0.3."""
+    """A corner that is in front of the source by only a rounding error (0.1 + 0.2 exceeds 0.3) counts as beside the source, so that all
+    grid cells are used.
+    """
     grid = tube_grid.all_around(np.array([[0.3, 0.0, 0.0]]), np.eye(3)[None], 6 * 50**2)[0]
     corners = np.array([[[0.1 + 0.2, 1.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 1.0]]])
     assert tube_grid.covered(grid, 0, corners) is None

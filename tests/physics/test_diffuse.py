@@ -102,7 +102,9 @@ def test_specular_and_diffuse_add_up_to_fresnel():
 
 @pytest.mark.parametrize("count", [1_000, 50_000])
 def test_mean_power_is_the_integral_for_any_number_of_points(count):
-    """The tolerance is 1 % plus the share of power that the near-field limit of a point removes, 1.5 x = 1.5 A/(pi r^2)."""
+    """The power sum over the points agrees with the integral over the wall within 1 % plus the share of power that the near-field limit of
+    a point removes, 1.5 x = 1.5 A/(pi r^2).
+    """
     mean = (np.abs(traced([WALL], at((0, 0, 0)), count=count, unit=True).amplitude) ** 2).sum()
     expected = wall_power(2.0, (-1.5, -1.0), (1.5, 1.5))
     bias = 1.5 * 7.5 / count / (np.pi * 2.0**2)

@@ -41,7 +41,8 @@ def spectrum(iq):
 
 @pytest.mark.parametrize("level", [-93.0, -60.0])
 def test_phase_noise_on_samples_matches_the_phase_noise_of_each_echo(level):
-    """The reference sums the phase difference phi(t) - phi(t - tau) of the same oscillator over echoes of unequal strength from 0.5 to 9 m.
+    """The reference for the phase noise of the samples is the phase difference phi(t) - phi(t - tau) of the same oscillator, summed over
+    echoes of unequal strength from 0.5 to 9 m.
 
     Under a Hann window, the noise agrees with this reference within 5 % of its amplitude and 0.1 dB of its energy.
     """

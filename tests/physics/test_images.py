@@ -96,7 +96,9 @@ def test_edge_wave_over_a_whole_line_matches_the_half_plane():
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_factor_of_a_polygon_matches_quadrature(name):
-    """The sensor is in front of the polygon's middle, in front of its edges, and up to one polygon width beyond them."""
+    """The Fresnel factor of a polygon is tested with the sensor in front of its middle, in front of its edges, and up to one polygon width
+    beyond the edges.
+    """
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     places = [(d, share * width, z) for d in (0.5, 1.0, 2.0, 4.0) for share in (0.0, 0.25, 0.5, 1.0, 1.5) for z in (0.01, 0.13)]
@@ -259,8 +261,8 @@ def test_factor_above_an_edge_is_one_half(off):
 
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 90.0, 120.0, 150.0])
 def test_factor_above_a_corner_is_its_share_of_the_angle(degrees):
-    """The sensor is one micrometre from the corner, on all sides. The function `evaluate` never uses the corner itself, because it offsets
-    the receiver.
+    """The sensor is one micrometre beside the axis through a corner of a polygon, on all sides of this axis. The function `evaluate` never
+    uses the corner itself, because it offsets the receiver.
     """
     angle = np.radians(degrees)
     wedge = [(0.0, 0.0), (6.0, 0.0), (6 * np.cos(angle), 6 * np.sin(angle))]
@@ -362,8 +364,8 @@ def test_trihedral_of_squares_matches_its_three_bounces():
 
 @pytest.mark.parametrize("centre", [(0.5, 0.0, 0.0), (0.5, 0.08, 0.03), (0.3, 0.2, 0.0), (0.9, 0.5, 0.1)])
 def test_plate_in_front_of_a_panel_removes_its_shadow(centre):
-    """The plate hides the wall behind it by its geometric shadow in both directions. The reference is the quadrature over the panel minus
-    the plate's shadow as seen from the sensor.
+    """The plate hides the wall behind it by its geometric shadow in both directions. The echo of the wall agrees with a quadrature over the
+    wall without the shadow that the plate casts as seen from the sensor.
     """
     wall = rectangle((0, 0, 0), (0, 0.5, 0), (0, 0, 0.4))
     plate = rectangle(centre, (0, 0.06, 0), (0, 0, 0.05))
@@ -396,7 +398,7 @@ def test_plate_behind_a_panel_or_the_sensor_hides_nothing():
 
 
 def test_plate_in_a_fold_hides_the_double_bounce():
-    """The plate interrupts the path between the two panels, in both orders of reflection."""
+    """A plate between two panels at a right angle interrupts the path between the panels, in both orders of reflection."""
     first = rectangle((0.2505, 0, 0), (0.2495, 0, 0), (0, 0, 0.25))
     second = rectangle((0, 0.2505, 0), (0, 0.2495, 0), (0, 0, 0.25))
     sensor = (1.0, 0.8, 0.02)

@@ -138,8 +138,8 @@ def wall_factor(distance, low, high):
     ids=["free", "1 cm from a wall", "in an edge", "in a corner", "far wall", "upper corner"],
 )
 def test_single_bounces_match_fresnel_integrals(sensor):
-    """The reference is the product of Fresnel integrals, which is valid beyond 0.25 m from a wall. test_images.py covers smaller distances
-    by quadrature.
+    """Echoes with one reflection on a wall agree with a product of Fresnel integrals, which is valid beyond 0.25 m from the wall.
+    test_images.py covers smaller distances by quadrature.
     """
     size, sensor = np.array([5.0, 4.0, 2.5]), np.array(sensor)
     part = paths_of(room_oracles.room_scene(tuple(size), "metal"), looking(sensor, ATTITUDES["tilted"]), max_bounces=1)[0]
@@ -184,7 +184,9 @@ def test_every_image_close_to_walls_has_its_level(sensor):
 
 
 def test_plate_removes_its_shadow_from_the_wall():
-    """The reference is a quadrature over the wall without the plate's shadow; the echo of the plate is a separate path."""
+    """A plate in front of a wall removes its shadow from the wall's echo. The wall's echo agrees with a quadrature over the wall without
+    the shadow; the echo of the plate itself is a separate path.
+    """
     wall = rt.Surface(objects.plate(1.2, 0.8), "metal", "wall", role="room")
     plate = rt.Surface(objects.plate(0.3, 0.2).apply_translation([-0.7, 0.05, 0.02]), "metal", "plate", role="room")
     place = np.array([-1.5, 0.03, -0.02])
@@ -202,7 +204,7 @@ def test_plate_removes_its_shadow_from_the_wall():
 
 
 def test_box_over_the_floor_removes_its_shadow():
-    """The box is 1 cm above the floor, exactly below the sensor."""
+    """A box that floats 1 cm above the floor, exactly below the radar, removes its shadow from the floor's echo."""
     floor = rt.Surface(rooms.rectangle([-2, -2, 0], np.eye(3)[0], np.eye(3)[1], (4, 4)), "metal", "floor", role="room")
     box = rt.Surface(objects.box([-0.3, -0.25, 0.01], [0.3, 0.25, 0.41]), "metal", "box", role="room")
     place = np.array([0.1, 0.05, 1.6])
@@ -222,7 +224,9 @@ def test_box_over_the_floor_removes_its_shadow():
 
 @pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
 def test_first_order_echoes_are_at_the_walls(name):
-    """The sensor is 0.4 m above the floor. The metal plate in front of the squash court's front wall is 45 mm thick."""
+    """In this test of the first echoes from the walls, the radar is 0.4 m above the floor. The metal plate in front of the squash court's
+    front wall is 45 mm thick.
+    """
     scene, pose = rooms.room(name, detail="shell"), rooms.bench(name, 0.4).sensor_pose
     length, width, height = scene.provenance["size_m"]
     front = length - pose[0, 3] - (0.045 if name == "squash_court" else 0.0)
@@ -423,8 +427,8 @@ def test_two_bounces_of_the_lab_shell_match_images():
 
 @pytest.mark.parametrize(("count", "expected"), [(2, 0.73), (4, 0.66), (6, 0.68), (8, 0.61)])
 def test_wall_behind_many_boxes_matches_fresnel_sums(count, expected):
-    """Boxes of 2 cm stand every 12 cm at 2.2 m in front of a wall at 3 m. The echo of the wall relative to the free wall agrees with
-    paraxial Fresnel sums.
+    """Boxes of 2 cm stand every 12 cm at 2.2 m in front of a wall at 3 m. The echo of the wall behind the boxes, relative to the echo of
+    the wall without boxes, agrees with paraxial Fresnel sums.
     """
     wall = rt.Surface(rooms.rectangle([3, 3, -3], -np.eye(3)[1], np.eye(3)[2], (6, 6)), "metal", "wall", role="room")
     places = (np.arange(count) - (count - 1) / 2) * 0.12

@@ -114,7 +114,7 @@ def test_open_mesh_reflects_on_both_sides():
 
 
 def test_extreme_poses_give_finite_results():
-    """The sensor is on a surface, inside a corner, and on the line of an edge."""
+    """The results are finite for a sensor on a surface, inside a corner, and on the line of an edge."""
     corner = objects.trihedral(0.1)
     for position in ([0.0, 0.0, 0.0], [1e-6, 0, 0], [0.01, 0, 0], corner.vertices[1], corner.triangles_center[0]):
         traced(corner, position, rays=20_000)

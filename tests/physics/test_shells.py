@@ -53,7 +53,7 @@ def passed(layers, frequency=FREQUENCY):
 
 @pytest.mark.parametrize("material", [PET, LAMINATE], ids=["PET", "glass and PET"])
 def test_far_wall_of_a_box_matches_the_transfer_matrix(material):
-    """The reference for the complex echo is a metal plate at the position of the far wall."""
+    """The complex echo of a box's far wall, relative to the echo of a metal plate at the same position, agrees with the transfer matrix."""
     box = trimesh.creation.box((0.1, 0.1, 0.1))
     plate = objects.plate(0.1, 0.1).apply_translation([-0.05, 0, 0])
     through, inside = passed(material.layers)
@@ -69,7 +69,9 @@ def test_metal_in_a_box_matches_the_transfer_matrix():
 
 
 def test_empty_bottles_match_the_exact_series():
-    """The echo is the mean over the chirp, with up to three reflections inside the bottle."""
+    """The echo of an empty bottle, averaged over the chirp and with up to three reflections inside the bottle, agrees with the exact
+    series.
+    """
     from experiments.validation.oracles.dielectrics import exact_bottle, our_bottle
 
     error = [our_bottle(wall, "air") - exact_bottle(wall, "air", 65) for wall in ("pet 0.3", "hdpe 1", "glass 3")]

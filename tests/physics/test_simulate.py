@@ -66,8 +66,8 @@ def test_large_wall_matches_its_image(material):
 
 
 def test_wide_tubes_match_the_image_of_a_wall():
-    """The normal of the wall is oblique to the axes of the ray grid. With 20,000 tubes over the sphere, the complex range profile agrees
-    within 2 %.
+    """The wall is oblique to the axes of the ray grid. With 20,000 ray tubes over the full sphere, the complex range profile agrees with
+    the image of the wall within 2 %.
     """
     radar = dataclasses.replace(RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
     pose = trajectory.look_at(np.array([-3.0, 0.3, 0.2]), np.array([0.0, 1.2, -0.4]))
@@ -162,7 +162,9 @@ def test_small_object_survives_beside_a_bright_wall():
 
 
 def test_old_llvm_is_refused_before_it_loads(tmp_path):
-    """Without the check, Dr.Jit would abort the process with LLVM 15 or 16."""
+    """RadarTwin refuses LLVM 15 and 16 with an error message, because the compiler library Dr.Jit would abort the process with these
+    versions.
+    """
     fake = tmp_path / "libLLVM-15.so"
     fake.touch()
     code = (

@@ -132,7 +132,8 @@ def test_divided_tubes_sum_to_one():
 
 @pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
 def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
-    """The reference is the diffraction integral of a converging wave along each axis in closed form, exp(-j k x^2 (1/z - 1/f)/2).
+    """The phase of the tubes after a focal line agrees with the diffraction integral of a converging wave along each axis in closed form,
+    exp(-j k x^2 (1/z - 1/f)/2).
 
     The test compares the difference between the phase of the field far behind the focus and its phase before the focus, under exp(+j omega
     t).

@@ -111,7 +111,8 @@ def test_resting_rover_does_not_move():
 def test_turntable_angle_errors_have_the_described_spread():
     """The angle error of the turntable is 5 degrees at the start. With a speed error of 1 %, it grows by 2.9 degrees in a revolution.
 
-    Half of the variance of the speed error changes within a fifth of a revolution. The ripple of the angle is periodic.
+    Half of the variance of the speed error changes within a fifth of a revolution. The ripple of the turntable angle repeats in every
+    revolution.
     """
     nominal = np.linspace(0, 2 * np.pi, 251)
     off = np.degrees([turntable_angles(nominal, TurntableErrors(), rng(s)) for s in range(800)])
