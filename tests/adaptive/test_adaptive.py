@@ -32,7 +32,7 @@ LIMITS = Limits({"level_db": 1.0}, "this test")
 
 @dataclass
 class FakeProbe:
-    """A probe with a single feature, which each lowered setting changes by a given amount."""
+    """A substitute for a simulated recording with a single feature, which each lowered simulation setting changes by a given amount."""
 
     moves: dict[str, dict[object, float]]
 

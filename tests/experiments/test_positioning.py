@@ -1,5 +1,5 @@
-"""The comparison table of the paper is transcribed correctly, its quotations exist in the cited texts, and our row shows the results of the
-checks.
+"""The comparison table of the paper is transcribed correctly, its quotations exist in the cited texts, and the table's row about RadarTwin
+shows the results of the checks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""Test the answer provider `InternVL` with a tiny model of random weights, whose answers are random tokens."""
+"""Test the class `InternVL`, which asks a local vision-language model about materials, with a tiny model of random weights, whose answers
+are random tokens.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Test the answer provider `Server` with an HTTP server on the loopback interface: its requests, its repeated tries and its errors."""
+"""Test the class `Server`, which asks a language model about materials, with an HTTP server on the loopback interface: its requests, its
+repeated tries and its errors.
+"""
 
 from __future__ import annotations
 

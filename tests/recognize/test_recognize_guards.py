@@ -1,5 +1,5 @@
-"""Splits into training and test data refuse measured class labels, recordings on both sides, and a calibration object
-that is also scored.
+"""The functions that split data into training and test data refuse three errors: measured class labels in training without labels, a
+recording in both parts, and a calibration object that is also scored.
 """
 
 from __future__ import annotations

@@ -60,9 +60,9 @@ def reflector():
 
 def test_noise_floor_of_a_range_profile_is_thermal(reflector):
     """The thermal noise is -174 dBm/Hz plus a noise figure of 15 dB over 5.21 MHz, relative to 12 dBm transmit power. A Hann window widens
-    a range bin by 1.5, and 256 samples and 16 chirps add coherently. Channel Q has 1 dB more gain than I, which adds 0.5 dB. The phase
-    noise of the reflector's echo (-64 dB, -93 dBc/Hz) at most doubles the noise floor. The test allows levels from 0.5 dB below to 2 dB
-    above the thermal noise.
+    a range bin by 1.5, and 256 samples and 16 chirps add coherently. The gain of channel Q is 1 dB higher than the gain of channel I, which
+    adds 0.5 dB to the noise power. The phase noise of the reflector's echo (-64 dB, -93 dBc/Hz) at most doubles the noise floor. The test
+    allows levels from 0.5 dB below to 2 dB above the thermal noise.
     """
     thermal = -174 + 15 + db(5.21e6) - 12 + db(1.5 / 256 / 16)
     far = reflector.range_m > 3.0
