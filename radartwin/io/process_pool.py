@@ -85,6 +85,8 @@ def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
     _in_worker = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    # While a worker exits, SIGTERM ends the worker at once; SystemExit inside an exit function would print a traceback.
+    multiprocessing.util.Finalize(None, signal.signal, (signal.SIGTERM, signal.SIG_DFL), exitpriority=0)
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     if prepare is not None:
         prepare()

@@ -1,4 +1,4 @@
-"""Drives along one nominal track share traced paths; the shared paths are compared with paths that are traced for each drive separately."""
+"""Radar drives along one planned track share their propagation paths. The tests compare them with paths traced for each drive alone."""
 
 import numpy as np
 import pytest

@@ -122,7 +122,9 @@ def test_metal_is_a_mirror_in_both_polarisations():
 
 
 def test_slabs_match_the_reference_table(shared_data):
-    """At normal incidence, slabs agree with the independent reference table within 0.05 dB, and half-spaces within 0.02 dB."""
+    """At normal incidence, the reflection of slabs agrees with the independent reference table within 0.05 dB, and that of half-spaces
+    within 0.02 dB.
+    """
     path = shared_data.parent / "reference" / "slab_reflection_77GHz.csv"
     checked = 0
     for row in csv.DictReader(path.read_text().splitlines()):

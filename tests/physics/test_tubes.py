@@ -84,8 +84,8 @@ def carried(mesh, reflectance, bounces):
 
 @pytest.mark.parametrize("reflectance", [1.0, 0.3])
 def test_closed_rooms_conserve_the_energy_of_tubes(reflectance):
-    """In a box and in a ball, lossless walls keep all power, and lossy walls keep |Gamma|^2 at every bounce. No tube leaves through an edge
-    of the mesh.
+    """In a box and in a ball, lossless walls keep all power, and lossy walls keep |Gamma|^2 at every bounce. No ray tube
+    escapes from the room through the seam between two triangles of the mesh.
     """
     box = trimesh.creation.box((1.0, 0.8, 0.9))
     for mesh in (box, objects.sphere(0.5, 3)):

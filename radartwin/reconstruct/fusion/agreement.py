@@ -36,7 +36,7 @@ MIN_PAIRS = 0.7  # smallest number of overlapping view pairs under another unit 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The distance between overlapping views if the depth unit or pose convention is `name`.
+    """How far the surfaces seen by overlapping camera views lie apart, under one assumed depth unit or pose convention.
 
     Attributes:
         pairs: number of overlapping view pairs.

@@ -52,9 +52,9 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
             poses, and offset_m (3,) is the position of the receiver in the sensor frame in metres. max_bounces is the largest number of
             reflections, samples the number of rays, diffuse whether to add diffuse reflection, and seed the random seed.
     Returns:
-        Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), hit points vertex
-        (N, D, 3) in metres, indices of the hit faces face (N, D) with -1 after the last hit, and scattered (N,), which is true for paths
-        with a diffuse hit.
+        Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), `vertex`
+        (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; and `scattered` (N,), which
+        is true for paths with a diffuse hit. Q is the number of frequency nodes and D the largest number of hits of a path.
     """
     import mitsuba as mi
     from sionna.rt import PathSolver
