@@ -22,7 +22,7 @@ gets all of the scattered power.
 Speckle: a point represents hundreds of square wavelengths of surface with many independent facets. The simulator draws the field factor of
 each point once, from a complex circular Gaussian distribution of unit mean power. Every resolution cell of the radar then has fully
 developed speckle, whatever the number of points in the cell. If the field factors were phasors of unit magnitude, a resolution cell would
-need a dozen points.
+need a dozen points. The file is over 300 lines long because of this derivation.
 
 Near field: close to the sensor, the factor r^-4 would make the echo of a point stronger than the echo of the area that the point
 represents. The simulator therefore multiplies the power by (1 + x/2)/(1 + x)^2 with x = A/(pi r_i r_s), which is the exact ratio for a disc

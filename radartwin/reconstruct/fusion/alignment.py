@@ -6,7 +6,7 @@ All pairs of views are solved together, as in Pulli 1999, Multiview registration
 the poses: the phone's own estimate of its motion between neighbouring views, and the direction of gravity for roll and pitch. A
 Geman-McClure kernel reduces the weight of outliers. During the iterations, the scale of the kernel shrinks from the size of the drift to
 the size of the depth noise. The residuals do not determine the position of the whole scan, so the first part of the camera path keeps its
-position.
+position. The solver and the assembly of its equations stay in one file, which is therefore over 300 lines long.
 
 Symbols: delta_i -> correction of view i in world coordinates: a rotation vector, for a rotation about `centre`, and a shift.
 """

@@ -11,7 +11,7 @@ motion of a path from its delay. The number of Fourier transforms per frame is a
 does not depend on the number of chirps. The sum over delays is a type-1 non-uniform FFT with the exponential-of-semicircle kernel of
 A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479, on a grid of delays with at least twice as many cells as a
 chirp has samples. Equal inputs give byte-identical samples on any number of processor cores. radartwin.simulation.signal.gridding contains
-the compiled loops over paths and grid cells.
+the compiled loops over paths and grid cells. The file is over 300 lines long, because the steps of the transform share their constants.
 """
 
 import functools
