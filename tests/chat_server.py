@@ -20,7 +20,7 @@ def completion(content: object) -> Reply:
 
 
 class ChatServer:
-    """A running chat server that records the requests that it receives.
+    """This class starts a chat server for a test and records the requests that the server receives.
 
     Args:
         reply: function that computes the reply from the number of the request (the first is 0) and the body of the request.

@@ -7,8 +7,8 @@ from radartwin.scene.scene import Scene
 
 
 def displaced(scene: Scene, rng: np.random.Generator, offset_m: float = 0.01, tilt_deg: float = 0.2) -> Scene:
-    """Move every room surface rigidly by a random offset and a random tilt with these standard deviations. A flat surface moves along its
-    normal.
+    """Move every room surface rigidly by a random offset and a random tilt, with the standard deviations `offset_m` in metres and
+    `tilt_deg` in degrees. A flat surface moves along its normal.
     """
     surfaces = []
     for surface in scene:

@@ -64,7 +64,7 @@ def prose(page: Path) -> str:
 
 
 def quoted(page: Path) -> list[str]:
-    """Inline code of the text."""
+    """Return the pieces of inline code (text between backquotes) of the page, without its fenced code blocks."""
     return re.findall(r"`([^`\n]+)`", prose(page))
 
 

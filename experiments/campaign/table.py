@@ -206,7 +206,7 @@ def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
 
 
 def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> list[tuple[int, int]]:
-    """Return (number of frames, number of traced states) of each planned recording; a traced state is one turntable angle or one frame."""
+    """Return (number of frames, number of ray-traced states of the scene) of each planned recording (see `states`)."""
     lengths = [nominal_log(case, campaign, measured=domain == MEASURED).frames for case in cases]
     return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
 
@@ -226,7 +226,10 @@ def extrapolated(some: Sequence[Made], counts: Sequence[tuple[int, int]], rooms:
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
-    """Return (number of frames, number of traced states) of a recording of `frames` frames; a traced state is one angle or one frame."""
+    """Return the number of radar frames of a recording (equal to `frames`), and the number of states of its scene that are ray-traced. For
+    a virtual measurement on the turntable, a traced state is one rotation angle of the target. For all other recordings, every frame is
+    traced.
+    """
     return frames, min(frames, truth.aspects(case.object, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 

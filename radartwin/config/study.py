@@ -13,9 +13,11 @@ from radartwin.features.families import families
 
 @dataclass
 class GapConfig:
-    """Strength of each known difference between the virtual measurements and their simulation: 0 is off, 1 the published size, 2 doubled.
+    """Strength of each error source that the virtual measurements (simulated stand-in for real measurements) have and the simulation under
+    test does not have.
 
-    The module named beside a field states the size of the difference at strength 1 and the published source of this size.
+    Strength 0 switches the error source off. At strength 1, the error has the size that a publication or data sheet gives, and at strength
+    2 twice this size. The module named beside a field states the size of the error at strength 1 and the published source of this size.
     """
 
     geometry: float = not_negative(1.0)  # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)

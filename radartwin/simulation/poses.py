@@ -81,7 +81,7 @@ def inverse(poses: np.ndarray) -> np.ndarray:
 
 
 def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
-    """Return the poses that the poses (F, 4, 4) reach after the fraction `share` of a frame period.
+    """Move each pose forward in time by the fraction `share` (0 to 1) of a frame period, and return the moved poses (F, 4, 4).
 
     The function interpolates between successive frames with constant velocity and constant rotation rate. The last frame moves like the
     second to last frame.

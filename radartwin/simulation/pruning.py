@@ -41,9 +41,10 @@ class Pruner:
 
 
 def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.ndarray]:
-    """Return, for each `Paths` object in `parts`, a mask of its strong paths.
+    """Return, for each `Paths` object of the list `parts`, a mask of its strong paths.
 
-    A path is strong if its amplitude is at least `share` times the amplitude of the strongest path at the same sensor pose in all `parts`.
+    For each sensor pose, the function finds the largest amplitude over the paths of all `Paths` objects in the list. A path is strong if
+    its amplitude is at least `share` (a number from 0 to 1) times the largest amplitude at its sensor pose.
     """
     levels = [level(part, radar) for part in parts]
     strongest = np.zeros(parts[0].poses if parts else 0)
@@ -53,5 +54,5 @@ def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.
 
 
 def pruned(part: Paths, radar: Radar, share: float) -> Paths:
-    """Return the paths whose amplitude is at least `share` times the amplitude of the strongest path at the same sensor pose."""
+    """Return the paths whose amplitude is at least `share` (0 to 1) times the amplitude of the strongest path at the same sensor pose."""
     return part.where(strong_masks([part], radar, share)[0])

@@ -11,7 +11,7 @@ from disks import Disk, mounted
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Disk]:
-    """A disk of 3 MB."""
+    """Mount a file system of 3 MB for one test, so that the test can fill the disk."""
     yield from mounted(tmp_path / "disk", 3)
 
 

@@ -48,7 +48,7 @@ def ended(folder: Path, output: Path) -> tuple[int, str, str]:
 
 
 def members(group: int) -> list[int]:
-    """Running processes of the group."""
+    """Return the ids of the running processes in the process group `group`."""
     found = subprocess.run(["pgrep", "-g", str(group), "-r", "R,S,D"], capture_output=True, text=True, check=False)
     return [int(word) for word in found.stdout.split()]
 

@@ -12,7 +12,7 @@ SIDELOBE = 4.4934  # where tan x = x: the first sidelobe of sin x / x
 
 
 def _targets():
-    """name: (mesh, angle from broadside in its horizontal plane, cross-section)."""
+    """Return {name of the target: (mesh, angle in radians from broadside in the horizontal plane, exact radar cross-section in m2)}."""
     out = {}
     for a in (0.05, 0.1, 0.2):
         peak = 4 * np.pi * a**4 / WAVELENGTH**2
@@ -31,7 +31,9 @@ TARGETS = _targets()
 
 
 def level(mesh, angle, roll, density, seed):
-    """Cross-section with mesh and view turned together about x; both polarisations a tilted dihedral returns."""
+    """Return the radar cross-section of a target after the mesh and the viewing direction are rotated together about the x axis. The
+    cross-section contains the power in both polarisations, because a rotated dihedral returns both.
+    """
     turn = np.asarray(trimesh.transformations.rotation_matrix(roll, [1, 0, 0]))[:3, :3]
     turned = trimesh.Trimesh(mesh.vertices @ turn.T, mesh.faces, vertex_normals=mesh.vertex_normals @ turn.T, process=False)
     view = turn @ [np.cos(angle), np.sin(angle), 0]
@@ -41,8 +43,9 @@ def level(mesh, angle, roll, density, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_level_is_accurate_from_one_tube_per_square_wavelength(name):
-    """Rms and largest error over eight offsets and three orientations (two offsets at 64 tubes). The 5 cm trihedral converges to 0.2 dB
-    above its closed form, which contains only the triple reflection.
+    """The test limits the rms error and the largest error of the echo level, in decibels, over eight random offsets of the ray grid and
+    three orientations of the target. At 64 tubes per square wavelength, the test uses only two offsets. The 5 cm trihedral converges to
+    0.2 dB above its closed form, which contains only the triple reflection.
     """
     mesh, angle, expected = TARGETS[name]
     levels = {
@@ -69,7 +72,10 @@ def test_near_field_does_not_drift(name, distance):
 
 @pytest.mark.slow
 def test_scanned_can_and_bottle_converge(shared_data):
-    """Mean level over aspects; single aspects of a scan are sums of many glints."""
+    """The echo level of a scanned can and of a scanned bottle converges as the tracer uses more rays per square wavelength. The test
+    compares the mean over seven viewing directions, because the echo of a single direction is the sum of many specular points and
+    fluctuates.
+    """
     for name in ("TomatoSoupCan", "MustardBottle"):
         mesh = trimesh.load_mesh(shared_data / "objects" / "ycb" / f"{name}.obj")
         mesh.apply_translation(-mesh.bounds.mean(axis=0))
@@ -81,7 +87,9 @@ def test_scanned_can_and_bottle_converge(shared_data):
 
 @pytest.mark.slow
 def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
-    """Peak resident memory of a whole process, in kilobytes on Linux."""
+    """A process that traces three million rays in a closed room needs less than 2 GB of memory. The test reads the peak resident memory of
+    the whole process, which Linux gives in kilobytes.
+    """
     import subprocess
     import sys
 

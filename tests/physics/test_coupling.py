@@ -307,11 +307,12 @@ def field_of(parts, low=0.0, high=np.inf):
 
 @pytest.mark.parametrize(("height", "within"), [(0.06, 1.0), (0.08, 2.6), (0.12, 1.0), (0.2, 1.0)])
 def test_box_on_the_floor_matches_the_box_as_panels(height, within):
-    """The right-angled corner of the floor and the front of a box is compared with the same box as panels, whose apertures share the
-    corner.
+    """The echo of the right-angled corner between a floor and the front of a box agrees for two models of the box. In the first model, the
+    box is a separate object, whose echoes over the floor follow from the currents on the box. In the second model, the box is part of the
+    room, and its faces are flat panels that meet the floor at the corner.
 
-    Paths over the floor use currents on the box front only, but panels use the mean with currents on the floor. The levels of the corner's
-    echo from objects and from panels differ by at most 2.3 dB.
+    The first model uses the currents on the box front only. The second model uses the mean of the results from the currents on the box
+    front and on the floor. The echo levels of the two models differ by at most 2.3 dB.
     """
     box = objects.box((1.15, -0.075, 0.0), (1.25, 0.075, height))
     pose = at((0, 0, 0.6))

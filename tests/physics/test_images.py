@@ -364,8 +364,8 @@ def test_trihedral_of_squares_matches_its_three_bounces():
 
 @pytest.mark.parametrize("centre", [(0.5, 0.0, 0.0), (0.5, 0.08, 0.03), (0.3, 0.2, 0.0), (0.9, 0.5, 0.1)])
 def test_plate_in_front_of_a_panel_removes_its_shadow(centre):
-    """The plate hides the wall behind it by its geometric shadow in both directions. The echo of the wall agrees with a quadrature over the
-    wall without the shadow that the plate casts as seen from the sensor.
+    """A plate in front of a wall removes its geometric shadow from the wall's echo, both on the way from radar to wall and on the way
+    back. The echo of the wall agrees with a quadrature over the wall without the shadow that the plate casts as seen from the sensor.
     """
     wall = rectangle((0, 0, 0), (0, 0.5, 0), (0, 0, 0.4))
     plate = rectangle(centre, (0, 0.06, 0), (0, 0, 0.05))

@@ -33,7 +33,7 @@ SUPPORTS = 24  # largest number of hull points of an obstacle
 
 @dataclass(frozen=True)
 class Sequences:
-    """Hold S sequences of panels, prepared for evaluation.
+    """Hold S sequences of reflecting panels, with the mirror images and obstacles from which `evaluate` computes the fields of paths.
 
     Attributes:
         chain: (S,) index of the panel sequence in the list passed to `prepare`. A sequence may occur with several choices of sides.
@@ -122,10 +122,10 @@ def _supports(points: np.ndarray) -> np.ndarray:
 
 
 def prepare(panels: Panels, things: Obstacles, chains: Sequence[tuple[int, ...]], sources: np.ndarray, receivers: np.ndarray) -> Sequences:
-    """Find the possible sides and obstacles of panel sequences.
+    """For each sequence of reflecting panels, find the panel sides that a path may meet and the obstacles that may block a path.
 
     Args:
-        chains: panel indices of each sequence, from source to receiver.
+        chains: for each sequence of reflecting panels, the indices of its panels in the order from source to receiver.
         sources, receivers: (N, 3) possible ends of the paths; only their bounding boxes are used.
     """
     ends = [_box(sources), _box(receivers)]
@@ -228,7 +228,7 @@ def _between(panels: Panels, things: Obstacles, start: tuple, stop: tuple, ends:
 
 @dataclass(frozen=True)
 class Images:
-    """Hold the fields of N pairs of a sequence and its end points.
+    """Hold the fields of N paths. Each path has a sequence of reflecting panels, a source and a receiver.
 
     Attributes:
         factor: (N,) complex Fresnel factor, 0 if there is no path. length_m: (N,) path length.
@@ -255,10 +255,11 @@ def evaluate(
     least: np.ndarray | float = 0.0,
     reach: float = REACH,
 ) -> Images:
-    """Compute the fields of paths that reflect at panel sequences.
+    """Compute the fields of N paths. Each path reflects at the flat panels of one prepared sequence, in the order of the sequence.
 
     Args:
-        which: (N,) sequence of each path. source, receiver: (N, 3) ends of the path in the world. axis: (N, 3) the source's antenna axis.
+        which: (N,) index of the prepared sequence of reflecting panels of each path. source, receiver: (N, 3) ends of the path in the
+            world. axis: (N, 3) the source's antenna axis.
         least: threshold of |field| |factor|/length, computed without obstacles, per path or for all paths. Weaker paths are dropped.
         reach: Fresnel coordinate beyond which obstacles are ignored.
     """

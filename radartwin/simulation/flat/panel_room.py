@@ -1,8 +1,8 @@
 """Paths that reflect at the panels of a flat room, for all poses at once.
 
-All sequences of one panel are tested. Coarse tubes find longer sequences at a few key places along the motion. Then `images.evaluate`
-computes the exact paths of these sequences for every pose near these places. In this module, curved surfaces and small objects only block
-paths; tubes trace their echoes.
+The module tests a single reflection at every panel. At a few sensor positions along the motion (key places), coarse ray tubes find the
+sequences of two or more panels at which strong paths reflect. Then `images.evaluate` computes the exact paths of these panel sequences for
+every pose near the key places. In this module, curved surfaces and small objects only block paths; tubes trace their echoes.
 """
 
 from collections.abc import Sequence
@@ -38,13 +38,13 @@ PATHS_AT_ONCE = 200_000  # limits the memory of one evaluation to a few hundred 
 
 @dataclass(frozen=True)
 class Scouted:
-    """Hold the panel sequences that matter along a track: sensor places (P, 3), and the sequences of each place."""
+    """Hold P sensor positions (P, 3) along a track, and for each position the sequences of panels at which strong paths reflect."""
 
     places: np.ndarray
     chains: list[set[tuple[int, ...]]]
 
     def near(self, points: np.ndarray) -> list[np.ndarray]:
-        """Return, for each of the points (F, 3), the indices of the places whose sequences are used."""
+        """Return, for each of the points (F, 3), the indices of the sensor positions whose sequences of reflecting panels are used."""
         away = np.linalg.norm(points[:, None] - self.places[None], axis=2)
         return [np.argsort(row, kind="stable")[:NEIGHBOURS] for row in away]
 
@@ -102,7 +102,9 @@ class PanelRoom:
     def chains(
         self, sources: np.ndarray, receivers: np.ndarray, axes: np.ndarray, longest: int, share: float, rays: int = DISCOVERY_RAYS
     ) -> list[set[tuple[int, ...]]]:
-        """Search panel sequences for K places (K, 3), whose paths have at least `share` times the strongest path's amplitude."""
+        """For each of K source and receiver positions (K, 3), find the sequences of reflecting panels whose paths have at least `share` (0
+        to 1) times the amplitude of the strongest path.
+        """
         found: list[set[tuple[int, ...]]] = [{(int(p),) for p in np.flatnonzero(self.usable)} for _ in sources]
         if longest < 2 or not self.usable.any():
             return found
@@ -134,12 +136,14 @@ class PanelRoom:
         Args:
             poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s.
             prune: drop paths whose amplitude, with the element gain, is below this times the pose's strongest path.
-            scouted: known sequences. None: search sequences.
+            scouted: sequences of reflecting panels that `scouted` has found; None searches for such sequences.
         """
         return self._found(poses, velocity, radar, max_bounces, prune, scouted)[0]
 
     def scouted(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Scouted:
-        """Search the sequences that matter at places (P, 4, 4) of a track. `prune` should be well below that of `paths`."""
+        """Find the sequences of panels at which strong paths reflect, for the sensor poses (P, 4, 4) along a track. `prune` should be well
+        below the value of `prune` that is later passed to `paths`.
+        """
         paths, which, known = self._found(poses, np.zeros((len(poses), 3)), radar, max_bounces, prune, None, thorough=True)
         chains: list[set[tuple[int, ...]]] = [set() for _ in poses]
         for pose, index in zip(paths.pose.tolist(), which.tolist(), strict=True):
@@ -156,7 +160,9 @@ class PanelRoom:
         scouted: Scouted | None,
         thorough: bool = False,
     ) -> tuple[Paths, np.ndarray, list[tuple[int, ...]]]:
-        """Return N paths, the index (N,) of each path's sequence, and the sequences."""
+        """Return N paths; for each path the index (N,) of its sequence of reflecting panels; and the list of panel sequences to which
+        these indices refer.
+        """
         place, axis = poses[:, :3, 3], poses[:, :3, 2]
         if scouted is None:
             keys, near = key_places(place)
@@ -241,7 +247,8 @@ def build(surfaces: Sequence[Surface], geometry: Geometry, table: ReflectionTabl
 
 
 def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Choose key places along a motion, KEY_SPACING_M apart. Returns their indices (K,), and for every point the key places near it.
+    """Choose K points of a motion, KEY_SPACING_M apart, at which sequences of reflecting panels are searched. Returns the indices (K,) of
+    the chosen points, and for every point the chosen points near it.
 
     Args:
         points: (F, D) coordinates; D = 6 for two moving points.

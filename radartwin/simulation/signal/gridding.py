@@ -21,7 +21,7 @@ _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel funct
 
 
 class PathArrays(NamedTuple):
-    """Hold the N paths of all tasks.
+    """Hold the N paths of all tasks; a task is a group of consecutive paths of one frame.
 
     The first five arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path.
     """
@@ -176,12 +176,13 @@ def _motion(w, amplitude, weight_re, weight_im, orders):
 
 @compiled
 def spread(first, last, starts, paths, elements, scale, grid):
-    """Add the paths of the tasks `first` to `last` - 1 to the delay grids of these tasks.
+    """Add the paths of the tasks `first` to `last` - 1 to delay grids. A task is a group of consecutive paths of one frame and has its own
+    delay grid.
 
     The caller must set the delay grids to zero before the call.
 
     Args:
-        starts: (tasks + 1,) index of the first path of each task.
+        starts: index of the first path of each task, followed by the number of paths N.
         paths: the PathArrays of all tasks.
         elements: the Elements of the radar's antenna array.
         scale: the GridScale that converts path lengths to phases and grid positions.

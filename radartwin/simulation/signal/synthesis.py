@@ -208,12 +208,14 @@ def planar_phase(paths: Paths, radar: Radar) -> float:
 
 
 def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Split the paths of each frame into tasks. The split does not depend on the number of processor cores.
+    """Split the paths of each frame into groups of consecutive paths, each of which is a task for one thread. The groups are the same for
+    any number of processor cores, so that the result of the sum over paths is the same too.
 
     Args:
         edges: (F + 1,) path indices; frame f has the paths edges[f] to edges[f + 1] - 1.
     Returns:
-        The index of the first path of each task (tasks + 1,), and the index of the first task of each frame (F + 1,).
+        The index of the first path of each task, an array with one entry more than there are tasks, and the index of the first task of
+        each frame (F + 1,).
     """
     counts = np.diff(edges)
     pieces = np.clip(-(-counts // _PATHS_PER_TASK), np.minimum(counts, 1), _TASKS_PER_FRAME)
