@@ -28,7 +28,7 @@ OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # range differences between the room's
 
 
 class FakeCampaign:
-    """A source of synthetic recordings with the interface of experiments.campaign.source.
+    """This class returns synthetic recordings and has the interface of experiments.campaign.source.
 
     Args:
         frames: number of frames of a drive, or of one revolution.

@@ -3,7 +3,7 @@
 Each row has the value expected from physics, the result of the published RF-Genesis program for the same scene (column paper; versions
 `shipped` and `columns`), and the result of RadarTwin's re-implementation. A claim holds if the published RF-Genesis program and
 RadarTwin's re-implementation agree within a tolerance. Rows of the version `corrected` show what RF-Genesis returns after its errors are
-corrected; the published program has no value for these rows.
+corrected; the original RF-Genesis program has no value for these rows.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
 
 
 def published_radar() -> Radar:
-    """Return the radar in the configuration file of the published program (TI1843_config.json). The ADC of this radar starts 6 us
+    """Return the radar in the configuration file TI1843_config.json of the original RF-Genesis program. The ADC of this radar starts 6 us
     after the start of the chirp.
     """
     half = SPEED_OF_LIGHT / 77e9 / 2

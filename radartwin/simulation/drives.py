@@ -1,11 +1,12 @@
 """Paths of many drives along one track, on which the sensor moves past a resting object in a resting room.
 
 Repeated drives along one nominal drive differ by centimetres, which changes the phase of echoes by radians. The drives can therefore not
-share traced paths unchanged, but they share two results. First, the panel sequences that matter along the track are searched once, then
-evaluated exactly at every pose of every drive. Second, some paths are traced only at places along the track and moved from the nearest
-place to each sensor pose: the paths of clutter, and the paths between an object and the room. The move keeps amplitudes; lengths,
-directions and rates of change are exact for the first and last points of the path. Panel images and direct echoes of a target are not moved
-but traced at every pose, because the phase between edge waves and specular echo changes within millimetres (error: 0.23 of the signal).
+share traced paths unchanged, but they share two results. First, the sequences of wall panels at which strong paths reflect are searched
+once for the track. The paths of these panel sequences are then computed exactly at every pose of every drive. Second, the paths of
+clutter, and the paths between an object and the room, are traced only at sensor positions with a spacing of 4 cm along the track (places).
+For each other sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes; lengths, directions and rates
+of change are exact for the first and last points of the path. Panel images and direct echoes of a target are not moved but traced at every
+pose, because the phase between edge waves and specular echo changes within millimetres (error: 0.23 of the signal).
 """
 
 from collections.abc import Callable, Sequence
@@ -42,13 +43,13 @@ BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Hold the paths traced at sensor places (P, 4, 4), which are equally spaced on a line."""
+    """Hold the paths that are traced at P equally spaced sensor poses (P, 4, 4) on a line; the code calls these sensor poses places."""
 
     places: np.ndarray
     parts: Sequence[Paths]
 
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
-        """Return the paths for a sensor that drives through `poses` (F, 4, 4), as parts of F poses each."""
+        """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each."""
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         along = self.places[-1, :3, 3] - self.places[0, :3, 3]
         where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
@@ -58,7 +59,7 @@ class Track:
         return [self._carried(part, place, shift, np.swapaxes(frame, 1, 2) @ there, velocity) for part in self.parts]
 
     def _carried(self, part: Paths, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> Paths:
-        """Move the paths of the nearest place (F,) to each pose.
+        """Move the paths of the nearest traced sensor position (index (F,)) to each of F sensor poses.
 
         Args:
             shift: (F, 3) from place to pose, in the sensor frame at the place. turn: (F, 3, 3) from this frame to the sensor frame at the
@@ -84,7 +85,9 @@ def _carry(
     low, high, start, first, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
     amplitude_to, bounces_to, length_to, way_to, rate_to,
 ):  # fmt: skip
-    """Write the paths of poses `low` to `high`, moved from their nearest places, to the arrays `*_to`."""
+    """For each sensor pose from `low` to `high`, move the paths of the nearest traced sensor position (place) to this pose and write them
+    to the arrays `*_to`.
+    """
     moved = np.empty(3)
     for f in range(low, high):
         for row in range(start[f], start[f + 1]):
@@ -120,9 +123,10 @@ def straight(poses: np.ndarray) -> bool:
 
 
 def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np.ndarray:
-    """Return places (P, 4, 4) along a straight nominal drive (F, 4, 4) and beyond both ends, all with the first heading.
+    """Return P equally spaced sensor poses (P, 4, 4) along a straight nominal drive (F, 4, 4) and beyond both ends of the drive. All
+    returned poses have the heading of the drive's first pose.
 
-    All places are shifted forward by `offset` times the spacing.
+    All returned poses are shifted forward by `offset` times their spacing.
     """
     start, way = poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
     length = float(np.linalg.norm(way))
@@ -134,7 +138,7 @@ def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np
 
 
 def _in_turn(parts: Sequence[Paths | None], poses: int) -> Paths:
-    """Join consecutive parts of TOGETHER poses each to one part of all poses."""
+    """Join `Paths` objects of TOGETHER consecutive poses each to a single `Paths` object of all poses."""
     shifted = [replace(part, poses=poses, pose=part.pose + k * TOGETHER) for k, part in enumerate(parts) if part is not None]
     return Paths.concatenate(shifted)
 
@@ -147,7 +151,8 @@ class Drives:
         radar: waveform, frame rate and element pattern.
         nominal: (F, 4, 4) sensor poses of the straight nominal drive.
         settings: of the tracer. `rays` must be None, and the room is traced by panels.
-        offset: shift of the places as a fraction of their spacing. Different offsets give independent tracing errors.
+        offset: shift of the traced sensor positions along the track, as a fraction of their spacing. Different offsets give independent
+            tracing errors.
     """
 
     def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings, offset: float = 0.0):
@@ -200,7 +205,7 @@ class Drives:
         return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # 0: direct echo
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
-        """Call `traced` for the places along the track and return its paths as a Track."""
+        """Call `traced` for the equally spaced sensor positions along the track and return the traced paths as a Track."""
         places = self._places
         some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)

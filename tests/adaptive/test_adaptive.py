@@ -32,7 +32,9 @@ LIMITS = Limits({"level_db": 1.0}, "this test")
 
 @dataclass
 class FakeProbe:
-    """A substitute for a simulated recording with a single feature, which each lowered simulation setting changes by a given amount."""
+    """This class replaces a simulated recording by a single feature. Each lowered simulation setting changes the feature by a given
+    amount.
+    """
 
     moves: dict[str, dict[object, float]]
 

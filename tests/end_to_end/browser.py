@@ -35,7 +35,7 @@ def find() -> str | None:
 
 
 class Page:
-    """One browser tab. The list `messages` collects the console messages and the uncaught JavaScript errors of the tab."""
+    """Control a tab of the browser. The list `messages` collects the console messages and the uncaught JavaScript errors of the tab."""
 
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive, self._buffer = send, receive, b""

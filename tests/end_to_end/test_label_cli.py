@@ -36,7 +36,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 class Model(ChatServer):
-    """A slow language model that answers "wood" for surfaces and "plastic with water" for objects."""
+    """This slow substitute of a language model answers "wood" for surfaces and "plastic with water" for objects."""
 
     pause_s = 0.0
 

@@ -35,9 +35,9 @@ QUIET = Progress(quiet=True)
 
 
 class FakeSides(Sides):
-    """Synthetic echoes of measurement and simulation that are computed without a simulator. The difference `hardware` attenuates the
-    measured echo by 6 dB, `contents` modulates the echo of a measured bottle twice per revolution, `geometry` mirrors the simulated room,
-    and `materials` and `labels` each raise the amplitude of the measurement or of the simulation by 20 %.
+    """This class computes synthetic echoes of measurement and simulation from formulas, without a simulator. The difference `hardware`
+    attenuates the measured echo by 6 dB, `contents` modulates the echo of a measured bottle twice per revolution, `geometry` mirrors the
+    simulated room, and `materials` and `labels` each raise the amplitude of the measurement or of the simulation by 20 %.
     """
 
     def processed(self, domain: str, on: frozenset[str], case: Case) -> tuple[str, Processed]:

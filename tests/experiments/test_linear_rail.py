@@ -28,8 +28,8 @@ def range_m(motion: str, time: np.ndarray) -> np.ndarray:
 
 
 class Rail:
-    """A source of rail recordings. In the measured recordings, the target's range is 2 cm longer, and a constant echo of amplitude
-    `clutter` is at 1.45 m.
+    """This class returns synthetic recordings of a radar that moves along a linear rail. In the measured recordings, the target's range is
+    2 cm longer, and a constant echo of amplitude `clutter` is at 1.45 m.
     """
 
     def __init__(self, clutter: float, motions: Sequence[Motion] = ("radial", "diagonal")) -> None:

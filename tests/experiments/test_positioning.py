@@ -57,7 +57,9 @@ def test_our_capabilities_agree_with_the_papers_table(axis: str) -> None:
 
 
 def test_rfgenesis_has_one_bounce_and_one_material() -> None:
-    """The RF-Genesis paper claims multipath propagation, but the published program traces only one bounce and one material."""
+    """The RF-Genesis paper claims multipath propagation, but the program that the authors of RF-Genesis released traces only one bounce
+    and one material.
+    """
     line = positioning.row("RF-Genesis")
     assert (line["verdict"], line["value"], line["n"]) == ("fails", 0.5, 2)
     assert "multipath: no (1-bounce), not yes" in line["checked here"]

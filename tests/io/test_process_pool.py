@@ -17,7 +17,7 @@ PATHS = os.pathsep.join((str(ROOT), str(ROOT / "tests")))  # the worker imports 
 
 
 def hold(folder: Path) -> None:
-    """A call that takes a long time and removes its file when the process is ended."""
+    """Keep a worker process busy for a long time. The function removes its file when the process is ended."""
     mine = folder / f"{os.getpid()}.pid"
     mine.touch()
     try:

@@ -45,7 +45,7 @@ OWNED = "owned"
 
 
 class Evil:
-    """An object whose pickle calls `open` when it is read."""
+    """The pickle of this object calls the function `open` as soon as Python loads the pickle."""
 
     def __init__(self, mark: Path) -> None:
         self.mark = mark

@@ -1,5 +1,5 @@
-"""Known results of the baseline simulators: the naive tracer behaves like its published program, and point scatterers follow the radar
-equation.
+"""The baseline simulators give known results: the naive tracer behaves like the original RF-Genesis program, and point scatterers follow
+the radar equation.
 """
 
 import time
@@ -24,8 +24,8 @@ HERE = np.eye(4)[None]
 
 
 def test_shipped_trihedral_is_below_the_sphere_instead_of_29_db_above():
-    """The published program returns -11.6 dB for a trihedral at 2 m. The level of the published program depends on how its ray pixels of
-    1.8 cm fall on the trihedral of 10 cm.
+    """The original RF-Genesis program returns -11.6 dB for a trihedral at 2 m. This level depends on how its ray pixels of 1.8 cm fall on
+    the trihedral of 10 cm.
     """
     ratio = baselines.trihedral_over_sphere_db(backend("rfgenesis"), np.linspace(1.9, 2.1, 11))
     assert pytest.approx(29.4, abs=0.05) == baselines.CLOSED_FORM_RATIO_DB
@@ -48,7 +48,7 @@ def test_level_grows_with_the_number_of_rays(version, levels_db):
 
 @pytest.mark.parametrize(("version", "speed"), [("shipped", 0.743), ("columns", 0.743), ("corrected", 0.2 * 79.106 / 77)])
 def test_speed_error_of_the_published_radar(version, speed):
-    """The published program computes speeds with the wavelength at 77 GHz, but its chirps are at about 79.1 GHz."""
+    """The original RF-Genesis program computes speeds with the wavelength at 77 GHz, but its chirps are at about 79.1 GHz."""
     assert baselines.speed_read_mps(backend("rfgenesis", version=version), baselines.published_radar()) == pytest.approx(speed, rel=0.005)
 
 
@@ -108,7 +108,9 @@ def test_corrected_power_matches_a_diffuse_sphere():
 
 
 def test_shipped_hits_remain_where_a_target_was():
-    """The published program fills a pixel without a hit from the previous frame, so that hits remain after the target has moved away."""
+    """The original RF-Genesis program fills a pixel without a hit from the previous frame, so that hits remain after the target has moved
+    away.
+    """
     poses = np.array([at(1.5, y) for y in (0.0, 0.3, 0.6)])
     scene = rt.Scene([rt.Surface(objects.plate(0.2, 0.2), "metal", "plate")])
     counts = {}
@@ -155,7 +157,7 @@ def test_table_holds_far_field_cross_sections():
 @pytest.mark.slow
 @pytest.mark.parametrize(("room", "most_s"), [(False, 24), (True, 65)])
 def test_whole_frame_is_no_slower_than_the_published_program(room, most_s):
-    """On two cores, the published program takes 24 s for 1,200 hits (a plate at 1 m) and 65 s for 16,384 hits (a room)."""
+    """On two cores, the original RF-Genesis program takes 24 s for 1,200 hits (a plate at 1 m) and 65 s for 16,384 hits (a room)."""
     plate = rt.Scene([rt.Surface(objects.plate(0.3, 0.3).apply_transform(at(1.0)), "metal", "plate")])
     scene, pose = (rooms.lab(), rooms.lab_bench().sensor_pose[None]) if room else (plate, HERE)
     part = Part("frame", scene, pose, {}, 1, RADAR, lambda: np.zeros(0))

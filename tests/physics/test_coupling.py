@@ -148,7 +148,9 @@ def legs(position):
 
 @pytest.mark.parametrize("kind", ["slide", "sensor", "turn"])
 def test_doppler_of_every_leg_pair_matches_path_differences(kind):
-    """The amplitude-weighted range rate of each echo agrees with differences of exact path lengths."""
+    """For each echo between object and floor, the mean range rate, weighted by amplitude, agrees with the difference of exact path lengths
+    between successive frames.
+    """
     frames, step = 3, 0.004
     offset = np.array([1.2, 0.05, 0.35])
     motion, sensors = np.tile(np.eye(4), (frames, 1, 1)), np.tile(at(SENSOR), (frames, 1, 1))
@@ -263,7 +265,7 @@ def test_static_object_and_resting_moving_object_have_equal_signals():
 
 @pytest.mark.slow
 def test_coupled_echoes_match_tubes():
-    """A sphere over a floor is compared with ray tubes that start at the sensor only.
+    """For a sphere over a floor, the echo levels of the panel method agree with those of ray tubes that start at the sensor only.
 
     The direct echoes agree to 0.3 dB. The echoes over floor and sphere agree to 0.8 dB (0.38 dB measured), because wide tubes of the floor
     carry half of this echo to the sphere. Panels are within 0.08 dB of geometric optics, tubes within 0.45 dB.

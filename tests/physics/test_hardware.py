@@ -154,8 +154,8 @@ def test_saved_recording_holds_the_counts_of_the_adc(tmp_path):
 
 
 def test_channel_gains_have_the_published_spread_over_boards():
-    """The standard deviations of the channel gains between boards are 0.6 dB and 5 degrees. Transmitters and receivers each contribute half
-    of the variance.
+    """Between radar boards, the gains of the channels (pairs of a transmitter and a receiver) have a standard deviation of 0.6 dB in level
+    and 5 degrees in phase. Transmitters and receivers each contribute half of the variance.
     """
     gains = np.stack([dataclasses.replace(Hardware(), board=b).channels(RADAR) for b in range(2000)])
     assert np.std(20 * np.log10(np.abs(gains))) == pytest.approx(0.6, rel=0.05)
@@ -214,8 +214,8 @@ def test_trihedral_on_the_bench_does_not_saturate_and_uses_a_fair_part_of_the_ad
 
 
 def test_noise_of_a_sample_is_that_of_real_captures():
-    """A 77 GHz capture at 2.5 Msps has a noise of 7.3 counts. Scaled by the square root of the sample rate, this noise agrees with the
-    simulated noise within 3 dB.
+    """A real 77 GHz capture at 2.5 million samples per second has an rms noise of 7.3 counts. If this noise is scaled by the square root
+    of the sample rate, it agrees with the simulated noise within 3 dB.
 
     The simulated noise is exactly -174 dBm/Hz + 15 dB over 5.21 MHz, which is -91.8 dBm at the receiver input.
     """

@@ -160,7 +160,9 @@ def test_factors_of_parts_add_up_to_the_whole():
 
 
 def test_cuts_through_corners_preserve_the_area():
-    """A line through two corners leaves two parts with the whole area, for any rounding of the corners."""
+    """If a line through two corners divides a polygon, the areas of the two pieces sum to the area of the polygon, for any rounding of the
+    corners.
+    """
     rng = np.random.default_rng(11)
     out = np.zeros((aperture.MAX_CORNERS, 2))
     worst = 0.0
@@ -261,8 +263,9 @@ def test_factor_above_an_edge_is_one_half(off):
 
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 90.0, 120.0, 150.0])
 def test_factor_above_a_corner_is_its_share_of_the_angle(degrees):
-    """The sensor is one micrometre beside the axis through a corner of a polygon, on all sides of this axis. The function `evaluate` never
-    uses the corner itself, because it offsets the receiver.
+    """In front of a polygon's corner, the Fresnel factor is the corner's angle divided by 360 degrees. The test places the sensor one
+    micrometre beside the axis through the corner, on all sides of this axis. The function `evaluate` never uses the corner itself, because
+    it offsets the receiver.
     """
     angle = np.radians(degrees)
     wedge = [(0.0, 0.0), (6.0, 0.0), (6 * np.cos(angle), 6 * np.sin(angle))]
@@ -272,7 +275,7 @@ def test_factor_above_a_corner_is_its_share_of_the_angle(degrees):
 
 
 def test_factor_is_continuous_across_an_edge():
-    """The Fresnel factor is continuous for any sampling of the specular point."""
+    """The Fresnel factor of a polygon has no jump when the specular point crosses an edge, for steps from 1 nm to 10 um."""
     for shape in SHAPES.values():
         corner, following = (np.array(shape[i]) for i in (0, 1))
         middle, normal = 0.6 * corner + 0.4 * following, np.array([following[1] - corner[1], corner[0] - following[0]])
@@ -349,8 +352,8 @@ def test_two_panels_at_a_right_angle_match_quadrature(sensor):
 
 
 def test_trihedral_of_squares_matches_its_three_bounces():
-    """Three squares of 0.3 m at right angles are seen from 1.2 m. The triple reflection has six orders, each with its own share of the
-    field.
+    """The triple reflection at three squares of 0.3 m at right angles, seen from 1.2 m, agrees with a quadrature over the squares. The
+    triple reflection has six orders, each with its own share of the field.
     """
     low, high = 5e-4, 0.3
     square = [(low, low), (high, low), (high, high), (low, high)]

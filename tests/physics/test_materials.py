@@ -100,7 +100,9 @@ def test_slab_matches_the_airy_closed_form():
 
 
 def test_transmission_of_half_spaces_air_and_rough_walls():
-    """A half-space transmits nothing. A layer of air changes only the phase. Roughness reduces transmission less than reflection."""
+    """The model transmits nothing through a half-space of material. A layer of air changes only the phase of a transmitted wave. Surface
+    roughness reduces transmission less than reflection.
+    """
     assert transmission("concrete", np.array([0.5, 1.0]), np.array(77e9)) == pytest.approx(np.zeros((2, 2)))
     te, tm = transmission(Layered([("air", 1e-3)]), np.array(0.5), np.array(77e9))
     assert te == pytest.approx(np.exp(-2j * np.pi * 77e9 / C * 1e-3 * 0.5))
@@ -233,8 +235,8 @@ def test_material_outside_its_fit_warns_with_both_names(name, stand_in):
 
 
 def test_stand_ins_are_the_closest_rows():
-    """If the data of a material end below 77 GHz, a substitute material is used. No other material with values at 77 GHz has a closer
-    reflection at the ends of the frequency range of the data.
+    """If the permittivity data of a material end below 77 GHz, a substitute material with data at 77 GHz takes its place. Of all materials
+    with data at 77 GHz, the substitute has the closest reflection coefficient at the ends of the frequency range of the original data.
     """
 
     def fresnel(eta):
@@ -313,7 +315,9 @@ def test_no_tabulated_surface_reflects_more_than_all_power():
 
 
 def test_sweep_nodes_interpolate_a_double_wall_to_50_db():
-    """A half-space needs only one frequency node for the interpolation over the chirp of 3.44 GHz."""
+    """Interpolation between frequency nodes over a chirp of 3.44 GHz gives the reflection of a double wall with an error below 0.003. For
+    a half-space of concrete, one frequency node is enough.
+    """
     wall = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
     table = build([(wall, 0.0)], 77e9, 80.44e9)
     f = np.linspace(77e9, 80.44e9, 101)

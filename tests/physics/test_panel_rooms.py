@@ -80,7 +80,7 @@ def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
 @pytest.mark.parametrize("attitude", ATTITUDES)
 @pytest.mark.parametrize(("name", "worst", "rms"), [("court", 0.04, 0.015), ("office", 0.04, 0.015), ("corridor", 0.08, 0.025)])
 def test_every_image_of_a_metal_box_has_its_level(name, worst, rms, attitude):
-    """The images of up to four bounces are compared with images of infinite mirrors.
+    """In a metal room, the levels of image sources with up to four bounces agree with the levels of image sources at infinite mirrors.
 
     In a corridor 2 m wide, the edges of the end wall are at most 5 Fresnel zones away, so that physical optics itself has an error of 0.05
     there. An image at an edge or corner is the sum of its orders of reflection.
@@ -387,8 +387,8 @@ def test_fuzzed_rooms_stay_finite_and_passive(seed):
 
 
 def test_sensor_above_edges_and_corners_sees_partial_images():
-    """Exactly above an edge, half of the image returns, and above a corner a quarter. A small offset of the sensor does not change this
-    result.
+    """A sensor exactly above a plate's edge receives half of the field of the plate's image source, and a sensor exactly above a corner
+    receives a quarter. A small offset of the sensor does not change this result.
     """
     panel = rt.Scene([rt.Surface(objects.plate(6.0, 6.0), "metal", "wall", role="room")])
     level = WAVELENGTH / (8 * np.pi * 1.0)
@@ -427,8 +427,8 @@ def test_two_bounces_of_the_lab_shell_match_images():
 
 @pytest.mark.parametrize(("count", "expected"), [(2, 0.73), (4, 0.66), (6, 0.68), (8, 0.61)])
 def test_wall_behind_many_boxes_matches_fresnel_sums(count, expected):
-    """Boxes of 2 cm stand every 12 cm at 2.2 m in front of a wall at 3 m. The echo of the wall behind the boxes, relative to the echo of
-    the wall without boxes, agrees with paraxial Fresnel sums.
+    """Boxes of 2 cm, 12 cm apart, are 2.2 m from the radar, in front of a wall that is 3 m from the radar. The echo of the wall behind the
+    boxes, relative to the echo of the wall without boxes, agrees with paraxial Fresnel sums.
     """
     wall = rt.Surface(rooms.rectangle([3, 3, -3], -np.eye(3)[1], np.eye(3)[2], (6, 6)), "metal", "wall", role="room")
     places = (np.arange(count) - (count - 1) / 2) * 0.12
@@ -445,7 +445,9 @@ def test_wall_behind_many_boxes_matches_fresnel_sums(count, expected):
 
 @pytest.mark.parametrize("height", [1.2, 2.7])
 def test_round_pillar_in_a_flat_room_loses_no_face(height):
-    """Every mesh face of the pillar belongs to a flat panel or to the ray tubes."""
+    """The tracer loses no mesh face of a round pillar in a flat room: the echo level of the pillar agrees within 0.5 dB with a simulation
+    of the whole room by ray tubes.
+    """
     pillar = trimesh.creation.cylinder(0.15, height, sections=64).apply_translation([2.5, 0, height / 2 + 0.01])
     scene = rt.Scene([*rooms.lab(), rt.Surface(pillar, "metal", "pillar")])
     levels = []

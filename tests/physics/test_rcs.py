@@ -29,8 +29,8 @@ def test_trihedral_needs_three_bounces():
 
 
 def test_dihedral_matches_closed_form_and_turns_polarisation():
-    """A vertical dihedral returns 8 pi a^2 b^2 / lambda^2 in the transmitted polarisation. A dihedral tilted by 45 degrees returns only
-    cross-polarised power.
+    """The radar cross-section of an upright dihedral in the transmitted polarisation is 8 pi a^2 b^2 / lambda^2, where a and b are its
+    side lengths. A dihedral tilted by 45 degrees returns only cross-polarised power.
     """
     expected = db(8 * np.pi * 0.05**2 * 0.1**2 / WAVELENGTH**2)
     mesh = objects.dihedral(0.05, 0.1)
@@ -41,8 +41,8 @@ def test_dihedral_matches_closed_form_and_turns_polarisation():
 
 
 def test_sphere_matches_mie():
-    """The test uses one or more ray tubes per square wavelength. At this sphere size, physical optics itself is within 0.15 dB of the Mie
-    series.
+    """The radar cross-section of a sphere of 33 mm radius agrees with the Mie series within 0.25 dB, for 1, 4 and 16 ray tubes per square
+    wavelength. At this sphere size, physical optics itself is within 0.15 dB of the Mie series.
     """
     radius = 0.033
     mesh = objects.sphere(radius, 4)

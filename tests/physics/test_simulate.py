@@ -51,8 +51,8 @@ def test_sphere_level_matches_the_radar_equation(distance):
 
 @pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
 def test_large_wall_matches_its_image(material):
-    """The complex signal of every channel and sample agrees with the image source. The remaining difference comes from the edges of the
-    wall.
+    """For a wall of 8 m x 8 m, the complex signal of every channel and sample agrees with that of the radar's mirror image behind the
+    wall. The remaining difference comes from the edges of the wall.
     """
     wall = rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")])
     recording = rt.simulate(wall, RADAR, at(-2.0)[None])
@@ -66,8 +66,8 @@ def test_large_wall_matches_its_image(material):
 
 
 def test_wide_tubes_match_the_image_of_a_wall():
-    """The wall is oblique to the axes of the ray grid. With 20,000 ray tubes over the full sphere, the complex range profile agrees with
-    the image of the wall within 2 %.
+    """In this test, a metal wall is oblique to the axes of the ray grid. With 20,000 ray tubes over the full sphere, the complex range
+    profile agrees with the image of the wall within 2 %.
     """
     radar = dataclasses.replace(RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
     pose = trajectory.look_at(np.array([-3.0, 0.3, 0.2]), np.array([0.0, 1.2, -0.4]))

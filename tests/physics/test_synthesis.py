@@ -126,8 +126,8 @@ def test_bessel_functions_match_scipy(argument):
 
 @pytest.mark.parametrize(("range_m", "degrees"), [(0.2, 5.4747), (1.0, 1.0950), (5.0, 0.2190)])
 def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degrees):
-    """The phase error at boresight agrees with exact distances. The largest phase error over the array is the value in
-    reference/array_phase_error_deg.csv.
+    """The option elements="planar" assumes plane waves, and its phase error for a target at boresight agrees with the phase difference
+    from exact distances. The largest phase error over the array is the value in reference/array_phase_error_deg.csv.
     """
     radar = Radar.iwr1843(element="isotropic")
     forward = np.array([[1.0, 0.0, 0.0]])

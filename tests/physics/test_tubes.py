@@ -17,7 +17,8 @@ from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
     [(4.0, {"S": 0.1, "S W": 0.5, "W S": 0.2, "W S W": 0.5}), (16.0, {"S": 0.1, "S W": 0.25, "W S": 0.1, "W S W": 0.2})],
 )
 def test_sphere_and_wall_match_geometric_optics(density, bound_db):
-    """The test covers the reflection sequences sphere - wall, wall - sphere and wall - sphere - wall.
+    """The fields of paths over a sphere and a wall agree with geometric optics for three orders of reflection: sphere - wall, wall -
+    sphere and wall - sphere - wall.
 
     A sphere of 5 cm, 30 cm from a wall, is seen from the side, where the reflections on the sphere are far from its shadow line.
     """
@@ -161,7 +162,9 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
 
 
 def test_received_power_is_below_the_transmitted_power():
-    """The test covers a corner and a concave mirror at the positions of their strongest echo."""
+    """The received power of the radar stays below its transmitted power for a corner reflector and for a concave mirror, at the sensor
+    positions of their strongest echo.
+    """
     bowl = objects.sphere(0.2, 4)
     bowl = trimesh.Trimesh(bowl.vertices, bowl.faces[bowl.triangles_center[:, 0] < -0.1], process=False)
     for mesh, distance in ((objects.trihedral(0.1), 0.5), (bowl, 0.02), (bowl, 0.1)):

@@ -71,7 +71,9 @@ def test_known_misses_name_existing_cases() -> None:
 
 
 def test_quadrature_matches_a_midpoint_sum() -> None:
-    """A plate is seen from a point on its axis, and the reference sums the field point by point."""
+    """The function `panel_quadrature` gives the same field of a plate, seen from a point on its axis, as a sum over 1500 x 1500 points of
+    the plate.
+    """
     side, distance, points = 0.1, 0.7, 1500
     x = ((np.arange(points) + 0.5) / points - 0.5) * side
     r = np.sqrt(distance**2 + x[:, None] ** 2 + x**2)
@@ -90,8 +92,8 @@ def test_quadrature_of_a_concave_polygon_is_the_sum_of_its_parts() -> None:
 
 
 def test_large_panels_return_their_images() -> None:
-    """A single panel returns the image amplitude -lambda/(8 pi d). For two panels at a right angle, each order of reflection returns half
-    of the double image.
+    """A single large panel at the distance d returns the amplitude of the radar's mirror image, -lambda/(8 pi d). For two panels at a
+    right angle, each order of reflection returns half of the double image.
     """
     big = np.array([[0, -20, -20], [0, 20, -20], [0, 20, 20], [0, -20, 20]]) / 40
     image = -WAVELENGTH / (8 * np.pi * 0.25) * np.exp(4j * np.pi / WAVELENGTH * 0.25)

@@ -92,7 +92,9 @@ def test_malformed_cfg_is_refused_with_its_place(tmp_path, old, new, words):
 
 @pytest.mark.parametrize(("start_ghz", "tx_mask", "spacing_m"), [(60, 5, 2 * C / 62e9), (77, 5, 2 * C / 77e9), (77, 3, 2 * C / 77e9)])
 def test_board_follows_from_carrier_and_enabled_transmitters(tmp_path, start_ghz, tx_mask, spacing_m):
-    """The boards are IWR6843ISK, IWR1843BOOST and IWR1642BOOST. On each board, the outer azimuth transmitters are two wavelengths apart."""
+    """The carrier frequency and the enabled transmitters of a radar file identify the boards IWR6843ISK, IWR1843BOOST and IWR1642BOOST. On
+    each board, the outer azimuth transmitters are two wavelengths apart.
+    """
     text = CFG.replace("profileCfg 0 77", f"profileCfg 0 {start_ghz}").replace("channelCfg 15 5", f"channelCfg 15 {tx_mask}")
     radar = Radar.from_file(_write(tmp_path, text.replace("0 0 0 0 0 4", f"0 0 0 0 0 {tx_mask - 1}")))
     assert np.ptp(radar.tx_positions[:, 1]) == pytest.approx(spacing_m, rel=1e-9)

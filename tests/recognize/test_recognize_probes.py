@@ -35,7 +35,9 @@ def test_leave_one_out_centroid_matches_scikit_learn():
 
 
 def test_groups_are_left_out_together():
-    """Each row has a second row of the same group, far from the row's class. The expected classes are computed without both rows."""
+    """In the data of this test, each feature row has a second feature row of the same group, and both rows are far from the other rows of
+    their class. The expected classes are computed without both rows.
+    """
     rng = np.random.default_rng(0)
     parts = []
     for kind in range(3):
@@ -86,8 +88,8 @@ def test_signatures_match_within_their_stratum_at_any_level():
 
 
 def test_a_probe_across_objects_does_not_use_the_objects_own_rows():
-    """The data contain four objects per class at random centres. Feature rows of an object reveal the class of this object, but the rows of
-    other objects of the class do not.
+    """In this test, each of two classes has four objects, and the feature rows of an object are close to a random centre. Feature rows of
+    an object reveal the class of this object, but the rows of other objects of the class do not.
     """
     rng = np.random.default_rng(3)
     centres = 5 * rng.normal(size=(8, 10))

@@ -63,7 +63,7 @@ def courses():
 
 
 def test_rover_start_and_path_errors_have_the_described_spread(courses):
-    """The start position of the rover has an error of 10 mm per axis.
+    """The start position of the simulated rover has a random error with a standard deviation of 10 mm per axis.
 
     The length of a path of 1 m has an error of 1.30 %, half of whose variance at each moment comes from constant wheel slip and half from
     changing slip. The constant wheel slip contributes a length error of 1.06 %. The changing wheel slip is averaged over the path, which
@@ -109,7 +109,8 @@ def test_resting_rover_does_not_move():
 
 
 def test_turntable_angle_errors_have_the_described_spread():
-    """The angle error of the turntable is 5 degrees at the start. With a speed error of 1 %, it grows by 2.9 degrees in a revolution.
+    """The angle error of the simulated turntable has a standard deviation of 5 degrees at the start. Because the rotation speed has an
+    error of 1 %, the angle error changes over one revolution, and this change has a standard deviation of 2.9 degrees.
 
     Half of the variance of the speed error changes within a fifth of a revolution. The ripple of the turntable angle repeats in every
     revolution.

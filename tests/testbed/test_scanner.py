@@ -224,8 +224,8 @@ def test_pictures_show_colours_under_plausible_light():
 
 
 def test_accuracy_of_a_mesh_ignores_the_position_of_the_whole():
-    """The scan is a single picture of a room corner. The scan is compared with the exact mesh of the room corner, and with the same mesh
-    moved by 5 cm.
+    """In this test, the virtual scan is a single depth picture of a room corner. The scan is compared with the exact mesh of the room
+    corner, and with the same mesh moved by 5 cm.
     """
     x, y, z = np.eye(3)
     sides = (rectangle([0, -1.0, 0], x, y, (2, 2)), rectangle([2.0, 1, 0], -y, z, (2, 2)), rectangle([0, 1.0, 0], x, z, (2, 2)))

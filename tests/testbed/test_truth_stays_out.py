@@ -32,7 +32,7 @@ def test_truth_and_twin_of_a_campaign_do_not_import_each_other():
 
 
 class Store:
-    """A store that records the requested specifications and computes nothing."""
+    """This store records which specifications a test requests, and computes nothing."""
 
     def __init__(self):
         self.requested = {}

@@ -2,16 +2,17 @@
 
 This module calls that method the naive tracer. It implements the method anew from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization
 of mmWave Sensing through Simulation-Based Data Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798), and
-from the behaviour of the published program. The naive tracer serves as a baseline for comparison. It is correct only in range and
-direction. It has three versions:
+from the behaviour of the program that the authors of RF-Genesis released (the original program). The naive tracer serves as a baseline for
+comparison. It is correct only in range and direction. It has three versions:
 
-- The version `shipped` computes the same as the published program. Rays pass through the corners of 128 x 128 camera pixels over a field of
-  view of 60 degrees. Surfaces have the albedo 0.8. A spotlight of intensity 1000 beside the camera illuminates them; its intensity is full
-  up to 30 degrees off axis and zero beyond 40 degrees. The tracer drops hits nearer than 0.1 m and hits with a rendered light intensity
-  below 0.1. The signal amplitude of a hit is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path length L, times a weight.
-  The weight should be the rendered intensity, but it is the distance, because the published program exchanges these two columns. Between
-  two frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its hit in the previous frame, or else in the next
-  frame. The chirps of a frame are spread over the whole frame period, and all transmitters transmit at the same time.
+- The version `shipped` computes the same as the original RF-Genesis program. Rays pass through the corners of 128 x 128 camera pixels over
+  a field of view of 60 degrees. Surfaces have the albedo 0.8. A spotlight of intensity 1000 beside the camera illuminates them; its
+  intensity is full up to 30 degrees off axis and zero beyond 40 degrees. The tracer drops hits nearer than 0.1 m and hits with a rendered
+  light intensity below 0.1. The signal amplitude of a hit is the free-space POWER loss (lambda/(4 pi L))^2 over the whole path length L,
+  times a weight. The weight should be the rendered intensity, but it is the distance, because the original RF-Genesis program exchanges
+  the columns of intensity and distance. Between two frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its
+  hit in the previous frame, or else in the next frame. The chirps of a frame are spread over the whole frame period, and all transmitters
+  transmit at the same time.
 - The version `columns` differs from `shipped` only because distance and intensity are in the right columns.
 - The version `corrected` is as correct as the method allows. Each ray returns the power of the Lambert patch that its pixel sees, which is
   rho cos(t) dOmega lambda^2/(16 pi^3 r^2). Here rho is the mean power reflection of the material, t the angle of incidence, dOmega the
@@ -22,9 +23,9 @@ All versions have these errors. They have no mirror reflection, so plates have n
 surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in phase. Surfaces outside
 the field of view return no power. There is no polarisation.
 
-This module differs from the published program in these points. Meshes reflect on both sides. The rendered intensity is that of the ray's
-own hit, while the program averages 32 randomly displaced samples. The camera is at the radar. A hit that would move more than `JUMP_M`
-within a frame stays fixed, because the pixel sees another surface in the next frame. In the paths for
+This module differs from the original RF-Genesis program in these points. Meshes reflect on both sides. The rendered intensity is that of
+the ray's own hit, while the program averages 32 randomly displaced samples. The camera is at the radar. A hit that would move more than
+`JUMP_M` within a frame stays fixed, because the pixel sees another surface in the next frame. In the paths for
 `radartwin.simulation.signal.synthesis`, the transmitters transmit one after another, half a stretched chirp loop apart. The module
 `rfgenesis_signal` has the original timing.
 """
@@ -127,7 +128,7 @@ class RFGenesisBackend:
 
 
 def power_loss(length_m: np.ndarray) -> np.ndarray:
-    """Return the free-space power loss (lambda/(4 pi L))^2 for path lengths L, which the published program uses as an amplitude."""
+    """Return the free-space power loss (lambda/(4 pi L))^2 for path lengths L; the original RF-Genesis program uses it as an amplitude."""
     return (LOSS_WAVELENGTH_M / (4 * np.pi * length_m)) ** 2
 
 

@@ -1,4 +1,5 @@
-"""Compute the signal of the naive tracer (see `rfgenesis`) as the published program RF Genesis does, to measure its time per frame.
+"""Compute the signal of the naive tracer (see `rfgenesis`) in the same way as the original RF-Genesis program, to measure that program's
+time per frame.
 
 For every chirp, transmitter and receiver, the program evaluates the echo of each hit at every sample, with its carrier frequency. It sums
 the weighted echoes and mixes the sum with the transmitted chirp tx: s = tx conj(sum of echoes). Unlike

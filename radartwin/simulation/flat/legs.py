@@ -33,7 +33,8 @@ _kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # an entry 
 
 @dataclass(frozen=True)
 class Legs:
-    """Hold the fields of G legs at U distinct places (positions of sensor and object).
+    """Hold the fields of G legs for U pairs of sensor position and object position (places). A leg connects sensor and object by
+    reflections at wall panels.
 
     Attributes:
         order: (G,) number of panels. mirror, shift: (G, 3, 3), (G, 3); the image of a point x is mirror x + shift.
@@ -62,7 +63,9 @@ class Legs:
         return np.append(self.order, 0)[leg]
 
     def strength(self, place: np.ndarray, leg: np.ndarray) -> np.ndarray:
-        """Return the `share` (N,) of legs (N,) at places (N,); 1 for the direct leg."""
+        """Return the attribute `share` (N,) of N pairs of a place and a leg: the largest ratio of the leg's field to the direct leg's
+        field. The ratio is 1 for the direct leg.
+        """
         return np.concatenate([self.share, np.ones((len(self.share), 1))], axis=1)[place, leg]
 
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
@@ -97,7 +100,7 @@ def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.nd
 def find(
     room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
 ) -> Legs:
-    """Find the legs that matter and compute their fields.
+    """Find the strong connections (legs) of sensor and object by reflections at wall panels, and compute their fields.
 
     Args:
         places: (U, 6) positions of sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
@@ -177,7 +180,9 @@ def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _View:
-    """Evaluate panel sequences from sensor places (U, 3) with antenna axes (U, 3)."""
+    """Compute the fields of paths that start at the sensor positions (U, 3) with the antenna axes (U, 3) and reflect at sequences of
+    panels.
+    """
 
     room: PanelRoom
     prepared: images.Sequences
@@ -185,7 +190,9 @@ class _View:
     axes: np.ndarray
 
     def carried(self, place: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return fields (N, Q) of sequences (N,) from places (N,) at points (N, 3), along the polarisation of the image's antenna."""
+        """Return the fields (N, Q) of N paths along the polarisation of the image's antenna. Path n starts at a sensor position (index
+        (N,)), reflects at a sequence of panels (index (N,)), and ends at a point (N, 3).
+        """
         room, prepared, source, axis = self.room, self.prepared, self.sensor[place], self.axes[place]
         # The field of a panel ends at its plane, so values above and below cannot be interpolated. Points behind the plane have the value
         # on the plane, which is small beyond the panel's edges.
