@@ -1,4 +1,4 @@
-"""An OpenAI-compatible chat server on the loopback interface, whose replies the test defines."""
+"""Start an OpenAI-compatible chat server on the loopback interface; the test defines the replies of the server."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ def shared_data() -> Path:
 def inside(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Iterator[Callable[..., subprocess.CompletedProcess[str]]]:
-    """Return a function that runs the command line in this process, in an empty folder: inside("run", "experiment=..."). Such a command
-    starts fast, because the test's process has already imported all modules.
+    """Return a function that runs the command line in this process, in an empty folder: inside("run", "experiment=..."). A command in the
+    test's process starts fast, because the process has already imported all modules.
     """
     from radartwin.cli import main
 

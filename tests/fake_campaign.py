@@ -1,5 +1,5 @@
-"""A virtual measurement campaign without a simulator: its recordings are point echoes whose modulation, level and room echoes depend on the
-object.
+"""Replace the virtual measurement campaign by a class that needs no simulator. Its recordings contain point echoes whose modulation, level
+and room echoes depend on the object.
 
 The measured recordings differ from the simulated recordings in gain, noise, room echoes and slightly in the echo pattern of each object. A
 test therefore knows which properties of an object are equal in simulation and measurement.

@@ -1,4 +1,4 @@
-"""Data for several tests: a capture log, a mmWave Studio description, a data card, noise, and a trained classifier."""
+"""Make data that several tests use: a capture log, a mmWave Studio description, a data card, noise, and a trained classifier."""
 
 from __future__ import annotations
 

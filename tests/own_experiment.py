@@ -1,4 +1,4 @@
-"""A small deterministic experiment of a user, for tests of parameter sweeps. Files in its folder make it fail.
+"""Define a small deterministic experiment, as a user would write it, for tests of parameter sweeps. Files in its folder make it fail.
 
 HOLD_n     the job of seed n waits while this file exists
 BREAK_n    the job of seed n fails with a defect

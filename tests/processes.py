@@ -1,4 +1,4 @@
-"""Functions with which tests start, interrupt and watch processes."""
+"""Define functions with which tests start, interrupt and watch processes."""
 
 from __future__ import annotations
 

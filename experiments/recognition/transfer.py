@@ -70,7 +70,9 @@ def ranked_split(frames: Frames, classes: Mapping[str, str] | None = None) -> Sp
 
 
 def predict(config: Config, split: Split, change: Callable[[Split, int], Split] = lambda split, seed: split) -> list[NDArray]:
-    """Return the random forest's predictions (recordings,) for each seed. `change(split, seed)` may alter the split before training."""
+    """Return the random forest's predictions (recordings,) for each seed. The function `change(split, seed)` may alter the training and
+    test rows before training.
+    """
     return [forest(change(split, seed), seed, config.supervision.trees) for seed in seeds(config)]
 
 

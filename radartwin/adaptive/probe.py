@@ -84,7 +84,8 @@ def thinned(
     Args:
         sensor_poses, motion: poses of the recording, shape (F or 1, 4, 4). log: target distances and turntable angles of its F frames.
         count: number of frames of the probe; None takes ASPECTS frames for a revolution and PLACES frames for a drive.
-        between: True shifts all frames by half a step, so that they lie between the frames of the probe with between=False.
+        between: whether the frames are shifted by half of their spacing, so that they lie between the frames of the probe with
+            between=False.
     """
     frames, turning = len(log.distance_m), log.angle_rad is not None
     at = _aspects(np.asarray(log.angle_rad), count or ASPECTS, between) if turning else _places(frames, count or PLACES, between)

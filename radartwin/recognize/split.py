@@ -91,7 +91,9 @@ class Split:
 
 
 def label_free(simulated: Samples, measured: Samples) -> Split:
-    """Return the split that trains on simulated rows only and tests every measured recording."""
+    """Return the division of the feature rows in which a classifier trains on simulated rows only and is tested on every measured
+    recording.
+    """
     return Split("label_free", simulated, measured)
 
 

@@ -28,7 +28,7 @@ class Trained:
 
 
 def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
-    """Train the encoder on the split's training rows. Their features must have comparable scales.
+    """Train the encoder on the training rows of `split`. All features of the training rows must have comparable scales.
 
     If the training rows include simulated rows, the encoder is trained twice. The first training holds out one simulated recording per
     class and finds the epoch with the lowest loss on the held-out recordings. The second training uses all training rows for this number of

@@ -202,7 +202,7 @@ def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Ma
 
     Args:
         extents_m: length, width and height of the scan in metres (z up).
-        option: the command-line option that sets the unit.
+        option: name of the command-line option that sets the length unit of the scan file.
         units_m: for each value of that option, its length unit divided by the unit with which the scan was read.
     """
     x, y, z = extents_m

@@ -1,9 +1,9 @@
 """Simulate diffuse scattering of rough surfaces by a cloud of point scatterers on these surfaces.
 
 The total scattered power of a surface is the power that its roughness removes from its mirror reflection. A point of the cloud represents a
-surface patch of area A. The patch lies at distance r_i from the transmitter, which it sees at the angle theta_i from its normal. Its
-distance from the receiver is r_s, and it sees the receiver at the angle theta_s. Between isotropic antennas, the ratio of received to
-transmitted power is
+surface patch of area A. The distance from patch to transmitter is r_i, and the angle between the patch's normal and the direction to the
+transmitter is theta_i. The distance from patch to receiver is r_s, and the angle between the patch's normal and the direction to the
+receiver is theta_s. Between isotropic antennas, the ratio of received to transmitted power is
 
     |a|^2 = A cos theta_i / (4 pi r_i^2) * D(theta_i) cos theta_s / pi * lambda^2 / (4 pi r_s^2)
     D = (1 - rho_s^2) (|E_s|^2 |Gamma_TE|^2 + |E_p|^2 |Gamma_TM|^2)

@@ -66,7 +66,7 @@ def repeated(poses: np.ndarray, frames: int) -> np.ndarray:
 
 
 def at_rest(*poses: np.ndarray) -> bool:
-    """Return whether none of the pose sequences (F, 4, 4) changes over its frames."""
+    """Return whether every array of poses (F, 4, 4) has the same pose in all its frames."""
     return all(bool((np.abs(sequence - sequence[:1]) < AT_REST).all()) for sequence in poses)
 
 
@@ -116,7 +116,9 @@ def relative(sensor: np.ndarray, group: np.ndarray | None, frame_rate_hz: float)
 
 
 def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
-    """Return the pose sequences (F, 4, 4) at the start of each frame, and the poses MOMENT frame periods after the start of each frame."""
+    """Return the poses (F, 4, 4) at the start of each frame, and the poses (F, 4, 4) that follow MOMENT frame periods after the start of
+    each frame.
+    """
     return poses, tuple(_advanced(one, MOMENT) for one in poses)
 
 

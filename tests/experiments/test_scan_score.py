@@ -1,4 +1,6 @@
-"""Scores of constructed room reconstructions whose surfaces are absent, merged, cut, hidden behind a wall or never seen."""
+"""Check the scores of room reconstructions that the tests construct: surfaces of the room are absent, merged, cut, hidden behind a wall or
+never seen.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Fixtures that provide separate small disks, which a test can fill or make read-only."""
+"""Provide test fixtures that mount small file systems, which a test can fill or make read-only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The deliberate faults that `make mutants` plants in the physics code, each with the quick tests that must detect it.
+"""List the deliberate faults that `make mutants` plants in the physics code. Each fault has a list of the quick tests that must detect the
+fault.
 
 A section of the table starts with a module under radartwin/ and the test files under tests/ that must fail. Each row has four columns: the
 function (its __qualname__), an expression or statement that occurs once in the function, its faulty replacement, and the meaning of the

@@ -1,4 +1,4 @@
-"""Constants and helper functions that several physics tests use."""
+"""Define constants and helper functions that several physics tests use."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
-"""Interpolate the echo of a rotating target between traced rotation angles (aspects): exact for harmonics, and within the stated error for
-traced targets.
+"""Test the interpolation of a rotating target's echo between traced rotation angles (aspects). The interpolation is exact for an echo that
+consists of harmonics of the rotation, and stays within the stated error for traced targets.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
-"""Cross-sections of catalogue objects: cans agree with cylinders of their straight wall at all angles, and the level of bottles varies
-while they rotate.
+"""Check the radar cross-sections of catalogue objects. Cans agree at all angles with cylinders that have the straight wall of the can, and
+the level of bottles varies while they rotate.
 """
 
 import numpy as np

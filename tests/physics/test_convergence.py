@@ -1,4 +1,6 @@
-"""Slow tests: level and spread of targets for 1 to 64 tubes per square wavelength, over grid offsets and orientations."""
+"""Check in slow tests how the echo level of a target, and its spread over offsets of the ray grid and orientations of the target, converge
+from 1 to 64 ray tubes per square wavelength.
+"""
 
 import numpy as np
 import pytest

@@ -1,4 +1,6 @@
-"""Rooms simulated by image sources: levels of all images of box rooms, furniture, moving sensors, and damaged input meshes."""
+"""Test the simulation of rooms by image sources: the levels of all image sources of box-shaped rooms, furniture, moving sensors, and
+damaged input meshes.
+"""
 
 from dataclasses import replace
 

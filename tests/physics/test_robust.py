@@ -1,4 +1,4 @@
-"""For meshes and poses that make ray tracers fail, every result is finite and agrees with this table.
+"""For meshes and poses that make many ray tracers fail, every result of RadarTwin's tracer is finite and agrees with the following table.
 
 | case | behaviour |
 |---|---|

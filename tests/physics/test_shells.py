@@ -1,5 +1,5 @@
-"""Echoes through the walls of hollow objects: their level and phase agree with transfer matrices, they are reciprocal, and the tracer
-detects which meshes are shells.
+"""Test echoes through the walls of hollow objects (shells). The level and phase of the echoes agree with transfer matrices, the echoes are
+reciprocal, and the tracer detects which meshes are shells.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Objects that rotate in free space: the modulation of their echoes agrees with predictions, through the whole processing."""
+"""For objects that rotate in free space, the modulation of the echoes after the whole signal processing agrees with predictions."""
 
 from __future__ import annotations
 

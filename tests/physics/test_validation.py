@@ -1,4 +1,5 @@
-"""The targets of the validation card: a few of them in the quick test, and all sizes, seeds, angles and densities as slow tests.
+"""Test the targets of the validation card: a quick test covers a few targets, and slow tests cover all sizes, random seeds, angles and
+densities of ray tubes.
 
 A target on which the simulator is known to fail is listed with its measured error, and pytest expects this failure. If the target passes,
 the test fails until the target is removed from the list.

@@ -1,4 +1,4 @@
-"""Meshes of rooms with small triangles like those of a scanner, and the true scene of each room."""
+"""Build meshes of rooms with triangles as small as those of a scanner, and the true scene of each room."""
 
 import numpy as np
 import trimesh

@@ -1,5 +1,5 @@
-"""A wrong depth unit or a wrong pose convention makes overlapping camera views disagree. The error message names the depth unit or the pose
-convention with which the views agree.
+"""If a scan has a wrong depth unit or a wrong pose convention, RadarTwin finds that overlapping camera views disagree. The error message
+names the depth unit or the pose convention with which the views agree.
 """
 
 from __future__ import annotations

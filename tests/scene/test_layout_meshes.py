@@ -1,4 +1,6 @@
-"""Meshes from files in a furniture layout: file paths relative to the folder of the layout, units, materials and placement."""
+"""Test furniture layout files that place meshes from other files: file paths relative to the folder of the layout file, length units,
+materials and placement.
+"""
 
 import time
 from pathlib import Path

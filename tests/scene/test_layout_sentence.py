@@ -1,5 +1,5 @@
-"""Sentences about furniture are converted to layouts. A sentence that is not understood is refused, and the message quotes the unknown
-part.
+"""RadarTwin converts sentences about furniture to furniture layouts. A sentence that is not understood is refused, and the message quotes
+the unknown part.
 """
 
 import pytest

@@ -55,7 +55,7 @@ class AlignmentReport:
 
 
 class _Sampled(NamedTuple):
-    """Data of V views: surface samples, depth maps, and pinhole parameters (fx, fy, cx, cy) of shape (V, 4).
+    """Hold the data of V camera views: surface samples, depth maps, and pinhole parameters (fx, fy, cx, cy) of shape (V, 4).
 
     Each sample is a row of 7 numbers: point and normal in camera coordinates, and weight.
     """

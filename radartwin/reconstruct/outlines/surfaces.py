@@ -212,7 +212,9 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
 
 
 def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
-    """Return the lines where other planes cut the grid's plane: those of touching segments, and floor, ceiling and walls."""
+    """Return the lines in which other planes cut the plane of the grid. The other planes are those of adjacent scan segments, of the
+    floor, of the ceiling and of the walls.
+    """
     members = set(group)
     around = {j if i in members else i for i, j in room.touching if (i in members) != (j in members)}
     cuts = [

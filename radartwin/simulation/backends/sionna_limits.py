@@ -1,4 +1,4 @@
-"""Warnings about parts of a scene whose echoes are wrong in Sionna RT.
+"""Warn about surfaces of a scene whose echoes Sionna RT computes wrongly.
 
 - Sionna treats each facet as an infinite mirror. A real flat face of area A at distance d returns at most 2 A/(lambda d) times the field of
   an infinite mirror, where lambda is the wavelength. If this ratio is below one, Sionna's echo of the face is too strong.

@@ -69,7 +69,7 @@ def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception
 def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> tuple[Any, Any]:
     """Return the real and imaginary part of sqrt(dOmega A)/(8 pi L_o cos t) I, the scalar factor of each tube's contribution.
 
-    Both parts are zero for inactive tubes.
+    The real and the imaginary part of the factor are zero for ray tubes that `active` excludes.
     """
     outgoing = reception.direction
     inverse_out = mi.Float(0.0) if reception.plane else dr.rcp(reception.length)

@@ -17,7 +17,8 @@ simulation used 4 ray tubes per square wavelength.
 | 3 | 0.3 dB | 0.3 dB | 0.4 dB | 0.5 dB |
 | 4 | 0.3 dB | 0.7 dB | 0.5 dB | 0.8 dB |
 
-With 16 instead of 4 tubes per square wavelength, the simulated power with 4 inner reflections is up to 0.5 dB higher.
+If the tracer uses 16 instead of 4 ray tubes per square wavelength, the simulated echo power of a shell with 4 inner reflections is up to
+0.5 dB higher.
 
 The phases of all coefficients refer to the mesh, which is the outer face of the wall, and path lengths are computed as if the wall were
 air. The transmission coefficient of a wall of thickness d therefore contains the factor exp(+j k d cos t), where k is the wavenumber and t

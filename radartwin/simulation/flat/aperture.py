@@ -1,4 +1,5 @@
-"""Fresnel factor of a flat polygon, and the compiled loop over images. One kernel and its parts, therefore over 300 lines.
+"""Compute the Fresnel factor of a flat polygon, and the compiled loop over image sources. The file has over 300 lines, because all its
+functions belong to one compiled kernel.
 
 An infinite plane reflects the field of the source's mirror image. A polygon of this plane reflects this field times the Fresnel factor
 
@@ -225,7 +226,9 @@ def _are_apart(one: np.ndarray, other: np.ndarray) -> bool:
 
 @innermost
 def split(polygon: np.ndarray, count: int, a: float, b: float, c: float, inside: np.ndarray, outside: np.ndarray) -> tuple[int, int]:
-    """Split a convex polygon by a line into both parts, as `clip` does for one part. Returns their numbers of corners."""
+    """Divide a convex polygon by a line into two polygons; `clip` computes only one of the two. Returns the number of corners of each of
+    the two polygons.
+    """
     kept, left = 0, 0
     previous = count - 1
     before = a * polygon[previous, 0] + b * polygon[previous, 1] + c
@@ -380,7 +383,7 @@ def _distance(a: np.ndarray, b: np.ndarray) -> float:
 
 @innermost
 def _mirror(points: np.ndarray, count: int, normal: np.ndarray, offset: float) -> None:
-    """Mirror points (count, 3) in a plane, in place."""
+    """Replace points (count, 3) by their mirror images in a plane; the array is changed in place."""
     for i in range(count):
         height = points[i, 0] * normal[0] + points[i, 1] * normal[1] + points[i, 2] * normal[2] - offset
         for k in range(3):
@@ -449,7 +452,9 @@ def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
 def _reflect(
     field: np.ndarray, direction: np.ndarray, mirrored: np.ndarray, normal: np.ndarray, cosine: float, te: np.ndarray, tm: np.ndarray
 ) -> None:
-    """Reflect the field (Q, 3) at a plane in place. Coefficients (COSINES, Q) are interpolated linearly in the cosine."""
+    """Replace the incident field (Q, 3) by the field that a plane reflects; the array is changed in place. Coefficients (COSINES, Q) are
+    interpolated linearly in the cosine.
+    """
     s = np.cross(direction, normal)
     size = norm(s)
     if size < 1e-7:

@@ -1,10 +1,10 @@
 """Paths between an object and a room of panels.
 
 A leg connects sensor and object, directly or by reflections at a sequence of panels. A path consists of a leg to the object and a leg back.
-For each pair of legs that can matter, the object is traced from the sensor's image in the first leg and received at the image in the second
-leg. All pairs and poses form one grid of tubes. A pair of two different legs is traced in one direction, because the other direction has
-the same paths reversed. Each hit is then weighted by the field of its two legs, which includes the panels' Fresnel factors, reflections and
-obstacles. Paths object - panel - object are not modelled.
+For each pair of legs with a strong enough field, the tracer sends ray tubes from the sensor's mirror image of the first leg to the object
+and computes the echo at the sensor's mirror image of the second leg. The ray tubes of all pairs and poses form one grid. A pair of two
+different legs is traced in one direction, because the other direction has the same paths reversed. Each hit is then weighted by the field
+of its two legs, which includes the panels' Fresnel factors, reflections and obstacles. Paths object - panel - object are not modelled.
 """
 
 from dataclasses import dataclass, replace
@@ -142,7 +142,7 @@ def group_paths(
 
 
 def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
-    """Return the paths and, for paths with two different legs, also their reverse."""
+    """Return the given paths and, for each path with two different legs (connections of sensor and object), also the reversed path."""
     if not cross.any():
         return part
     there, first = part.where(cross), first_m[cross]
@@ -151,7 +151,9 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
 
 
 def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int) -> Hits | None:
-    """Trace the chosen rows of leg pairs; None if the object is too close for a planar grid."""
+    """Trace the object for the chosen pairs of an outgoing and a returning leg; return None if the object is too close to the sensor for a
+    planar ray grid.
+    """
     grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None
@@ -163,7 +165,7 @@ def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: n
 
 @dataclass(frozen=True)
 class _End:
-    """Hold the sensor's images at the ends of N legs, in the object's frame.
+    """Hold the sensor's mirror images of N legs (connections of sensor and object by reflections at panels), in the object's frame.
 
     Attributes:
         place, velocity: (N, 3) position and velocity (m/s) of the image. axis: (N, 3) axis of its antenna.
@@ -177,7 +179,9 @@ class _End:
 
     @staticmethod
     def of(legs: Legs | None, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
-        """Return the ends of legs (N,) at frames `pose` (N,), for poses (F, 4, 4)."""
+        """Return the sensor's mirror images of N legs (connections of sensor and object), given by index (N,), at the frames `pose` (N,),
+        for sensor poses (F, 4, 4).
+        """
         mirror, shift = (np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))) if legs is None else legs.maps(leg)
         at = []
         for sensor_then, objects_then in poses_module.moments(sensor, objects):
@@ -195,7 +199,7 @@ def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) -> np.ndarray:
-    """Return a mask (N,) of the levels that are at least `share` times the largest level of their frame."""
+    """Return a mask (N,) of the levels that are at least `share` (0 to 1) times the largest level of their frame."""
     largest = np.zeros(frames)
     np.maximum.at(largest, frame, level)
     return (level >= share * largest[frame]) & (level > 0)
@@ -232,9 +236,11 @@ def _least_of_strongest(values: np.ndarray, most: float) -> float:
 def _pairs(
     legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (frame, leg out, leg back) of the pairs to trace, without reverse pairs. They include the direct pair of every frame.
+    """Return (frame, leg to the object, leg back to the sensor) of the pairs of legs to trace, with only one of each pair and its reverse.
 
-    Pairs weaker than `least` times the direct pair are dropped. Of the other pairs, each frame has the `most` strongest, with ties.
+    The result contains the pair of two direct legs for every frame. The function drops pairs of legs that are weaker than `least` times
+    this direct pair. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as strong as
+    the weakest of these.
     """
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
     if legs is not None and max_bounces > 1:

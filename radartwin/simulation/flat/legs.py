@@ -1,8 +1,8 @@
 """Legs: connections of sensor and object by reflections at panels of a room, with the field of each leg around the object.
 
-Panel sequences with the same image (both sequences of two walls that meet, or the pieces of one wall) form one leg, because the sum of
-their fields is smooth although each field is not. A leg is evaluated at the corners of a cube around the object, and on a finer grid where
-the field is not linear between the corners.
+Sequences of reflecting panels with the same mirror image of the sensor form one leg, because the sum of their fields is smooth although
+each field is not. Examples are the two orders of reflection at two walls that meet, and the pieces of a single wall. A leg is evaluated at
+the corners of a cube around the object, and on a finer grid where the field is not linear between the corners.
 """
 
 from collections import OrderedDict
@@ -38,7 +38,8 @@ class Legs:
 
     Attributes:
         order: (G,) number of panels. mirror, shift: (G, 3, 3), (G, 3); the image of a point x is mirror x + shift.
-        low, size: lowest corner (U, 3) and edge length in metres of the cube around the object at each place.
+        low, size: lowest corner (U, 3) and edge length in metres of the cube around the object, for each pair of sensor position and
+            object position.
         frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex field} on a grid over the cube, along the projected axis of the
             image and including the Fresnel factor, for exp(+j k L).
         share: (U, G) largest ratio of a leg's field to the direct leg's field, both divided by path length.
@@ -105,7 +106,8 @@ def find(
     Args:
         places: (U, 6) positions of sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
         radius: of the ball about the object's centre that contains it. frequencies_hz: nodes of the object's reflection table.
-        longest: largest number of panels per leg. least: legs whose field is below this times the direct leg's field are dropped.
+        longest: largest number of panels at which a leg reflects. least: legs whose field is below this times the direct leg's field are
+            dropped.
     """
     sensor, centre = places[:, :3], places[:, 3:]
     keys, near = key_places(places)

@@ -205,7 +205,9 @@ class PanelRoom:
         radar: Radar,
         least: np.ndarray | float,
     ) -> tuple[Paths, np.ndarray]:
-        """Compute the paths of prepared sequences `which` (N,) at poses (N,). Returns the existing paths and their sequences."""
+        """Compute N paths, each with a prepared sequence of reflecting panels (index `which`, (N,)) and a sensor pose (index (N,)).
+        Returns the paths that exist and the indices of their panel sequences.
+        """
         rotation = poses[pose, :3, :3]
         place, axis = poses[pose, :3, 3], poses[pose, :3, 2]
         wavelength = SPEED_OF_LIGHT / self.table.frequencies_hz
