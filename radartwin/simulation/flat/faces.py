@@ -1,0 +1,313 @@
+"""Flat faces of a geometry, and the wedges at their edges.
+
+A face is a connected flat region of one surface, with holes if it has any. Where faces of several surfaces overlap in one plane, only the
+smallest face keeps the common area, because a second reflection there would not exist (a picture replaces the wall behind it). An edge of a
+face is split wherever another face begins, ends or touches it. Around each piece, the faces that meet there divide the space into sectors;
+every open sector is one wedge. A free edge is a wedge of 360 degrees. Seams of one plane and inner corners of 180/2, 180/3, ... degrees
+diffract nothing, because images are exact there.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+import trimesh
+from shapely.geometry import LineString, MultiPolygon, Polygon
+
+from radartwin.simulation.geometry import Geometry
+
+SMALLEST_M = 0.01  # smallest width of a face, because coefficients of edges hold for faces of several wavelengths
+FLAT_RAD = 2e-3  # largest angle between triangles that count as coplanar
+SAME_M = 1e-5  # largest distance of points that coincide, and of a point from its plane
+SHORTEST_M = 1e-3  # shorter pieces of an edge are ignored
+SAME_RAD = 1e-3  # largest difference of equal angles
+
+
+class Faces(NamedTuple):
+    """Hold P faces with T triangles and the wedges of E edges.
+
+    Attributes:
+        normal: (P, 3) unit. offset: (P,) metres; points x of a face have normal . x = offset. surface: (P,) surface of each face.
+        triangle: (T, 3, 3) corners in metres, counter-clockwise about the normal. first: (P + 1,) range of each face in `triangle`.
+        outline: (P, H, 3) convex hull of each face, counter-clockwise about the normal. corners: (P,) its number of corners.
+        start: (E, 3) metres. along: (E, 3) unit. length: (E,) metres. Together they give the line piece of an edge.
+        into: (E, 3) unit, from the edge into face 0. up: (E, 3) unit, perpendicular to face 0 and to the edge, into the open sector.
+        opening: (E,) open angle of the wedge over pi. sides: (E, 2) face 0 and face n.
+    """
+
+    normal: np.ndarray
+    offset: np.ndarray
+    surface: np.ndarray
+    triangle: np.ndarray
+    first: np.ndarray
+    outline: np.ndarray
+    corners: np.ndarray
+    start: np.ndarray
+    along: np.ndarray
+    length: np.ndarray
+    into: np.ndarray
+    up: np.ndarray
+    opening: np.ndarray
+    sides: np.ndarray
+
+
+@dataclass
+class _Region:
+    """A flat region: its polygon in the coordinates of `axes` (2, 3) about `origin`. `outward`: whether the normal leaves a solid."""
+
+    polygon: Any
+    origin: np.ndarray
+    axes: np.ndarray
+    normal: np.ndarray
+    surface: int
+    outward: bool
+
+    def to_plane(self, points: np.ndarray) -> np.ndarray:
+        return (points - self.origin) @ self.axes.T
+
+    def to_space(self, points: np.ndarray) -> np.ndarray:
+        return self.origin + np.asarray(points) @ self.axes
+
+
+def find(geometry: Geometry) -> tuple[Faces, np.ndarray]:
+    """Return the faces of a geometry with their wedges, and a mask (F,) of the triangles that belong to a face."""
+    regions, flat = _regions(geometry)
+    regions = [part for one in _without_overlaps(regions) for part in _parts(one)]
+    return _packed(regions, _wedges(regions)), flat
+
+
+def _regions(geometry: Geometry) -> tuple[list[_Region], np.ndarray]:
+    flat = np.zeros(len(geometry.corners), bool)
+    even = np.ptp(geometry.normals, axis=1).max(axis=1, initial=0.0) < 1e-4 if len(geometry.corners) else flat
+    regions: list[_Region] = []
+    for surface in np.unique(geometry.surface[even]):
+        faces = np.flatnonzero(even & (geometry.surface == surface))
+        outward = bool((geometry.hollow_m[faces] > 0).all())
+        for members, normal in _planes(geometry.corners[faces]):
+            corners = geometry.corners[faces[members]]
+            origin = corners.reshape(-1, 3).mean(axis=0)
+            axes = _axes(normal)
+            drawn = shapely.polygons((corners - origin) @ axes.T)
+            shape: Any = shapely.simplify(shapely.union_all(shapely.set_precision(drawn, 1e-7)), 1e-6)
+            if (
+                _width(np.array(shape.convex_hull.exterior.coords[:-1])) >= SMALLEST_M
+                if shape.convex_hull.geom_type == "Polygon"
+                else False
+            ):
+                flat[faces[members]] = True
+                regions.append(_Region(shape, origin, axes, normal, int(surface), outward))
+    return regions, flat
+
+
+def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return (triangle indices, unit normal) of each set of connected coplanar triangles."""
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
+    mesh.merge_vertices(digits_vertex=7)
+    pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
+    pairs = pairs[np.asarray(mesh.face_adjacency_angles).reshape(-1) < FLAT_RAD]
+    out = []
+    for group in trimesh.graph.connected_components(pairs, nodes=np.arange(len(corners)), min_len=1):
+        members = np.sort(np.asarray(group, int))
+        a, b, c = corners[members].transpose(1, 0, 2)
+        area = np.cross(b - a, c - a)
+        largest = area[np.argmax(np.linalg.norm(area, axis=1))]
+        total = (area * np.sign(area @ largest)[:, None]).sum(axis=0)
+        out.append((members, total / np.linalg.norm(total)))
+    return out
+
+
+def _axes(normal: np.ndarray) -> np.ndarray:
+    """Return two unit vectors (2, 3) that form a right-handed system with the normal."""
+    first = np.cross(normal, [0.0, 0.0, 1.0] if abs(normal[2]) < 0.9 else [1.0, 0.0, 0.0])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
+
+
+def _width(ring: np.ndarray) -> float:
+    """Return the smallest extent of a convex polygon (N, 2) perpendicular to one of its edges."""
+    along = np.roll(ring, -1, axis=0) - ring
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-30)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return float(np.ptp(ring @ across.T, axis=0).min())
+
+
+def _without_overlaps(regions: list[_Region]) -> list[_Region]:
+    """Subtract from every region the smaller regions in its plane, and of equal regions all but the first."""
+    order = sorted(range(len(regions)), key=lambda i: (regions[i].polygon.area, i))
+    kept: list[_Region] = []
+    for i in order:
+        one = regions[i]
+        corners = one.to_space(shapely.get_coordinates(one.polygon.convex_hull))
+        low, high = corners.min(axis=0) - SAME_M, corners.max(axis=0) + SAME_M
+        for other in kept:
+            if abs(one.normal @ other.normal) < 1 - 1e-6 or np.abs((corners - other.origin) @ other.normal).max() > SAME_M:
+                continue
+            points = other.to_space(shapely.get_coordinates(other.polygon))
+            if (points.max(axis=0) < low).any() or (points.min(axis=0) > high).any():
+                continue
+            cover = shapely.transform(other.polygon, lambda ring, here=one, there=other: here.to_plane(there.to_space(ring)))
+            one.polygon = shapely.difference(one.polygon, cover, grid_size=1e-7)
+        if one.polygon.area > SMALLEST_M**2:
+            kept.append(one)
+    return kept
+
+
+def _parts(region: _Region) -> list[_Region]:
+    shapes = region.polygon.geoms if isinstance(region.polygon, MultiPolygon) else [region.polygon]
+    return [
+        _Region(shape, region.origin, region.axes, region.normal, region.surface, region.outward)
+        for shape in shapes
+        if isinstance(shape, Polygon) and shape.area > SMALLEST_M**2
+    ]
+
+
+class _Side(NamedTuple):
+    """One half-plane at an edge piece: its direction, its face, and the unit normal that leaves its solid (zero for a thin face)."""
+
+    direction: np.ndarray
+    face: int
+    outward: np.ndarray
+
+
+class _Wedge(NamedTuple):
+    start: np.ndarray
+    along: np.ndarray
+    length: float
+    into: np.ndarray
+    up: np.ndarray
+    opening: float
+    sides: tuple[int, int]
+
+
+def _borders(regions: list[_Region]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the ends (S, 3), (S, 3) of all straight border pieces, the unit direction (S, 3) into their face, and the face (S,)."""
+    begin, end, inward, owner = [], [], [], []
+    for i, region in enumerate(regions):
+        shape = shapely.orient_polygons(region.polygon)
+        for ring in (shape.exterior, *shape.interiors):
+            points = np.array(ring.coords)
+            space = region.to_space(points)
+            way = np.diff(space, axis=0)
+            size = np.linalg.norm(way, axis=1)
+            keep = size > SAME_M
+            begin.append(space[:-1][keep])
+            end.append(space[1:][keep])
+            inward.append(np.cross(region.normal, way[keep] / size[keep, None]))  # exterior counter-clockwise, holes clockwise
+            owner += [i] * int(keep.sum())
+    if not owner:
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, int)
+    return np.concatenate(begin), np.concatenate(end), np.concatenate(inward), np.array(owner)
+
+
+def _wedges(regions: list[_Region]) -> list[_Wedge]:
+    begin, end, inward, owner = _borders(regions)
+    normals = np.array([r.normal for r in regions]).reshape(-1, 3)
+    offsets = np.array([r.normal @ r.origin for r in regions])
+    wedges: list[_Wedge] = []
+    for i in range(len(owner)):
+        way = end[i] - begin[i]
+        size = float(np.linalg.norm(way))
+        along = way / size
+        # border pieces on the same line
+        places = [(points - begin[i]) @ along for points in (begin, end)]
+        away = [np.linalg.norm(points - begin[i] - t[:, None] * along, axis=1) for points, t in zip((begin, end), places, strict=True)]
+        low, high = np.minimum(*places), np.maximum(*places)
+        same = np.flatnonzero((np.maximum(*away) < SAME_M) & (low < size - SAME_M) & (high > SAME_M))
+        spans = [(float(low[j]), float(high[j]), [_side(regions, inward[j], owner[j])], int(j)) for j in same]
+        # faces that the piece crosses inside their borders
+        level = [np.abs(points @ normals.T - offsets) for points in (begin[i], end[i])]
+        for f in np.flatnonzero((np.maximum(*level) < SAME_M) & (np.arange(len(regions)) != owner[i])):
+            line = LineString(regions[f].to_plane(np.array([begin[i], end[i]])))
+            inner = shapely.intersection(line, regions[f].polygon.buffer(-2 * SAME_M))
+            across = np.cross(normals[f], along)
+            for piece in getattr(inner, "geoms", [inner]):
+                if isinstance(piece, LineString) and piece.length > SHORTEST_M:
+                    ends = sorted(((regions[f].to_space(np.array(piece.coords)) - begin[i]) @ along)[[0, -1]].tolist())
+                    spans.append((ends[0], ends[1], [_side(regions, across, f), _side(regions, -across, f)], -1))
+        wedges += _pieces(i, begin[i], along, size, spans)
+    return wedges
+
+
+def _side(regions: list[_Region], direction: np.ndarray, face: Any) -> _Side:
+    return _Side(direction, int(face), regions[face].normal if regions[face].outward else np.zeros(3))
+
+
+def _pieces(index: int, begin: np.ndarray, along: np.ndarray, size: float, spans: list[tuple]) -> list[_Wedge]:
+    """Return the wedges of a border piece. Of border pieces on one line, the first one makes the wedges of the common part."""
+    cuts = np.array(sorted({0.0, size, *(t for span in spans for t in span[:2] if SAME_M < t < size - SAME_M)}))
+    wedges = []
+    for low, high in pairwise(cuts):
+        if high - low < SHORTEST_M:
+            continue
+        middle = (low + high) / 2
+        here = [span for span in spans if span[0] < middle < span[1]]
+        if any(0 <= span[3] < index for span in here):
+            continue
+        sides = [side for span in here for side in span[2]]
+        for into, up, opening, faces in _sectors(along, sides):
+            wedges.append(_Wedge(begin + low * along, along, high - low, into, up, opening, faces))
+    return wedges
+
+
+def _sectors(along: np.ndarray, sides: list[_Side]) -> list[tuple[np.ndarray, np.ndarray, float, tuple[int, int]]]:
+    """Return (into, up, opening, faces) of the open sectors between half-planes around an edge."""
+    first = sides[0].direction
+    second = np.cross(along, first)
+    angles = np.array([np.arctan2(side.direction @ second, side.direction @ first) % (2 * np.pi) for side in sides])
+    angles[angles > 2 * np.pi - SAME_RAD] = 0.0
+    order = np.argsort(angles, kind="stable")
+    distinct = [int(order[0])] + [int(b) for a, b in pairwise(order) if angles[b] - angles[a] > SAME_RAD]
+    found = []
+    for k, i in enumerate(distinct):
+        j = distinct[(k + 1) % len(distinct)]
+        angle = float((angles[j] - angles[i]) % (2 * np.pi)) if len(distinct) > 1 else 2 * np.pi
+        opening = angle / np.pi
+        up = np.cross(along, sides[i].direction)
+        if sides[i].outward @ up < -0.5 or sides[j].outward @ np.cross(along, sides[j].direction) > 0.5:
+            continue  # the sector is inside a solid
+        order_of_images = round(1 / opening)
+        if order_of_images >= 1 and abs(opening * order_of_images - 1) < 1e-3 and (order_of_images > 1 or sides[i].face == sides[j].face):
+            continue
+        found.append((sides[i].direction, up, opening, (sides[i].face, sides[j].face)))
+    return found
+
+
+def _packed(regions: list[_Region], wedges: list[_Wedge]) -> Faces:
+    triangles: list[np.ndarray] = []
+    first, hulls = [0], []
+    for region in regions:
+        vertices, faces = _triangulated(region.polygon)
+        corners = np.asarray(vertices)[faces]
+        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+        corners[area < 0] = corners[area < 0][:, ::-1]
+        triangles.append(region.to_space(corners))
+        first.append(first[-1] + len(faces))
+        hulls.append(region.to_space(np.array(shapely.orient_polygons(region.polygon.convex_hull).exterior.coords[:-1])))
+    most = max((len(hull) for hull in hulls), default=3)
+    outline = np.zeros((len(regions), most, 3))
+    for i, hull in enumerate(hulls):
+        outline[i, : len(hull)] = hull
+    normal = np.array([r.normal for r in regions]).reshape(-1, 3)
+    return Faces(
+        normal=normal,
+        offset=np.array([r.normal @ r.origin for r in regions]),
+        surface=np.array([r.surface for r in regions], int),
+        triangle=np.concatenate(triangles) if triangles else np.zeros((0, 3, 3)),
+        first=np.array(first),
+        outline=outline,
+        corners=np.array([len(hull) for hull in hulls], int),
+        start=np.array([w.start for w in wedges]).reshape(-1, 3),
+        along=np.array([w.along for w in wedges]).reshape(-1, 3),
+        length=np.array([w.length for w in wedges]),
+        into=np.array([w.into for w in wedges]).reshape(-1, 3),
+        up=np.array([w.up for w in wedges]).reshape(-1, 3),
+        opening=np.array([w.opening for w in wedges]),
+        sides=np.array([w.sides for w in wedges], int).reshape(-1, 2),
+    )
+
+
+def _triangulated(polygon: Polygon) -> tuple[Any, Any]:
+    return trimesh.creation.triangulate_polygon(polygon, engine="earcut")

@@ -1,0 +1,451 @@
+"""Fields along paths of reflections and at most two edge diffractions: compiled functions, and the loop over many paths.
+
+A path leaves the source, reflects at faces, may be diffracted at an edge, reflects again, may be diffracted at a second edge, reflects
+again and ends at the receiver. The path is unfolded: faces before an edge mirror the source, faces after it mirror the receiver. The point
+of diffraction is Keller's, where the unfolded path is shortest. The ends of an edge weight the field by a Fresnel integral of the excess
+length there.
+
+Fields use exp(+j omega t) and amplitudes without the propagation phase, for a source with a unit field at one metre. Let s1, s2, s3 be the
+unfolded distances between source, edges and receiver. For parallel edges the spreading of a double diffraction is 1/sqrt(s1 s2 s3 (s1 + s2
++ s3)).
+"""
+
+import math
+
+import numpy as np
+
+from radartwin.compiled import compiled, innermost
+from radartwin.simulation.flat.faces import Faces
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
+from radartwin.simulation.flat.wedge import coefficients, half_plane
+from radartwin.simulation.reflection_table import COSINES
+
+GRAZING_M = 1e-9  # a point closer to a plane than this is on it
+ROUNDS = 40  # largest number of steps to find the two points of a double diffraction
+OUTSIDE = 0.02  # a diffraction whose weight for the ends of its edge is below this does not exist
+INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an edge
+OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
+SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
+
+
+@innermost
+def norm(x: np.ndarray) -> float:
+    return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@innermost
+def dot(a: np.ndarray, b: np.ndarray) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@innermost
+def distance(a: np.ndarray, b: np.ndarray) -> float:
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@compiled
+def image(faces: Faces, point: np.ndarray, chain: np.ndarray, plane: float) -> np.ndarray:
+    """Return the image of a point in the faces of a chain, in this order. plane=0: the image of a direction."""
+    out = point.copy()
+    for p in chain:
+        height = dot(out, faces.normal[p]) - plane * faces.offset[p]
+        for k in range(3):
+            out[k] -= 2 * height * faces.normal[p, k]
+    return out
+
+
+@innermost
+def _contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
+    """Return whether a point of the plane of face `p` lies in one of the face's triangles."""
+    for t in range(faces.first[p], faces.first[p + 1]):
+        inside = True
+        for i in range(3):
+            j = (i + 1) % 3
+            ax, ay, az = faces.triangle[t, i, 0], faces.triangle[t, i, 1], faces.triangle[t, i, 2]
+            ex, ey, ez = faces.triangle[t, j, 0] - ax, faces.triangle[t, j, 1] - ay, faces.triangle[t, j, 2] - az
+            turn = faces.normal[p, 0] * (ey * (z - az) - ez * (y - ay))
+            turn += faces.normal[p, 1] * (ez * (x - ax) - ex * (z - az)) + faces.normal[p, 2] * (ex * (y - ay) - ey * (x - ax))
+            if turn < 0:
+                inside = False
+                break
+        if inside:
+            return True
+    return False
+
+
+@compiled
+def reflect_points(faces: Faces, source: np.ndarray, chain: np.ndarray, end: np.ndarray, points: np.ndarray) -> bool:
+    """Write the reflection points (len(chain), 3) of the path from `source` over `chain` to `end`; returns whether the path exists."""
+    m = len(chain)
+    at = source.copy()
+    images = np.empty((m, 3))
+    for i in range(m):
+        p = chain[i]
+        height = dot(at, faces.normal[p]) - faces.offset[p]
+        for k in range(3):
+            at[k] -= 2 * height * faces.normal[p, k]
+        images[i] = at
+    target = end.copy()
+    for i in range(m - 1, -1, -1):
+        p = chain[i]
+        above = dot(target, faces.normal[p]) - faces.offset[p]
+        below = dot(images[i], faces.normal[p]) - faces.offset[p]
+        if above * below >= 0 or abs(above) < GRAZING_M or abs(below) < GRAZING_M:
+            return False
+        share = above / (above - below)
+        for k in range(3):
+            target[k] += share * (images[i, k] - target[k])
+        if not _contains(faces, p, target[0], target[1], target[2]):
+            return False
+        points[i] = target
+    return True
+
+
+@compiled
+def is_clear(tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, points: np.ndarray, count: int, end: np.ndarray) -> bool:
+    """Return whether no opaque triangle blocks the path from `start` over points (count, 3) to `end`."""
+    found = np.empty(MAX_PANES, np.int64)
+    at = start
+    for i in range(count):
+        if crossed(tree, at, points[i], opaque, found) < 0:
+            return False
+        at = points[i]
+    return crossed(tree, at, end, opaque, found) >= 0
+
+
+@compiled
+def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the normalised component of an axis perpendicular to a direction; for a parallel direction, a fixed perpendicular."""
+    across = axis - direction * dot(axis, direction)
+    size = norm(across)
+    if size < 1e-6:
+        across = np.cross(axis, np.array([0.6, 0.0, 0.8]) if abs(axis[2]) < 0.9 else np.array([0.8, 0.6, 0.0]))
+        size = norm(across)
+    return across / size
+
+
+@innermost
+def looked_up(values: np.ndarray, surface: int, cosine: float, q: int) -> complex:
+    """Return a coefficient of a table (surfaces, COSINES, Q), interpolated linearly in the cosine of incidence."""
+    x = min(max(cosine, 0.0), 1.0) * (COSINES - 1)
+    low = min(int(x), COSINES - 2)
+    return values[surface, low, q] * (1 - x + low) + values[surface, low + 1, q] * (x - low)
+
+
+@compiled
+def reflected(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, field: np.ndarray, direction: np.ndarray, chain: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the field (Q, 3) and the direction after the reflections of a chain."""
+    field, direction = field.copy(), direction.copy()
+    for p in chain:
+        normal = faces.normal[p]
+        cosine = dot(direction, normal)
+        after = direction - 2 * cosine * normal
+        s = np.cross(direction, normal)
+        size = norm(s)
+        if size < 1e-7:
+            s = np.cross(normal, np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
+            size = norm(s)
+        s /= size
+        before_p, after_p = np.cross(direction, s), np.cross(after, s)
+        for q in range(field.shape[0]):
+            along_s = (field[q, 0] * s[0] + field[q, 1] * s[1] + field[q, 2] * s[2]) * looked_up(te, faces.surface[p], abs(cosine), q)
+            along_p = field[q, 0] * before_p[0] + field[q, 1] * before_p[1] + field[q, 2] * before_p[2]
+            along_p *= looked_up(tm, faces.surface[p], abs(cosine), q)
+            for k in range(3):
+                field[q, k] = along_s * s[k] + along_p * after_p[k]
+        direction = after
+    return field, direction
+
+
+@innermost
+def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
+    """Return the angle of a direction about edge `e`, from face 0 through the open sector, in [0, 2 pi)."""
+    along_up = x * faces.up[e, 0] + y * faces.up[e, 1] + z * faces.up[e, 2]
+    along_into = x * faces.into[e, 0] + y * faces.into[e, 1] + z * faces.into[e, 2]
+    value = math.atan2(along_up, along_into)
+    return value if value >= -1e-9 else value + 2 * math.pi
+
+
+@innermost
+def keller(start: np.ndarray, along: np.ndarray, source: np.ndarray, receiver: np.ndarray) -> float:
+    """Return the place in metres along a line where the path from source over the line to receiver is shortest."""
+    z_s, z_r = 0.0, 0.0
+    for k in range(3):
+        z_s += (source[k] - start[k]) * along[k]
+        z_r += (receiver[k] - start[k]) * along[k]
+    h_s, h_r = 0.0, 0.0
+    for k in range(3):
+        h_s += (source[k] - start[k] - z_s * along[k]) ** 2
+        h_r += (receiver[k] - start[k] - z_r * along[k]) ** 2
+    h_s, h_r = math.sqrt(h_s), math.sqrt(h_r)
+    return (z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12)
+
+
+@compiled
+def ends_weight(
+    start: np.ndarray, along: np.ndarray, length: float, place: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float
+) -> complex:
+    """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`."""
+    total = distance(start + place * along, source) + distance(start + place * along, receiver)
+    excess_a = distance(start, source) + distance(start, receiver) - total
+    end = start + length * along
+    excess_b = distance(end, source) + distance(end, receiver) - total
+    scale = 2 * wavenumber / math.pi
+    t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if place < 0 else -1.0)
+    t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if place < length else -1.0)
+    return half_plane(t_b) - half_plane(t_a)
+
+
+@compiled
+def face_matrix(
+    te: np.ndarray, tm: np.ndarray, surface: int, q: int, phi: float, phi0: float, sine: float, cosine: float
+) -> tuple[complex, complex, complex]:
+    """Return the elements ss, sh = -hs and hh of a face's reflection matrix in the soft and hard directions of its edge.
+
+    Luebbers' heuristic, made reciprocal: the angle of incidence is that of a mirror direction half way between observer and source, which
+    is (phi0 + pi - phi)/2 above the face. At the reflection boundary, this is the actual angle. Exchanging source and observer does not
+    change the angle.
+
+    Args:
+        phi, phi0: angles of observer and source from this face, rad. sine: of the angle between ray and edge.
+        cosine: of the angle between ray and edge; with the opposite sign for face n, whose angles turn the other way.
+    """
+    middle = 0.5 * (phi0 + math.pi - phi)
+    incidence = abs(math.sin(middle)) * sine
+    r_te, r_tm = looked_up(te, surface, incidence, q), looked_up(tm, surface, incidence, q)
+    size = math.sqrt(cosine * cosine + (sine * math.cos(middle)) ** 2)
+    if size < 1e-9:
+        return r_te, 0j, r_tm
+    # direction of TE in the soft and hard directions of the incident ray
+    c = math.cos(middle) / size
+    s = cosine * math.sin(middle) / size
+    return r_te * c * c - r_tm * s * s, s * c * (r_te + r_tm), r_tm * c * c - r_te * s * s
+
+
+@compiled
+def edge_terms(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, e: int, before: np.ndarray, after: np.ndarray, distance_m: float, wavenumber: float
+) -> np.ndarray:
+    """Return the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
+
+    Rows: soft and hard component after the edge; columns: before it. The derivatives are those of metal faces.
+
+    Args:
+        before, after: directions of travel (3,). distance_m: distance parameter without the square of the sine.
+    """
+    out = np.zeros((3, 2, 2), np.complex128)
+    cosine = dot(before, faces.along[e])
+    sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
+    n = faces.opening[e]
+    phi0 = angle(faces, e, -before[0], -before[1], -before[2])
+    phi = angle(faces, e, after[0], after[1], after[2])
+    if max(phi, phi0) > n * math.pi + 1e-9:
+        return out
+    shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
+    q = te.shape[2] // 2
+    ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
+    ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
+    out[0, 0, 0] = shadow + ss0 * mirror_0 + ssn * mirror_n
+    out[0, 0, 1] = sh0 * mirror_0 + shn * mirror_n
+    out[0, 1, 0] = -out[0, 0, 1]
+    out[0, 1, 1] = shadow + hh0 * mirror_0 + hhn * mirror_n
+    out[1, 0, 0], out[1, 1, 1] = slope - bend, slope + bend
+    out[2, 0, 0], out[2, 1, 1] = -slope - bend, -slope + bend
+    return out
+
+
+@compiled
+def soft_and_hard(along: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the soft and the hard direction (2, 3) of a ray at an edge: in the plane of both, and across this plane."""
+    cosine = dot(along, direction)
+    sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
+    out = np.empty((2, 3))
+    out[0] = (along - cosine * direction) / sine
+    out[1] = np.cross(out[0], direction)
+    return out
+
+
+@compiled
+def edge_point(faces: Faces, e: int, place: float) -> np.ndarray:
+    """Return the point of edge `e` at `place` metres, or the nearest of its points, moved by OUTSIDE_M into the middle of the open sector.
+
+    A line that grazes a face exactly then passes the face on its open side.
+    """
+    half = 0.5 * math.pi * faces.opening[e]
+    z = min(max(place, INSIDE_M), faces.length[e] - INSIDE_M)
+    return faces.start[e] + z * faces.along[e] + OUTSIDE_M * (math.cos(half) * faces.into[e] + math.sin(half) * faces.up[e])
+
+
+@compiled
+def evaluate(
+    begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, te: np.ndarray, tm: np.ndarray, wavenumber: float,
+    nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
+    axis: np.ndarray, least: np.ndarray, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray, arrival: np.ndarray,
+) -> None:  # fmt: skip
+    """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
+
+    Args:
+        opaque: (surfaces,) bool. te, tm: reflection tables.
+        nudge: (3,) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset, a
+            sensor exactly in the plane of a face or exactly opposite a corner would be on both sides.
+        count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
+        pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
+        amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
+    """
+    points = np.empty((chain.shape[1] + 1, 3))
+    q = te.shape[2]
+    for n in range(begin, stop):
+        s = which[n]
+        place, antenna = sensor[pose[n]], axis[pose[n]]
+        source, receiver = place + nudge, place + 2 * nudge
+        m0, m1, m2 = count[s]
+        first, between, last = chain[s, :m0], chain[s, m0 : m0 + m1], chain[s, m0 + m1 : m0 + m1 + m2]
+        e1, e2 = edge[s]
+        mirrored = image(faces, source, first, 1.0)
+        if e1 < 0:
+            if not reflect_points(faces, source, first, receiver, points):
+                continue
+            exact = image(faces, place, first, 1.0)
+            size = distance(exact, place)
+            back = (place - exact) / size
+            there = image(faces, back, first[::-1], 0.0)
+            field = np.zeros((q, 3), np.complex128)
+            field[:] = transverse(antenna, there)
+            field, _ = reflected(faces, te, tm, field, there, first)
+            level = field @ transverse(antenna, back).astype(np.complex128) / size
+            if np.abs(level).max() < least[pose[n]] or not is_clear(tree, opaque, source, points, m0, receiver):
+                continue
+            amplitude[n] = level
+            length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
+            departure[n], arrival[n] = there, -back
+            continue
+        returned = image(faces, receiver, last[::-1], 1.0)
+        if e2 < 0:
+            z = keller(faces.start[e1], faces.along[e1], mirrored, returned)
+            weight = ends_weight(faces.start[e1], faces.along[e1], faces.length[e1], z, mirrored, returned, wavenumber)
+            if abs(weight) < OUTSIDE:
+                continue
+            x = faces.start[e1] + z * faces.along[e1]
+            s1, s3 = distance(mirrored, x), distance(x, returned)
+            if min(s1, s3) < 1e-6:
+                continue
+            before, after = (x - mirrored) / s1, (returned - x) / s3
+            there, back = image(faces, before, first[::-1], 0.0), image(faces, after, last, 0.0)
+            field = np.zeros((q, 3), np.complex128)
+            field[:] = transverse(antenna, there)
+            field, _ = reflected(faces, te, tm, field, there, first)
+            matrix = edge_terms(faces, te, tm, e1, before, after, s1 * s3 / (s1 + s3), wavenumber)[0]
+            field = _passed(field, matrix, soft_and_hard(faces.along[e1], before), soft_and_hard(faces.along[e1], after))
+            field, _ = reflected(faces, te, tm, field, after, last)
+            level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
+            if np.abs(level).max() < least[pose[n]]:
+                continue
+            touched = edge_point(faces, e1, z)
+            if not reflect_points(faces, source, first, touched, points) or not is_clear(tree, opaque, source, points, m0, touched):
+                continue
+            if not reflect_points(faces, receiver, last[::-1], touched, points) or not is_clear(
+                tree, opaque, receiver, points, m2, touched
+            ):
+                continue
+            amplitude[n] = level
+            length[n, 0] = distance(image(faces, place, first, 1.0), x)
+            length[n, 2] = distance(x, image(faces, place, last[::-1], 1.0))
+            departure[n], arrival[n] = there, -back
+            continue
+        # two edges: the second edge and all after it are unfolded to the space between the edges
+        back_chain = between[::-1]
+        start2 = image(faces, faces.start[e2], back_chain, 1.0)
+        along2 = image(faces, faces.along[e2], back_chain, 0.0)
+        receiver2 = image(faces, returned, back_chain, 1.0)
+        start1, along1 = faces.start[e1], faces.along[e1]
+        place1, place2 = 0.5 * faces.length[e1], 0.5 * faces.length[e2]
+        for _ in range(ROUNDS):
+            moved = place1
+            place2 = keller(start2, along2, start1 + place1 * along1, receiver2)
+            place1 = keller(start1, along1, mirrored, start2 + place2 * along2)
+            if abs(place1 - moved) < 1e-8:
+                break
+        x1, x2 = start1 + place1 * along1, start2 + place2 * along2
+        s1, s2, s3 = distance(mirrored, x1), distance(x1, x2), distance(x2, receiver2)
+        if min(s1, min(s2, s3)) < 1e-6:
+            continue
+        weight = ends_weight(start1, along1, faces.length[e1], place1, mirrored, x2, wavenumber)
+        weight *= ends_weight(start2, along2, faces.length[e2], place2, x1, receiver2, wavenumber)
+        if abs(weight) < OUTSIDE:
+            continue
+        before, middle, after = (x1 - mirrored) / s1, (x2 - x1) / s2, (receiver2 - x2) / s3
+        middle2, after2 = image(faces, middle, between, 0.0), image(faces, after, between, 0.0)
+        there, back = image(faces, before, first[::-1], 0.0), image(faces, after2, last, 0.0)
+        matrix1 = edge_terms(faces, te, tm, e1, before, middle, s1 * s2 / (s1 + s2), wavenumber)
+        # curvature of the wave from the first edge, in the plane of ray and second edge
+        frame = soft_and_hard(along1, middle)
+        second = soft_and_hard(along2, middle)
+        turn = dot(frame[0], second[0]) ** 2
+        rho = 1 / (turn / (s1 + s2) + (1 - turn) / s2)
+        parameter = s3 * (rho + s3) * s2 * (s1 + s2) / (rho * (s2 + s3) * (s1 + s2 + s3))
+        matrix2 = edge_terms(faces, te, tm, e2, middle2, after2, parameter, wavenumber)
+        field = np.zeros((q, 3), np.complex128)
+        field[:] = transverse(antenna, there)
+        field, _ = reflected(faces, te, tm, field, there, first)
+        enters = soft_and_hard(along1, before)
+        leaves2, enters2 = soft_and_hard(faces.along[e2], after2), soft_and_hard(faces.along[e2], middle2)
+        plain = _passed(field, matrix1[0], enters, frame)
+        slope = _passed(field, matrix1[1], enters, frame)
+        plain, _ = reflected(faces, te, tm, plain, middle, between)
+        slope, _ = reflected(faces, te, tm, slope, middle, between)
+        # a larger angle at the first edge moves the ray at the second edge along `rise`; the source's angle there grows along `other`
+        rise = image(faces, np.cross(along1, middle), between, 0.0)
+        other = np.cross(middle2, faces.along[e2])
+        size = norm(rise) * norm(other)
+        gradient = dot(rise, other) / size / s2 if size > 0 else 0.0
+        sine2 = math.sqrt(max(1 - dot(faces.along[e2], middle2) ** 2, SMALL_SINE * SMALL_SINE))
+        field = _passed(plain, matrix2[0], enters2, leaves2)
+        field += _passed(slope, matrix2[2], enters2, leaves2) * (gradient / (1j * wavenumber * sine2))
+        field, _ = reflected(faces, te, tm, field, after2, last)
+        spreading = math.sqrt(rho / (s3 * (rho + s3))) / math.sqrt(s1 * s2 * (s1 + s2))
+        level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
+        if m1 == 0 and share_face(faces, e1, e2):
+            level *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
+        if np.abs(level).max() < least[pose[n]]:
+            continue
+        touched1 = edge_point(faces, e1, place1)
+        touched2 = edge_point(faces, e2, place2)
+        if not reflect_points(faces, source, first, touched1, points) or not is_clear(tree, opaque, source, points, m0, touched1):
+            continue
+        if not reflect_points(faces, touched1, between, touched2, points) or not is_clear(tree, opaque, touched1, points, m1, touched2):
+            continue
+        if not reflect_points(faces, receiver, last[::-1], touched2, points) or not is_clear(tree, opaque, receiver, points, m2, touched2):
+            continue
+        amplitude[n] = level
+        exact = image(faces, image(faces, place, last[::-1], 1.0), back_chain, 1.0)
+        length[n, 0], length[n, 1] = distance(image(faces, place, first, 1.0), x1), s2
+        length[n, 2] = distance(x2, exact)
+        departure[n], arrival[n] = there, -back
+
+
+@compiled
+def share_face(faces: Faces, e1: int, e2: int) -> bool:
+    """Return whether two edges belong to one face."""
+    for i in range(2):
+        for j in range(2):
+            if faces.sides[e1, i] == faces.sides[e2, j]:
+                return True
+    return False
+
+
+@compiled
+def _passed(field: np.ndarray, matrix: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> np.ndarray:
+    """Return the field (Q, 3) after an edge with the matrix (2, 2) between soft and hard directions (2, 3)."""
+    out = np.empty_like(field)
+    for q in range(field.shape[0]):
+        soft, hard = 0j, 0j
+        for k in range(3):
+            soft += field[q, k] * enters[0, k]
+            hard += field[q, k] * enters[1, k]
+        after_s = matrix[0, 0] * soft + matrix[0, 1] * hard
+        after_h = matrix[1, 0] * soft + matrix[1, 1] * hard
+        for k in range(3):
+            out[q, k] = after_s * leaves[0, k] + after_h * leaves[1, k]
+    return out
