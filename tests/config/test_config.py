@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from radartwin.builders.radar import build_radar
+from radartwin.config import messages
 from radartwin.config.compose import Composer, combinations, compose, groups, path_override, quoted
 from radartwin.errors import ConfigError, MissingError
 from radartwin.radar.chirp import Radar
@@ -157,3 +158,9 @@ def test_path_keeps_all_its_characters(name: str, tmp_path: Path) -> None:
     overrides = [path_override("output", tmp_path / name)]
     assert COMPOSER.compose(overrides).output == str(tmp_path / name)
     assert COMPOSER.compose(combinations(overrides)[0]).output == str(tmp_path / name), "in a job of a sweep"
+
+
+def test_errors_that_are_each_others_context_end_the_search_for_a_cause() -> None:
+    first, second = ValueError("first"), ValueError("second")
+    first.__context__, second.__context__ = second, first
+    assert "first" in messages.explain(first)
