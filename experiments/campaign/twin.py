@@ -27,7 +27,7 @@ from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
 from radartwin.features.families import SETS
 from radartwin.label.sources import material_source, without_fragments
-from radartwin.materials import Layered
+from radartwin.materials import half_space
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
@@ -117,8 +117,8 @@ def noisy(clean: Recording, case: Case, config: Config) -> Recording:
 
 
 def _outermost(scene: Scene) -> Scene:
-    """Replace each layered material of the target's stand by the material of its outermost layer."""
-    return Scene((s.replaced(material=s.material.layers[0][0]) if isinstance(s.material, Layered) else s for s in scene), scene.provenance)
+    """Replace the material of each surface of the target's stand by a half-space of its outermost layer."""
+    return Scene((s.replaced(material=half_space(s.material)) for s in scene), scene.provenance)
 
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import InputError
-from radartwin.materials import Layered
+from radartwin.materials import half_space
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.scene.scene import Scene
@@ -66,7 +66,7 @@ class Model:
         """
         scene = reduced(room, self.parts) + kept
         if not self.layered:
-            scene = Scene((s.replaced(material=_outermost(s.material)) for s in scene), scene.provenance)
+            scene = Scene((s.replaced(material=half_space(s.material)) for s in scene), scene.provenance)
         return simulate(
             scene, radar, sensor_poses, motion=motion or None, noise=True, elements=self.elements,
             simulator=backend("mitsuba", variant=variant, **self.settings()),
@@ -102,7 +102,3 @@ def reduced(room: Scene, parts: str) -> Scene:
     if parts == WHOLE:
         return room
     return Scene((s for s in room if np.ptp(s.mesh.bounds, axis=0).max() >= LARGE_M), room.provenance)
-
-
-def _outermost(material: str | Layered) -> str:
-    return material.layers[0][0] if isinstance(material, Layered) else material

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from radartwin.errors import LabelError, MaterialError
-from radartwin.materials import Layered, roughness_m
+from radartwin.materials import MATERIAL_THICKNESS, Layered, half_space, layered, roughness_m
 from radartwin.materials.minc import BUILD_UPS, CATEGORIES, COVERED, Row, row
 from radartwin.materials.names import PERMITTIVITY, Resolved, mentioned, resolve
 from radartwin.materials.roughness import CLASSES
@@ -172,6 +172,8 @@ def _build_up(found: Resolved, entry: Row) -> str | Layered:
     plain = found.category is None and found.material != "metal"
     if plain and isinstance(usual, Layered) and len(usual.layers) == 1 and usual.backing == "air":
         return Layered([(found.material, usual.layers[0][1])])
+    if found.name in PERMITTIVITY and found.material in MATERIAL_THICKNESS:
+        return half_space(found.material)  # the substitute has the reflection of a half-space
     return found.material
 
 
@@ -184,7 +186,7 @@ def interior(material: str | Layered, wall_thickness_mm: float | None, contents:
     Layered(layers=(('hdpe', 0.001),), backing='water')
     """
     inside = CONTENTS.get(contents) if contents is not None else None
-    outer = material if isinstance(material, str) else material.layers[0][0]
+    outer = half_space(material).backing
     if inside is None or wall_thickness_mm is None or outer in ("metal", "air", "vacuum"):
         return material
     return Layered([(outer, wall_thickness_mm / 1000)], backing=inside)
@@ -210,7 +212,8 @@ def _closest_category(name: str) -> str:
         return name  # an unknown material name stays in the answer, so that the answer violates the schema
     if found.category is not None:
         return found.category
-    return next((category for category in CATEGORIES if row(category).material == found.material), "other")
+    same = (layered(found.material), half_space(found.material))
+    return next((category for category in CATEGORIES if layered(row(category).material) in same), "other")
 
 
 def _message(problem: Any) -> str:

@@ -64,7 +64,8 @@ def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | 
     cosine, frequency = _grid(frequency_hz, INCIDENCE_DEG)
     te, tm, *_ = stack_coefficients([], [], np.full(frequency.shape, target), cosine, frequency)
     level = _level(te, tm)
-    distances = {name: float(np.mean(np.abs(reflectivity_db(name, frequency_hz) - level))) for name in among}
+    half_spaces = {name: Layered([], backing=name) for name in among}
+    distances = {name: float(np.mean(np.abs(reflectivity_db(half, frequency_hz) - level))) for name, half in half_spaces.items()}
     best = min(distances, key=lambda name: distances[name])
     return best, distances[best]
 

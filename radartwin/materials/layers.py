@@ -18,8 +18,9 @@ import numpy as np
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import MaterialError
 from radartwin.materials.containers import EMPTY
-from radartwin.materials.permittivity_by_name import check_name, permittivity
+from radartwin.materials.permittivity_by_name import check_name, permittivity, split
 from radartwin.materials.roughness import ament, ament_transmitted
+from radartwin.materials.sheets import MATERIAL_THICKNESS, SHEETS
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,43 @@ class Layered:
         object.__setattr__(self, "backing", backing)
 
 
+def layered(material: str | Layered) -> Layered:
+    """Return the layers that a material means: those of a stack, the sheet of a name in MATERIAL_THICKNESS, or else a half-space.
+
+    Raises:
+        MaterialError: the name is unknown.
+
+    >>> layered("glass"), layered("concrete").backing
+    (Layered(layers=(('glass', 0.006),), backing='air'), 'concrete')
+    """
+    if isinstance(material, Layered):
+        return material
+    thickness = MATERIAL_THICKNESS.get(split(material)[0])
+    return Layered([], backing=material) if thickness is None else Layered([(material, thickness)])
+
+
+def half_space(material: str | Layered) -> Layered:
+    """Return a half-space of the outermost layer of a material.
+
+    >>> half_space("glass")
+    Layered(layers=(), backing='glass')
+    """
+    stack = layered(material)
+    return Layered([], backing=stack.layers[0][0] if stack.layers else stack.backing)
+
+
+def common_sheet(name: str) -> Layered:
+    """Return the layers of a row of `sheets.SHEETS`, such as "door" or "double glazing", with air behind the last layer."""
+    return Layered(SHEETS[name].layers)
+
+
 def reflection(
     material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the complex reflection coefficients (te, tm) of a material for a wave from air.
 
     Args:
-        material: name of a material, which then fills a half-space, or a stack of layers.
+        material: name of a material or stack of layers; see `layered`.
         cos_incidence: cosine of the angle of incidence from the normal, broadcastable with `frequency_hz`.
         frequency_hz: frequencies in Hz.
         roughness_m: rms height of the surface in metres; Ament's roughness factor multiplies both coefficients.
@@ -64,7 +95,7 @@ def reflection(
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
     """
-    stack = material if isinstance(material, Layered) else Layered([], backing=material)
+    stack = layered(material)
     frequency_hz = np.asarray(frequency_hz, float)
     eta, thicknesses_m = _layers(stack, frequency_hz)
     te, tm, *_ = stack_coefficients(eta, thicknesses_m, permittivity(stack.backing, frequency_hz), cos_incidence, frequency_hz)
@@ -83,8 +114,8 @@ def transmission(
     the normal. For a wall of thickness d, the phase of the coefficient therefore replaces the phase k d cos_incidence of the path in air.
 
     Args:
-        material: stack of layers or name of a material. For a stack, only the layers matter, because air replaces the backing. A name means
-            a half-space, which transmits nothing unless the material is air or vacuum.
+        material: name of a material or stack of layers; see `layered`. Only the layers matter, because air replaces the backing. A
+            half-space transmits nothing unless the material is air or vacuum.
         cos_incidence: cosine of the angle of incidence from the normal, broadcastable with `frequency_hz`.
         frequency_hz: frequencies in Hz.
         roughness_m: rms height of both faces of the wall in metres. The heights of the two faces are independent of each other; see
@@ -100,9 +131,9 @@ def transmission(
     """
     frequency_hz, cos_incidence = np.asarray(frequency_hz, float), np.asarray(cos_incidence, float)
     shape = np.broadcast_shapes(cos_incidence.shape, frequency_hz.shape)
-    stack = material if isinstance(material, Layered) else Layered([], backing=material)
-    if not isinstance(material, Layered) and material not in EMPTY:
-        permittivity(material, frequency_hz)  # raises the errors that `reflection` raises
+    stack = layered(material)
+    if not stack.layers and stack.backing not in EMPTY:
+        permittivity(stack.backing, frequency_hz)  # raises the errors that `reflection` raises
         return np.zeros(shape, complex), np.zeros(shape, complex)
     eta, thicknesses_m = _layers(stack, frequency_hz)
     *_, te, tm = stack_coefficients(eta, thicknesses_m, np.array(1.0 + 0j), cos_incidence, frequency_hz)

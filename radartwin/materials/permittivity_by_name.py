@@ -15,9 +15,6 @@ from radartwin.errors import MaterialError
 from radartwin.materials import containers, itu
 
 MATERIAL_NAMES = tuple(sorted({*itu.P2040, *containers.NAMES}))
-
-# Thickness in metres of each material whose plain name means a slab. The mapping is empty, because every plain name means a half-space.
-MATERIAL_THICKNESS: dict[str, float] = {}
 _MARK = "~"
 
 

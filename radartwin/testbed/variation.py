@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from radartwin.materials import Layered, varied
+from radartwin.materials import Layered, layered, varied
 from radartwin.materials.containers import LIQUIDS
 from radartwin.scene.scene import Surface
 
@@ -34,15 +34,15 @@ _EXACT = ("metal", "air", "vacuum")
 
 def own_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
     """Return the surface with log-normal random deviations of its layer thickness and permittivity."""
-    stack = surface.material if isinstance(surface.material, Layered) else None
-    count = len(stack.layers) if stack else 0
+    stack = layered(surface.material)
+    count = len(stack.layers)
     thickness = np.exp(strength * THICKNESS_SIGMA * rng.standard_normal(count))
     sigmas = strength * np.array([PERMITTIVITY_SIGMA, LOSS_SIGMA])[:, None]
     real, loss = np.exp(sigmas * rng.standard_normal((2, count + 1)))
     if strength == 0:
         return surface
-    backing = _varied(stack.backing if stack else str(surface.material), real[-1], loss[-1])
-    if stack is None:
+    backing = _varied(stack.backing, real[-1], loss[-1])
+    if not stack.layers and isinstance(surface.material, str):
         return surface.replaced(material=backing)
     layers = [
         (_varied(name, e, q), depth * float(f))

@@ -82,7 +82,7 @@ def test_name_outside_minc_is_refused_or_replaced_by_the_closest_category() -> N
         read_answer(porcelain, "surface")
     answer = read_answer(porcelain, "surface", names=True)
     assert answer.named == "porcelain"
-    assert material_of(answer)[0] == "glass"
+    assert material_of(answer)[0] == Layered([], backing="glass")
     assert material_of(answer)[2], "a stand-in"
     steel = read_answer({**GOOD, "material": "steel"}, "surface", names=True)
     assert (steel.material, material_of(steel)[0]) == ("metal", "metal")

@@ -23,7 +23,7 @@ MIRRORED = SENSOR * (1, 1, -1)
 
 def floor(material="metal", half=3.0, height=0.0, name="floor"):
     mesh = rooms.rectangle([-half + 1, -half, height], np.eye(3)[0], np.eye(3)[1], (2 * half, 2 * half))
-    return rt.Surface(mesh, material, name, role="room")
+    return rt.Surface(mesh, material if material == "metal" else rt.Layered([], material), name, role="room")
 
 
 def ball(centre=(0.0, 0, 0)):

@@ -9,7 +9,20 @@ import numpy as np
 import pytest
 
 from radartwin.errors import MaterialError
-from radartwin.materials import MATERIAL_NAMES, Layered, check_name, containers, permittivity, reflection, roughness_m, transmission, varied
+from radartwin.materials import (
+    MATERIAL_NAMES,
+    MATERIAL_THICKNESS,
+    Layered,
+    check_name,
+    common_sheet,
+    containers,
+    half_space,
+    permittivity,
+    reflection,
+    roughness_m,
+    transmission,
+    varied,
+)  # fmt: skip
 from radartwin.materials.itu import P2040, STAND_INS
 from radartwin.materials.layers import stack_coefficients
 from radartwin.materials.roughness import CLASSES, ament, ament_transmitted
@@ -112,6 +125,33 @@ def test_transmission_of_half_spaces_air_and_rough_walls():
     assert ament(2e-4, np.array(1.0), 2 * np.pi * 77e9 / C) < rough / smooth < 1
 
 
+@pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
+def test_plain_names_of_sheets_reflect_and_transmit_as_their_stated_thickness():
+    """A name in MATERIAL_THICKNESS means a sheet in air, also with factors on the permittivity. A `Layered` stack has priority."""
+    cosine, f = np.cos(np.radians([0.0, 50.0])), np.array(77e9)
+    for name, thickness in MATERIAL_THICKNESS.items():
+        sheet = Layered([(name, thickness)])
+        assert np.array_equal(reflection(name, cosine, f), reflection(sheet, cosine, f)), name
+        assert np.array_equal(transmission(name, cosine, f), transmission(sheet, cosine, f)), name
+        assert np.abs(transmission(name, cosine, f)).min() > 1e-3, name
+        assert not np.any(transmission(half_space(name), cosine, f)), name
+    changed, plain = (transmission(name, cosine, f)[0] for name in (varied("glass", 1.0, 2.0), "glass"))
+    assert (np.abs(changed) < np.abs(plain)).all()
+    for name in set(MATERIAL_NAMES) - set(MATERIAL_THICKNESS) - set(containers.EMPTY):
+        assert not np.any(transmission(name, cosine, f)), name
+
+
+@pytest.mark.parametrize(
+    ("name", "loss_db"),
+    [("hdpe", 1.4), ("fabric", 1.5), ("cardboard", 2.0), ("ceiling_board", 5.0), ("plasterboard", 14.0), ("double glazing", 22.0),
+     ("wood", 24.0), ("stud wall", 27.0)],
+)  # fmt: skip
+def test_sheets_have_the_published_two_way_loss(name, loss_db):
+    """At normal incidence, the mean two-way loss of the common sheets over the sweep agrees with the reference list within 0.6 dB."""
+    te, _ = transmission(common_sheet(name), np.array(1.0), np.linspace(77e9, 80.44e9, 64))
+    assert -20 * np.log10((np.abs(te) ** 2).mean()) == pytest.approx(loss_db, abs=0.6)
+
+
 def test_thick_lossy_wall_equals_its_half_space():
     te, _ = reflection(Layered([("concrete", 5.0)]), np.array(1.0), np.array(77e9))
     assert te == pytest.approx(reflection("concrete", np.array(1.0), np.array(77e9))[0], abs=1e-9)
@@ -136,7 +176,7 @@ def test_slabs_match_the_reference_table(shared_data):
             continue
         te, _ = reflection(Layered([(name, float(row["d_mm"]) / 1e3)]), np.array(1.0), np.array(77e9))
         assert 20 * np.log10(abs(te)) == pytest.approx(float(row["slab77_dB"]), abs=0.05), row
-        half, _ = reflection(name, np.array(1.0), np.array(77e9))
+        half, _ = reflection(half_space(name), np.array(1.0), np.array(77e9))
         assert 20 * np.log10(abs(half)) == pytest.approx(float(row["halfspace_dB"]), abs=0.02), row
         checked += 1
     assert checked >= 7

@@ -96,7 +96,8 @@ def test_panes_are_transparent_and_metal_is_opaque():
     assert view.pane.all()
     assert (view.first == 0).all()
     assert np.allclose(seen(wall(1.0, "metal", "metal"), wall(2.0)).depth, 1.0, atol=1e-4)
-    screen = seen(wall(1.0, "glass", "glass"), wall(2.0))  # a half-space of glass is opaque
+    assert np.allclose(seen(wall(1.0, "glass", "glass"), wall(2.0)).depth, 2.0, atol=1e-4)
+    screen = seen(wall(1.0, Layered([], backing="glass"), "glass"), wall(2.0))  # a half-space of glass is opaque
     assert np.allclose(screen.depth, 1.0, atol=1e-4)
 
 

@@ -75,10 +75,10 @@ def wall_reflection(walls: str) -> Reflection:
 
 
 def room_scene(size_m: tuple[float, float, float], material: str) -> rt.Scene:
-    """Return a rectangular room whose surfaces have one material, with a corner at the origin."""
+    """Return a rectangular room whose surfaces are half-spaces of one material, with a corner at the origin."""
     mesh = objects.box((0.0, 0.0, 0.0), size_m)
     mesh.invert()
-    return rt.Scene([rt.Surface(mesh, material, "walls", role="room")])
+    return rt.Scene([rt.Surface(mesh, rt.Layered([], backing=material), "walls", role="room")])
 
 
 @cache

@@ -20,7 +20,7 @@ import numpy as np
 
 from experiments.validation.oracles import box, stack
 from experiments.validation.oracles.case import SPEED_OF_LIGHT
-from radartwin.materials import Layered
+from radartwin.materials import Layered, layered
 from radartwin.scene.scene import Scene
 
 IN_PLANE_M = 1e-6
@@ -182,7 +182,7 @@ def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
 
 @lru_cache(maxsize=4096)
 def _reflected(material: str | Layered, roughness_m: float, cosine: float, frequency_hz: float) -> tuple[complex, complex]:
-    layers, backing = (material.layers, material.backing) if isinstance(material, Layered) else ((), material)
-    te, tm = stack.stack(layers, backing, float(np.arccos(cosine)), frequency_hz)
+    layers = layered(material)
+    te, tm = stack.stack(layers.layers, layers.backing, float(np.arccos(cosine)), frequency_hz)
     rough = float(np.exp(-2 * (2 * np.pi * frequency_hz / SPEED_OF_LIGHT * roughness_m * cosine) ** 2))
     return te * rough, tm * rough

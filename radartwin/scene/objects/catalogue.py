@@ -141,7 +141,7 @@ def _bottle(
         radius, height = cap
         lid = shapes.cylinder(radius, height, 96).apply_translation([0, 0, sections_m[-1][0] + 0.001 + height / 2])
         body = Part(vessels.oval(sections_m), Layered([(plastic, wall_m)], backing=contents), plastic, look)
-        return body, Part(lid, "hdpe", "hdpe", cap_look)
+        return body, Part(lid, Layered([], backing="hdpe"), "hdpe", cap_look)
 
     return build
 
@@ -154,7 +154,7 @@ def _reflector(contents: str) -> tuple[Part, ...]:
 def _mug(contents: str) -> tuple[Part, ...]:
     cup = Part(vessels.mug(MUG_M[0], MUG_M[1]), Layered([("glass", MUG_WALL_M)], backing=contents), "ceramic", "ceramic")
     bow = vessels.handle(MUG_M[0] / 2, 0.022, 0.076, MUG_M[2] - 0.0045 - 0.001)
-    return cup, Part(bow, "glass", "ceramic", "ceramic")
+    return cup, Part(bow, Layered([], backing="glass"), "ceramic", "ceramic")
 
 
 REFLECTOR_LEG_M = 0.1

@@ -16,7 +16,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import SceneError
-from radartwin.materials import Layered, roughness_m
+from radartwin.materials import Layered, common_sheet, roughness_m
 from radartwin.scene import textures
 from radartwin.scene.scene import Scene, Surface
 
@@ -27,10 +27,10 @@ Opening = tuple[float, float, float, float]
 
 GAP = 0.01  # gap in metres between furniture and the floor or a wall
 
-STUD_WALL = Layered([("plasterboard", 0.0125), ("air", 0.075), ("plasterboard", 0.0125)])
+STUD_WALL = common_sheet("stud wall")
 CONCRETE_WALL = Layered([("concrete", 0.20)])
-DOOR_LEAF = Layered([("wood", 0.04)])
-CLOTH = Layered([("wood", 0.0005)])  # textile (permittivity 2.0) over foam, which is nearly air; source: materials.minc
+DOOR_LEAF = common_sheet("door")
+CLOTH = common_sheet("fabric")  # over foam, which is nearly air
 
 
 class Finish(NamedTuple):
@@ -63,20 +63,20 @@ FINISHES: dict[str, Finish] = {
     "board floor": Finish(Layered([("floorboard", 0.008)], backing="concrete"), "wood", "floorboard", "floorboards"),
     "court floor": Finish(Layered([("wood", 0.022), ("air", 0.05)], backing="concrete"), "wood", "wood", "court_floor"),
     "tiled floor": Finish(Layered([("glass", 0.010)], backing="concrete"), "tile", "tile", "tiles", stand_in=True),
-    "acoustic ceiling": Finish(Layered([("ceiling_board", 0.015)]), "other", "ceiling_board", "ceiling_board"),
-    "window": Finish(Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)]), "glass", "glass", "glass"),
+    "acoustic ceiling": Finish(common_sheet("ceiling_board"), "other", "ceiling_board", "ceiling_board"),
+    "window": Finish(common_sheet("double glazing"), "glass", "glass", "glass"),
     "glass leaf": Finish(Layered([("glass", 0.012)]), "glass", "glass", "glass"),
     "wood door": Finish(DOOR_LEAF, "wood", "wood", "wood"),
     "dark wood": Finish(DOOR_LEAF, "wood", "wood", "dark_wood"),
     "table top": Finish(Layered([("chipboard", 0.025)]), "wood", "chipboard", "pale_wood"),
-    "shelf": Finish(Layered([("chipboard", 0.018)]), "wood", "chipboard", "pale_wood"),
-    "solid wood": Finish("wood", "wood", "wood", "wood"),
+    "shelf": Finish(common_sheet("chipboard"), "wood", "chipboard", "pale_wood"),
+    "solid wood": Finish(Layered([], backing="wood"), "wood", "wood", "wood"),
     "metal": Finish("metal", "metal", "metal", "brushed_metal"),
     "dark metal": Finish("metal", "metal", "metal", "dark_metal"),
     "painted metal": Finish("metal", "metal", "metal", "painted_metal"),
     "red metal": Finish("metal", "metal", "metal", "red_metal"),
     "lamp": Finish("metal", "metal", "metal", "lamp"),
-    "screen": Finish("glass", "glass", "glass", "monitor"),
+    "screen": Finish(Layered([], backing="glass"), "glass", "glass", "monitor"),
     "fabric": Finish(CLOTH, "fabric", "fabric", "fabric", stand_in=True),
     "red fabric": Finish(CLOTH, "fabric", "fabric", "red_fabric", stand_in=True),
     "leather": Finish(Layered([("plasterboard", 0.0012)]), "leather", "leather", "leather", stand_in=True),

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from radartwin.materials import Layered
+from radartwin.materials import Layered, layered
 from radartwin.scene.scene import Scene, Surface
 
 LEVELS = 7  # number of resolution levels of a texture; each level has half the width and height of the previous level
@@ -114,8 +114,8 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
 
 def _is_clear(surface: Surface) -> bool:
     """Return whether the surface is transparent, which means that it has only layers of glass and air, with air behind them."""
-    stack = surface.material
-    if not isinstance(stack, Layered) or stack.backing not in ("air", "vacuum"):
+    stack = layered(surface.material)
+    if stack.backing not in ("air", "vacuum"):
         return False
     names = {name for name, _ in stack.layers}
     return "glass" in names and names <= {"glass", "air"}
