@@ -1,42 +1,60 @@
-"""Tabulate the reflection coefficients of a scene's materials over the angle of incidence, for the ray tracer.
+"""Tabulate the reflection and transmission coefficients of a scene's materials over the angle of incidence, for the ray tracer.
 
 A table holds the coefficients at a few frequency nodes, which are the Chebyshev nodes of the radar's frequency sweep. Between the nodes,
 the synthesis uses the polynomial through the node values. The number of nodes is the smallest that brings the interpolation error below
 TOLERANCE. A half-space or a metal needs one node. A plasterboard of 12 mm needs several nodes, because its reflection changes by 4 dB
 within the frequency sweep.
+
+A path that crosses a sheet has the length of the straight line through the mesh, as if the sheet were not there. The transmission
+coefficient of a sheet of thickness d therefore contains the factor exp(+j k d cos t), where k is the wavenumber and t the angle of
+incidence: it is the field behind the sheet over the field that the wave would have there in air. The frequency nodes carry the delay that
+the layers add. For the sheets of `materials.sheets`, the nodes that reflection needs also carry four crossings with an error below 3e-3.
+Only a door of 40 mm wood needs more nodes for transmission (3) than for reflection (1).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radartwin.materials import Layered, reflection
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.materials import Layered, layered, reflection, transmission
+from radartwin.materials.containers import EMPTY
 
 COSINES = 1024  # number of cosines of incidence in a table
-# Largest error of a reflection coefficient by interpolation between frequency nodes. It is -50 dB relative to the incident field, smaller
+# Largest error of a coefficient by interpolation between frequency nodes. It is -50 dB relative to the incident field, smaller
 # than all other errors of the tracer.
 TOLERANCE = 3e-3
+SILENT = 1e-3  # a surface whose transmission coefficients are all below this is opaque (-120 dB there and back)
 _NODE_COUNTS = (1, 3, 5, 8, 12)  # numbers of frequency nodes that `_nodes` tries, in this order
 
 
 @dataclass(frozen=True)
 class ReflectionTable:
-    """Hold reflection coefficients of S surfaces at Q frequencies."""
+    """Hold reflection and transmission coefficients of S surfaces at Q frequencies."""
 
     te: np.ndarray  # (S, COSINES, Q) complex TE reflection coefficients at COSINES equally spaced cosines of incidence from 0 to 1
     tm: np.ndarray  # (S, COSINES, Q) complex TM reflection coefficients, with the same axes as `te`
+    through_te: np.ndarray  # (S, COSINES, Q) complex TE transmission coefficients; zero for opaque surfaces
+    through_tm: np.ndarray  # (S, COSINES, Q) complex TM transmission coefficients; zero for opaque surfaces
     frequencies_hz: np.ndarray  # (Q,) frequency nodes in Hz
     # (material, rms roughness in metres) of each of the S surfaces, by which `curved.shell` recognises hollow objects
-    surfaces: tuple[tuple[str | Layered, float], ...] = ()
+    surfaces: tuple[tuple[str | Layered, float], ...]
+
+    @property
+    def opaque(self) -> np.ndarray:
+        """Return the mask (S,) of the surfaces that transmit nothing."""
+        return ~(self.through_te.any(axis=(1, 2)) | self.through_tm.any(axis=(1, 2)))
 
     def envelope(self) -> "ReflectionTable":
         """Return a table with a single frequency node that holds the largest magnitude of each coefficient over the frequency sweep.
 
         The tracer uses this table to find the tubes whose contribution is not negligible.
         """
-        te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
-        return ReflectionTable(-te, tm, self.frequencies_hz.mean(keepdims=True))
+        largest = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm, self.through_te, self.through_tm))
+        te, tm, through_te, through_tm = largest
+        middle = self.frequencies_hz.mean(keepdims=True)
+        return replace(self, te=-te, tm=tm, through_te=through_te, through_tm=through_tm, frequencies_hz=middle)
 
 
 def chebyshev_nodes(low_hz: float, high_hz: float, count: int) -> np.ndarray:
@@ -72,7 +90,7 @@ def grid_of_cosines() -> np.ndarray:
 
 
 def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None) -> ReflectionTable:
-    """Tabulate the reflection coefficients of surfaces over the frequency sweep from `low_hz` to `high_hz`.
+    """Tabulate the reflection and transmission coefficients of surfaces over the frequency sweep from `low_hz` to `high_hz`.
 
     Args:
         surfaces: (material, rms roughness in metres) of each surface of a geometry.
@@ -85,26 +103,36 @@ def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_h
     distinct = list(dict.fromkeys(surfaces))
     nodes = np.array([low_hz]) if high_hz is None else _nodes(distinct, low_hz, high_hz)
     values = {entry: _evaluate(entry, cosines, nodes) for entry in distinct}
-    te = np.array([values[entry][0] for entry in surfaces]).reshape(len(surfaces), COSINES, len(nodes))
-    tm = np.array([values[entry][1] for entry in surfaces]).reshape(len(surfaces), COSINES, len(nodes))
-    return ReflectionTable(te, tm, nodes, tuple(surfaces))
+    shape = len(surfaces), 4, COSINES, len(nodes)
+    te, tm, through_te, through_tm = np.swapaxes(np.array([values[entry] for entry in surfaces]).reshape(shape), 0, 1)
+    return ReflectionTable(te, tm, through_te, through_tm, nodes, tuple(surfaces))
 
 
-def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Return the TE and TM reflection and the TE and TM transmission coefficients (4, C, N) at C cosines and N frequencies."""
     material, roughness_m = entry
-    return reflection(material, cosines[:, None], nodes[None, :], roughness_m)
+    stack = layered(material)
+    reflected = reflection(stack, cosines[:, None], nodes, roughness_m)
+    passed = np.zeros((2, len(cosines), len(nodes)), complex)
+    if stack.layers and stack.backing in EMPTY:
+        delay_m = sum(thickness for _, thickness in stack.layers) * cosines[:, None]
+        shift = np.exp(2j * np.pi / SPEED_OF_LIGHT * nodes * delay_m)
+        passed = np.stack(transmission(stack, cosines[:, None], nodes, roughness_m)) * shift
+        if np.abs(passed).max() < SILENT:
+            passed[:] = 0
+    return np.stack([*reflected, *passed])
 
 
 def _nodes(distinct: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float) -> np.ndarray:
     """Return the smallest set of frequency nodes whose interpolation error is below TOLERANCE for every material at sixteen angles."""
     fine = np.linspace(low_hz, high_hz, 48)
     cosines = np.linspace(0.06, 1, 16)
-    truth = [np.stack(_evaluate(entry, cosines, fine)) for entry in distinct]
+    truth = [_evaluate(entry, cosines, fine) for entry in distinct]
     nodes = chebyshev_nodes(low_hz, high_hz, 1)
     for count in _NODE_COUNTS:
         nodes = chebyshev_nodes(low_hz, high_hz, count)
         basis = lagrange_basis(nodes, fine)
-        error = [np.abs(np.stack(_evaluate(e, cosines, nodes)) @ basis - t).max() for e, t in zip(distinct, truth, strict=True)]
+        error = [np.abs(_evaluate(e, cosines, nodes) @ basis - t).max() for e, t in zip(distinct, truth, strict=True)]
         if max(error, default=0.0) < TOLERANCE:
             break
     return nodes

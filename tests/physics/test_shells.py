@@ -2,6 +2,8 @@
 reciprocal, and the tracer detects which meshes are shells.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -25,7 +27,7 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
     built = geometry.build(meshes)
     table = reflection_table.build([(m, 0.0) for m in materials], FREQUENCY, high_hz)
     if not through:
-        table = reflection_table.ReflectionTable(table.te, table.tm, table.frequencies_hz)
+        table = replace(table, surfaces=())
     grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
     hits = tubes.trace(built, table, grid, Antennas(start, UP), Antennas(end, UP), TraceOptions(1, pieces=3, prune=prune))
@@ -107,7 +109,7 @@ def test_pruning_does_not_change_the_echo():
         (objects.plate(0.1, 0.1), PET),
         (trimesh.creation.box((0.002, 0.3, 0.3)), PET),
         (objects.cylinder(0.033, 0.12), rt.Layered([("pet", 0.001)], "water")),
-        (objects.cylinder(0.033, 0.12), "pet"),
+        (objects.cylinder(0.033, 0.12), rt.Layered([], "pet")),
         (trimesh.Trimesh(objects.cylinder(1, 2).vertices, objects.cylinder(1, 2).faces[:, ::-1], process=False), PET),
     ],
     ids=["open", "board", "filled", "solid", "room"],

@@ -64,7 +64,8 @@ def carried(mesh, reflectance, bounces):
     variant.activate()
     built = geometry.build([mesh])
     flat = np.full((1, reflection_table.COSINES, 1), np.sqrt(reflectance), complex)
-    device = on_device.Device(built, reflection_table.ReflectionTable(-flat, 1j * flat, np.array([FREQUENCY])), None, None, True)
+    table = reflection_table.ReflectionTable(-flat, 1j * flat, 0 * flat, 0 * flat, np.array([FREQUENCY]), (("metal", 0.0),))
+    device = on_device.Device(built, table, None, None, True)
     power = np.zeros(bounces + 1)
     source = np.array([[0.11, -0.07, 0.05]])
     for grid in tube_grid.all_around(source, np.eye(3)[None], 20_000):

@@ -1,6 +1,6 @@
 """Find hollow objects (shells), and compute the transmission through their walls and the reflection at their inner faces.
 
-A surface is a shell if its mesh is closed and faces outwards, its material is a `Layered` stack with air behind the last layer, and its
+A surface is a shell if its mesh is closed and faces outwards, its material is a stack of layers with air behind the last layer, and its
 wall is much thinner than the hollow space. The tracer reflects tubes at the outer face of a shell as at any other surface. Additional tubes
 enter the shell straight through the wall near the radar and are reflected inside by the far wall or by other objects. From each of these
 reflections, a part of the wave goes straight out through the wall to the receiver. The tracer does not model a wave that leaves a shell and
@@ -21,20 +21,19 @@ If the tracer uses 16 instead of 4 ray tubes per square wavelength, the simulate
 0.5 dB higher.
 
 The phases of all coefficients refer to the mesh, which is the outer face of the wall, and path lengths are computed as if the wall were
-air. The transmission coefficient of a wall of thickness d therefore contains the factor exp(+j k d cos t), where k is the wavenumber and t
-the angle of incidence. A wave inside the shell is reflected at the inner face of the wall, so its reflection coefficient contains the
-factor exp(+2 j k d cos t).
+air, as `reflection_table` explains. A wave inside the shell is reflected at the inner face of the wall. The reflection coefficient for a
+wall of thickness d therefore contains the factor exp(+2 j k d cos t), where k is the wavenumber and t the angle of incidence.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.materials import Layered, reflection, transmission
+from radartwin.materials import Layered, layered, reflection
 from radartwin.materials.containers import EMPTY
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.reflection_table import COSINES, ReflectionTable, grid_of_cosines
+from radartwin.simulation.reflection_table import ReflectionTable, grid_of_cosines
 
 THIN = 0.25  # largest ratio of a shell's wall thickness to the mean width of its mesh; a solid board has the ratio 1
 INSIDE = 3  # number of simulated reflections inside a shell; the docstring's table shows that a fourth reflection increases the error
@@ -42,19 +41,14 @@ INSIDE = 3  # number of simulated reflections inside a shell; the docstring's ta
 
 @dataclass(frozen=True)
 class Shells:
-    """Hold the transmission coefficients of the walls of a geometry's shells, and the reflection coefficients of their inner faces."""
+    """Hold the faces of a geometry's shells, and the coefficients for waves inside them."""
 
     faces: np.ndarray  # (F,) mask of the faces that belong to a shell and therefore transmit
-    # (S, COSINES, Q) complex TE transmission coefficients of S surfaces at COSINES cosines of incidence and Q frequency nodes; zero for
-    # opaque surfaces
-    te: np.ndarray
-    tm: np.ndarray  # (S, COSINES, Q) complex TM transmission coefficients, with the same axes as `te`
-    inside: ReflectionTable  # reflection coefficients for waves that meet the walls from inside
+    inside: ReflectionTable  # reflection coefficients for waves that meet the walls from inside, and transmission coefficients
 
     def envelope(self) -> "Shells":
         """Return shells whose coefficients are the largest magnitudes over the frequency sweep, as in `ReflectionTable.envelope`."""
-        te, tm = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm))
-        return Shells(self.faces, te, tm, self.inside.envelope())
+        return Shells(self.faces, self.inside.envelope())
 
 
 def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | None = None) -> Shells | None:
@@ -74,21 +68,17 @@ def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | 
         return None
     cosines = grid_of_cosines()[:, None]
     wavenumber = 2 * np.pi * table.frequencies_hz / SPEED_OF_LIGHT
-    te, tm = np.zeros((2, len(thickness), COSINES, len(table.frequencies_hz)), complex)
     inside_te, inside_tm = table.te.copy(), table.tm.copy()
     for surface in np.unique(geometry.surface[faces]):
         material, roughness_m = table.surfaces[surface]
-        assert isinstance(material, Layered)
         shift = np.exp(1j * wavenumber * thickness[surface] * cosines)
-        te[surface], tm[surface] = (c * shift for c in transmission(material, cosines, table.frequencies_hz, roughness_m))
-        reversed_wall = Layered(material.layers[::-1])
+        reversed_wall = Layered(layered(material).layers[::-1])
         coefficients = reflection(reversed_wall, cosines, table.frequencies_hz, roughness_m)
         inside_te[surface], inside_tm[surface] = (c * shift**2 for c in coefficients)
-    return Shells(faces, te, tm, ReflectionTable(inside_te, inside_tm, table.frequencies_hz))
+    return Shells(faces, replace(table, te=inside_te, tm=inside_tm))
 
 
 def _thickness(material: str | Layered) -> float:
     """Return the thickness in metres of a layered wall with air behind it, and zero for opaque materials."""
-    if not isinstance(material, Layered) or material.backing not in EMPTY:
-        return 0.0
-    return sum(thickness for _, thickness in material.layers)
+    stack = layered(material)
+    return sum(thickness for _, thickness in stack.layers) if stack.backing in EMPTY else 0.0

@@ -23,7 +23,7 @@ class Walls:
         """
         self.device = device
         self.faces = upload(mi.Bool, shells.faces)
-        self.coefficients = device.tabulated(shells.te, shells.tm)
+        self.coefficients = device.tabulated(shells.inside.through_te, shells.inside.through_tm)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
         """Pass tubes straight through shell walls that they meet from outside. The function returns a mask of the tubes that pass."""
