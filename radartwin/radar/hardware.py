@@ -3,7 +3,7 @@
 The simulation applies the imperfections in this order:
 1. The method `echoes` starts each chirp on time or one clock cycle late, and adds the phase noise of the oscillator.
 2. The method `leaked` adds leakage from the transmitters to the receivers, and gives the channels different gains and phases.
-3. radartwin.simulation.signal.synthesis adds thermal noise with the noise figure of the radar.
+3. radartwin.simulation.signal.synthesis adds thermal noise with the noise figure of the radar, shaped by the IF filter.
 4. The method `digitised` adds the image of the mixer and the offset of the ADC, and saturates and rounds the samples.
 The IF filter must act on each echo before the beat frequency folds, so the simulated radar contains the filter (`front_end`). All other
 imperfections act on the ideal samples. The simulation applies an imperfection that depends on the echo delay to the spectrum of each chirp,

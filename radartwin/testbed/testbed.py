@@ -151,7 +151,7 @@ def received(recording: Recording, hardware: Hardware, seed: int) -> Recording:
             np.random.default_rng(np.random.SeedSequence([seed, *name, frame])) for name in (b"oscillator noise", b"receiver noise")
         )
         samples = hardware.leaked(hardware.echoes(recording.iq[frame : frame + 1], radar, oscillator), radar)
-        samples += thermal_noise(samples.shape, radar, receiver)
+        samples += thermal_noise(samples.shape, hardware.front_end(radar), receiver)
         if radar.real_sampling:
             samples.imag = 0
         iq[frame : frame + 1], clipped = hardware.digitised(samples, radar)

@@ -10,11 +10,14 @@ import pytest
 import radartwin as rt
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
+from radartwin.radar.hardware import Hardware
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
+from radartwin.radar.recording import Recording
 from radartwin.scene import objects
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.signal.synthesis import received, synthesize
+from radartwin.simulation.signal.synthesis import received, synthesize, thermal_noise
+from radartwin.testbed import testbed
 
 C = 299_792_458.0
 RADAR = Radar.iwr1843(element="isotropic")
@@ -159,3 +162,77 @@ def test_phase_noise_needs_noise_and_repeats_with_the_seed():
     first, again = (rt.simulate(plate, loud, pose, noise=True, seed=3).iq for _ in range(2))
     assert np.array_equal(first, again)
     assert not np.allclose(first, rt.simulate(plate, quiet, pose, noise=True, seed=3).iq)
+
+
+STAGES_HZ = (175e3, 350e3)
+FILTERED = dataclasses.replace(RADAR, if_filter=IfFilter(STAGES_HZ))
+THERMAL = 1.380649e-23 * 290 * 5.21e6 * 10**1.5 / (1e-3 * 10**1.2)  # k T0 fs F over the transmitted power, for 15 dB and 12 dBm
+
+
+def density(noise):
+    """Return the noise power density at the 256 spectral lines of a chirp, averaged over all chirps; white noise of power 1 gives 1."""
+    window = np.hanning(256)
+    spectrum = np.fft.fft(noise.reshape(-1, 256) * window / np.linalg.norm(window))
+    return (np.abs(spectrum) ** 2).mean(axis=0)
+
+
+def high_pass(beat_hz):
+    """Return the power gain of two first-order high-pass stages in closed form."""
+    return np.prod([beat_hz**2 / (beat_hz**2 + corner**2) for corner in STAGES_HZ], axis=0)
+
+
+def test_thermal_noise_has_the_power_gain_of_the_filter_at_every_beat_frequency():
+    """In the pass band the density follows the high-pass stages. At 0.95 and 0.98 of the band, the low-pass filter attenuates by 60 dB
+    sin^2 of 45 and 72 degrees.
+    """
+    noise = thermal_noise((20_000, 256), FILTERED, np.random.default_rng(1))
+    found = 10 * np.log10(density(noise) / THERMAL)
+    for line in (8, 11, 15, 23, 46, 69, 115, 200, 229):  # beat frequencies from 163 kHz (0.35 m) to 4.66 MHz (10 m)
+        assert found[line] == pytest.approx(10 * np.log10(high_pass(line * 5.21e6 / 256)), abs=0.1)
+    assert found[243] == pytest.approx(-30, abs=1.5)
+    assert found[251] == pytest.approx(-54, abs=2)
+    assert found[1] < -35
+    ends = np.mean(noise[:, 0] * noise[:, -1].conj()) / THERMAL
+    assert abs(ends) < 4 / np.sqrt(len(noise))  # the first and the last sample are independent
+
+
+@pytest.mark.parametrize("range_m", [0.5, 1.0, 3.0, 9.0])
+def test_filter_leaves_the_signal_to_noise_ratio_unchanged(range_m):
+    """At 0.5 m (234 kHz) the two high-pass stages attenuate both the echo and the thermal noise by 7.0 dB."""
+    beat_hz = range_m * 2 * 70e12 / C
+    line = np.hanning(256) * np.exp(-2j * np.pi * beat_hz * np.arange(256) / 5.21e6)
+    ratio = []
+    for radar in (RADAR, FILTERED):
+        echo = np.abs(synthesize(target(range_m), radar)[0, 0, 0, 0] @ line) ** 2
+        noise = np.abs(thermal_noise((20_000, 256), radar, np.random.default_rng(2)) @ line) ** 2
+        ratio.append(echo / noise.mean())
+    assert 10 * np.log10(ratio[1] / ratio[0]) == pytest.approx(0, abs=0.15)
+
+
+def test_thermal_noise_of_real_samples_has_the_power_gain_of_the_filter():
+    radar = dataclasses.replace(FILTERED, real_sampling=True)
+    found = density(np.real(thermal_noise((20_000, 256), radar, np.random.default_rng(3)))) / (THERMAL / 2)
+    for line in (8, 11, 23, 69, 110):
+        assert 10 * np.log10(found[line]) == pytest.approx(10 * np.log10(high_pass(line * 5.21e6 / 256)), abs=0.15)
+    assert 10 * np.log10(found[122]) == pytest.approx(-32, abs=3)  # 0.953 of the band, which ends at half the sample rate
+
+
+def test_testbed_filters_thermal_noise_and_leaves_quantisation_noise_white():
+    """The hardware has the IF filter and the recorded radar has none. At zero beat frequency only the ADC's rounding noise of a sixth of a
+    squared count remains.
+    """
+    hardware = dataclasses.replace(Hardware(), coupling_db=-np.inf, offset_dbfs=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0)
+    silent = Recording(np.zeros((200, 16, 2, 4, 256), np.complex64), RADAR)
+    found = density(testbed.received(silent, hardware, 5).iq)
+    assert hardware.scale is not None
+    rounding = hardware.scale**2 / 6
+    for line in (11, 23, 69, 200):
+        expected = THERMAL * high_pass(line * 5.21e6 / 256) + rounding
+        assert 10 * np.log10(found[line] / expected) == pytest.approx(0, abs=0.15)
+    assert 10 * np.log10(found[0] / rounding) == pytest.approx(0, abs=0.3)
+
+
+def test_filtered_noise_repeats_with_the_seed():
+    first, again, other = (thermal_noise((3, 256), FILTERED, np.random.default_rng(seed)) for seed in (7, 7, 8))
+    assert first.tobytes() == again.tobytes()
+    assert not np.allclose(first, other)

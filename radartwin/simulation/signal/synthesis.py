@@ -48,6 +48,9 @@ _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
 # `received` joins `Paths` objects up to this number of paths, because the Fourier transforms of a frame take as long as a thousand paths.
 _PATHS_AT_ONCE = 500_000
+# Number of noise samples that `thermal_noise` draws beyond the end of a chirp. High-pass stages of any corner frequency correlate the first
+# and the last sample of a chirp by at most 0.0015 of the noise power.
+NOISE_TAIL = 128
 _GRID_BYTES = 64_000_000  # largest size of the delay grids in memory, in bytes
 _signals_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str, bool], list[tuple[np.ndarray, float]]]] = (
     weakref.WeakKeyDictionary()
@@ -232,16 +235,32 @@ def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator
     """Return complex64 thermal noise of the receiver, in the amplitude units of the samples.
 
     The noise power is k T0 fs F divided by the transmitted power, where k is Boltzmann's constant, T0 = 290 K, fs the sample rate and F the
-    noise figure.
+    noise figure. This noise arises in front of the IF filter. If the radar has an IF filter, the spectral density of the noise at the beat
+    frequency f is therefore proportional to |H(f)|^2, where H is the gain of the filter, and the signal-to-noise ratio of an echo does not
+    depend on the filter. The function draws NOISE_TAIL more samples per chirp than it returns, so that the first and the last samples of a
+    chirp are independent of each other.
+
+    Args:
+        shape: shape (..., N) of the result, with N samples per chirp.
+        radar: radar whose noise figure, transmit power, sample rate and IF filter apply. Of a radar with real samples, use the real part.
+        rng: random generator.
 
     >>> bool(thermal_noise((4, 2), Radar.iwr1843(), np.random.default_rng(0)).std() > 0)
     True
     """
+    from scipy import fft
+
     received = BOLTZMANN * 290.0 * radar.sample_rate_hz * 10 ** (radar.noise_figure_db / 10)
     transmitted = 1e-3 * 10 ** (radar.transmit_power_dbm / 10)
-    parts = rng.standard_normal((*shape[:-1], 2 * shape[-1]), dtype=np.float32)
+    drawn = shape[-1] if radar.if_filter is None else shape[-1] + NOISE_TAIL
+    parts = rng.standard_normal((*shape[:-1], 2 * drawn), dtype=np.float32)
     parts *= np.float32(np.sqrt(received / transmitted / 2))
-    return parts.view(np.complex64)
+    noise = parts.view(np.complex64)
+    if radar.if_filter is None:
+        return noise
+    cycles = fft.fftfreq(drawn) if radar.real_sampling else np.arange(drawn) / drawn
+    gain = radar.if_filter.gain(radar.sample_rate_hz * cycles, radar.band_hz).astype(np.complex64)
+    return np.ascontiguousarray(np.asarray(fft.ifft(gain * np.asarray(fft.fft(noise))))[..., : shape[-1]])
 
 
 def received(
