@@ -44,7 +44,7 @@ class ReflectionTable:
     @property
     def opaque(self) -> np.ndarray:
         """Return the mask (S,) of the surfaces that transmit nothing."""
-        return ~(self.through_te.any(axis=(1, 2)) | self.through_tm.any(axis=(1, 2)))
+        return ~np.any([self.through_te, self.through_tm], axis=(0, 2, 3))
 
     def envelope(self) -> "ReflectionTable":
         """Return a table with a single frequency node that holds the largest magnitude of each coefficient over the frequency sweep.

@@ -5,7 +5,9 @@ import pytest
 from panes import PANES, C, transmitted
 
 from radartwin.materials import Layered, common_sheet
+from radartwin.scene import objects
 from radartwin.simulation import reflection_table
+from radartwin.simulation.flat import crossing, obstacles
 
 LOW_HZ, HIGH_HZ = 77e9, 80.44e9
 
@@ -46,3 +48,56 @@ def test_half_spaces_backed_stacks_metal_and_thick_walls_are_opaque():
     assert not table.through_tm.any()
     names = ("door", "stud wall", "fabric", "double glazing")
     assert not reflection_table.build([(common_sheet(name), 0.0) for name in names], LOW_HZ, HIGH_HZ).opaque.any()
+
+
+def sheet(x, y=(-5.0, 5.0), z=(-5.0, 5.0)):
+    """Return two triangles of a rectangle in the plane x, whose common side goes through the point (x, 0, 0)."""
+    a, b, c, d = ([x, y[i], z[j]] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    return np.array([[a, b, c], [a, c, d]])
+
+
+def passing(triangles, labels, materials, end, unit, start=(0.0, 0.0, 0.0), ways=1, frequency=LOW_HZ):
+    """Return panes and factor of one line at one frequency."""
+    table = reflection_table.build([(material, 0.0) for material in materials], frequency)
+    tree = obstacles.build(np.concatenate(triangles), np.concatenate([np.full(len(t), k) for t, k in zip(triangles, labels, strict=True)]))
+    panes, factor = crossing.factors(tree, table, *(np.array([v], float) for v in (start, end, unit)), ways=ways)
+    return panes[0], factor[0, 0]
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize("name", PANES)
+def test_a_line_through_a_pane_has_the_transmission_of_each_polarisation(name, angle_deg):
+    """The field across the plane of incidence has the TE, the field within it the TM coefficient. At 45 degrees between them, the received
+    component is their mean, and after two crossings the mean of their squares.
+    """
+    angle = np.radians(angle_deg)
+    end, te, tm = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([0, 0, 1.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+    expected = np.array(transmitted(PANES[name], np.cos(angle), LOW_HZ))
+    for unit, value in ((te, expected[0]), (tm, expected[1]), ((te + tm) / np.sqrt(2), expected.mean())):
+        # off the common side of the triangles, and from either end
+        for start, stop in ((np.array([0, 0.1, 0.02]), 2 * end + [0, 0.1, 0.02]), (2 * end + [0, 0.1, 0.02], np.array([0, 0.1, 0.02]))):
+            panes, factor = passing([sheet(0.5)], [0], [Layered(PANES[name])], stop, unit, start)
+            assert panes == 1
+            assert factor == pytest.approx(value, abs=1e-4)
+    _, factor = passing([sheet(0.5)], [0], [Layered(PANES[name])], 2 * end, (te + tm) / np.sqrt(2), ways=2)
+    assert factor == pytest.approx((expected**2).mean(), abs=2e-4)
+
+
+def test_panes_multiply_seams_count_once_and_opaque_surfaces_block():
+    glass, up, end = Layered(PANES["glass 6 mm"]), [0, 0, 1.0], [2.0, 0, 0]
+    once = transmitted(PANES["glass 6 mm"], 1.0, LOW_HZ)[0]
+    panes, factor = passing([sheet(0.5)], [0], [glass], end, up)
+    assert panes == 2, "the line hits the common side of two triangles"
+    assert factor == pytest.approx(once, abs=1e-6)
+    # two sheets of one surface, two surfaces, and two surfaces at one place
+    for triangles, labels in (([sheet(0.5), sheet(0.8)], [0, 0]), ([sheet(0.5), sheet(0.8)], [0, 1]), ([sheet(0.5), sheet(0.5)], [0, 1])):
+        _, factor = passing(triangles, labels, [glass, glass], end, up)
+        assert factor == pytest.approx(once**2, abs=1e-6)
+    box = np.asarray(objects.box([0.5, -1, -1], [0.52, 1, 1]).triangles)
+    assert passing([box], [0], [glass], end, up)[1] == pytest.approx(once**2, abs=1e-6), "a closed box has two walls"
+    for materials, expected in ((["metal", glass], (-1, 0)), (["concrete", glass], (-1, 0)), ([glass, "metal"], (-1, 0))):
+        assert passing([sheet(0.5), sheet(0.8)], [0, 1], materials, end, up) == expected
+    assert passing([sheet(3.0)], [0], [glass], end, up) == (0, 1)
+    assert passing([sheet(2.0)], [0], [glass], end, up) == (0, 1), "the line ends on the sheet"
+    many = [sheet(0.1 * k) for k in range(1, obstacles.MAX_PANES + 2)]
+    assert passing(many, range(len(many)), [glass] * len(many), end, up)[0] == -1
