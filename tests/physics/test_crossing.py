@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 from panes import PANES, C, transmitted
+from physics_helpers import FREQUENCY, UP, WAVELENGTH, coherent
 
 from radartwin.materials import Layered, common_sheet
 from radartwin.scene import objects
-from radartwin.simulation import reflection_table
+from radartwin.scene.trajectories.trajectory import pose
+from radartwin.simulation import geometry, reflection_table, variant
+from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.curved.hits import Antennas, TraceOptions
 from radartwin.simulation.flat import crossing, obstacles
 
 LOW_HZ, HIGH_HZ = 77e9, 80.44e9
@@ -101,3 +105,48 @@ def test_panes_multiply_seams_count_once_and_opaque_surfaces_block():
     assert passing([sheet(2.0)], [0], [glass], end, up) == (0, 1), "the line ends on the sheet"
     many = [sheet(0.1 * k) for k in range(1, obstacles.MAX_PANES + 2)]
     assert passing(many, range(len(many)), [glass] * len(many), end, up)[0] == -1
+
+
+def turned(angle_deg, axis):
+    """Return the rotation by an angle about the y axis (1) or the z axis (2)."""
+    c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) if axis == 1 else np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def tube_echo(panes, end=None, frequency=FREQUENCY, cross=False, bounces=1):
+    """Return the field of a metal plate at the origin, seen from x = 2 m through panes given as (mesh, layers), by ray tubes."""
+    variant.activate()
+    built = geometry.build([objects.plate(0.05, 0.05), *(mesh for mesh, _ in panes)])
+    table = reflection_table.build([("metal", 0.0), *((Layered(layers), 0.0) for _, layers in panes)], frequency)
+    start = np.array([[2.0, 0.0, 0.0]])
+    end = start if end is None else np.array([end])
+    grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
+    assert grid is not None
+    hits = tubes.trace(built, table, grid, Antennas(start, UP, cross), Antennas(end, UP, cross), TraceOptions(bounces, pieces=3))
+    return coherent(hits, hits.first_m > 1.9)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize("name", PANES)
+def test_tubes_reach_a_plate_behind_a_pane(name, angle_deg):
+    """The echo of the plate behind a pane over its echo in free space is the squared transmission, in both polarisations."""
+    for axis, cross in ((2, False), (2, True), (1, False)):
+        pane = objects.plate(0.3, 0.3).apply_transform(pose([0.4, 0.0, 0.0], turned(angle_deg, axis)))
+        te, tm = transmitted(PANES[name], np.cos(np.radians(angle_deg)), FREQUENCY)
+        expected = np.conj((te if (axis == 2) != cross else tm) ** 2)
+        ratio = tube_echo([(pane, PANES[name])], cross=cross) / tube_echo([], cross=cross)
+        assert 20 * np.log10(abs(ratio / expected)) == pytest.approx(0, abs=0.3)
+        assert np.angle(ratio / expected) == pytest.approx(0, abs=0.05)
+
+
+def test_tubes_cross_several_panes_and_stop_at_opaque_ones():
+    panes = [objects.plate(0.2, 0.2).apply_translation([0.3 + 0.1 * k, 0, 0]) for k in range(5)]
+    hdpe = PANES["HDPE 2 mm"]
+    once = np.conj(transmitted(hdpe, 1.0, FREQUENCY)[0])
+    alone = tube_echo([])
+    for count in (1, 2, 4):
+        assert tube_echo([(pane, hdpe) for pane in panes[:count]]) / alone == pytest.approx(once ** (2 * count), rel=0.02)
+    assert tube_echo([(pane, hdpe) for pane in panes]) == 0, "five panes are too many"
+    assert tube_echo([(panes[0], hdpe), (panes[1], [("metal", 1e-3)])]) == 0
+    bistatic = [1.99, 0.05, 0.0]
+    assert tube_echo([(panes[0], hdpe)], end=bistatic) / tube_echo([], end=bistatic) == pytest.approx(once**2, rel=0.02)

@@ -27,7 +27,8 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
     built = geometry.build(meshes)
     table = reflection_table.build([(m, 0.0) for m in materials], FREQUENCY, high_hz)
     if not through:
-        table = replace(table, surfaces=())
+        blocked = np.zeros_like(table.through_te)
+        table = replace(table, surfaces=(("metal", 0.0),) * len(materials), through_te=blocked, through_tm=blocked)
     grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
     hits = tubes.trace(built, table, grid, Antennas(start, UP), Antennas(end, UP), TraceOptions(1, pieces=3, prune=prune))

@@ -54,7 +54,7 @@ class Tubes:
 
     def evaluate(self, *others: Any) -> None:
         """Compute the state of all tubes and the values `others` in one compiled kernel."""
-        dr.eval(*(value for value in self._values() if value is not None), *others)
+        dr.eval(*self.values(), *others)
 
     def compacted(self, alive: Any) -> "Tubes":
         """Return only the tubes at the lane indices `alive`."""
@@ -64,10 +64,11 @@ class Tubes:
                 return None
             return [pick(v) for v in value] if isinstance(value, list) else dr.gather(type(value), value, alive)
 
-        return Tubes(*(pick(value) for value in self._values()))
+        return Tubes(*(pick(getattr(self, field.name)) for field in fields(self)))
 
-    def _values(self) -> Iterator[Any]:
-        return (getattr(self, field.name) for field in fields(self))
+    def values(self) -> Iterator[Any]:
+        """Return all arrays of the state."""
+        return (value for field in fields(self) if (value := getattr(self, field.name)) is not None)
 
 
 def project(axis: Any, direction: Any) -> Any:

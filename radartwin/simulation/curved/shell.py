@@ -59,11 +59,7 @@ def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | 
         table: reflection table of the geometry, which also names the materials.
         among: (F,) mask of faces. The function returns None if none of these faces belongs to a shell. None considers all faces.
     """
-    thickness = np.array([_thickness(material) for material, _ in table.surfaces])
-    if not len(geometry.corners) or not (thickness > 0).any():
-        return None
-    wall = thickness[geometry.surface]
-    faces = (wall > 0) & (wall <= THIN * geometry.hollow_m)
+    faces = _of_shells(geometry, table)
     if not faces.any() or (among is not None and not (faces & among).any()):
         return None
     cosines = grid_of_cosines()[:, None]
@@ -71,11 +67,23 @@ def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | 
     inside_te, inside_tm = table.te.copy(), table.tm.copy()
     for surface in np.unique(geometry.surface[faces]):
         material, roughness_m = table.surfaces[surface]
-        shift = np.exp(1j * wavenumber * thickness[surface] * cosines)
+        shift = np.exp(1j * wavenumber * _thickness(material) * cosines)
         reversed_wall = Layered(layered(material).layers[::-1])
         coefficients = reflection(reversed_wall, cosines, table.frequencies_hz, roughness_m)
         inside_te[surface], inside_tm[surface] = (c * shift**2 for c in coefficients)
     return Shells(faces, replace(table, te=inside_te, tm=inside_tm))
+
+
+def find_panes(geometry: Geometry, table: ReflectionTable) -> np.ndarray | None:
+    """Return the mask (F,) of the faces that transmit and do not belong to a shell, or None if there are none."""
+    panes = ~table.opaque[geometry.surface] & ~_of_shells(geometry, table)
+    return panes if panes.any() else None
+
+
+def _of_shells(geometry: Geometry, table: ReflectionTable) -> np.ndarray:
+    """Return the mask (F,) of the faces that belong to a shell."""
+    wall = np.array([_thickness(material) for material, _ in table.surfaces])[geometry.surface]
+    return (wall > 0) & (wall <= THIN * geometry.hollow_m)
 
 
 def _thickness(material: str | Layered) -> float:

@@ -55,10 +55,11 @@ from radartwin.simulation.reflection_table import ReflectionTable
 def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: Antennas, receive: Antennas, options: TraceOptions) -> Hits:
     """Trace a grid of tubes and return all hits. A Mitsuba variant must be active.
 
-    Tubes also pass through the walls of hollow objects (`shell.find_shells`). They enter straight through the near wall, are reflected
-    inside and leave straight through a wall. In a room with several frequency nodes and pruning, the tracer works in two steps. It first
-    traces all tubes at a single frequency node, with the largest reflection over the frequency sweep, and so finds the few percent of the
-    tubes that contribute. It then traces only these tubes at all frequency nodes.
+    Tubes that meet a sheet of layers with air behind it go on reflected and straight, up to `transit.CROSSINGS` times, and their echoes
+    return through sheets in the same way. Tubes also pass through the walls of hollow objects (`shell.find_shells`). They enter straight
+    through the near wall, are reflected inside and leave straight through a wall. In a room with several frequency nodes and pruning, the
+    tracer works in two steps. It first traces all tubes at a single frequency node, with the largest reflection over the frequency sweep,
+    and so finds the few percent of the tubes that contribute. It then traces only these tubes at all frequency nodes.
 
     Args:
         geometry: triangles of the surfaces.
@@ -69,9 +70,11 @@ def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: 
         options: number of bounces, pruning, occlusion and division of tubes.
     """
     # A ray that leaves a convex body does not meet this body again, so one bounce is enough.
-    parts = _traced(geometry, table, None, grid, transmit, receive, replace(options, max_bounces=1) if geometry.convex else options)
     cluster = options.cluster
     shells = shell.find_shells(geometry, table, None if cluster is None else cluster == options.first_cluster)
+    outside = replace(options, max_bounces=1) if geometry.convex else options
+    panes = None if geometry.convex else shell.find_panes(geometry, table)
+    parts = _traced(geometry, table, None, grid, transmit, receive, outside, panes)
     if shells is not None:
         inside = replace(options, max_bounces=min(options.max_bounces, shell.INSIDE))
         parts += _traced(geometry, shells.inside, shells, grid, transmit, receive, inside)
@@ -86,6 +89,7 @@ def _traced(
     transmit: Antennas,
     receive: Antennas,
     options: TraceOptions,
+    panes: np.ndarray | None = None,
 ) -> list[Hits]:
     """Return the hits of tubes that stay outside all surfaces or, if `shells` is given, of tubes that pass through the walls of shells."""
     from radartwin.simulation.curved import tracer
@@ -95,9 +99,9 @@ def _traced(
     selected = None
     if options.prune and options.hats and len(table.frequencies_hz) > 1:
         envelope = None if shells is None else shells.envelope()
-        found = tracer.Tracer(geometry, table.envelope(), envelope, grid, transmit, receive, options).tube_indices()
+        found = tracer.Tracer(geometry, table.envelope(), envelope, grid, transmit, receive, options, panes).tube_indices()
         matters = np.zeros(max((int(part.max()) + 1 for part in found), default=0), bool)
         for part in found:
             matters[part] = True
         selected = np.flatnonzero(matters)
-    return tracer.Tracer(geometry, table, shells, grid, transmit, receive, options).hits(selected)
+    return tracer.Tracer(geometry, table, shells, grid, transmit, receive, options, panes).hits(selected)
