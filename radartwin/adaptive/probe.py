@@ -65,7 +65,7 @@ class Probe:
     def described(self) -> dict[str, Any]:
         """Return all inputs of the simulation that affect the features; the store derives its key from them."""
         surfaces = [
-            (s.name, s.kind, str(s.material), s.roughness_m, np.asarray(s.mesh.vertices), np.asarray(s.mesh.faces), part)
+            (s.name, s.kind, str(s.material), s.roughness_m, s.correlation_m, np.asarray(s.mesh.vertices), np.asarray(s.mesh.faces), part)
             for part, scene in (("room", self.room), ("kept", self.kept)) for s in scene
         ]  # fmt: skip
         return {

@@ -16,10 +16,10 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from radartwin.errors import LabelError, MaterialError
-from radartwin.materials import MATERIAL_THICKNESS, Layered, half_space, layered, roughness_m
+from radartwin.materials import MATERIAL_THICKNESS, Layered, half_space, layered
 from radartwin.materials.minc import BUILD_UPS, CATEGORIES, COVERED, Row, row
 from radartwin.materials.names import PERMITTIVITY, Resolved, mentioned, resolve
-from radartwin.materials.roughness import CLASSES
+from radartwin.materials.roughness import CLASSES, Roughness
 
 Kind = Literal["surface", "object"]
 
@@ -124,8 +124,8 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
     return Answer(**value, named=named or name)
 
 
-def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
-    """Return (material, roughness in metres, stand_in) for a model's answer; stand_in is True for a substitute material or uncertain
+def material_of(answer: Answer) -> tuple[str | Layered, Roughness, bool]:
+    """Return (material, roughness, stand_in) for a model's answer; stand_in is True for a substitute material or uncertain
     layers.
 
     >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
@@ -133,11 +133,11 @@ def material_of(answer: Answer) -> tuple[str | Layered, float, bool]:
     """
     entry = row(answer.material)
     found = specified(answer)
-    base, rough = entry.material, entry.roughness_m
+    base, rough = entry.material, CLASSES[entry.texture]
     if found is not None:
         base = _build_up(found, entry)
         texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
-        rough = roughness_m(texture) if texture and answer.material not in COVERED else rough
+        rough = CLASSES[texture] if texture and answer.material not in COVERED else rough
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
     # If the material name in the answer agrees with the MINC category, the layers of that category are exact.
     confirms = found is None or found.category in (answer.material, *COVERED)

@@ -20,7 +20,7 @@ from radartwin.io.files import write_atomically
 from radartwin.label.answers import material_of
 from radartwin.label.journal import Record
 from radartwin.label.place import overlap, place_of
-from radartwin.materials import Layered
+from radartwin.materials import CORRELATION_M, Layered
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.storage import MANIFEST, material_to_json
 
@@ -45,6 +45,7 @@ class Label:
     material: str | Layered
     roughness_m: float
     provenance: Mapping[str, Any]
+    correlation_m: float = CORRELATION_M
 
 
 def labelled(
@@ -101,7 +102,7 @@ def answer_label(given: Record, surface: Surface, transferred: bool = False) -> 
         covered = overlap(place_of(surface.mesh), given.place)
         confidence = None if answer.confidence is None else round(answer.confidence * covered, 3)
         provenance |= {"covered": round(covered, 3), "confidence": confidence}
-    return Label(material, roughness, provenance)
+    return Label(material, roughness.height_m, provenance, roughness.correlation_m)
 
 
 def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], source: str) -> Scene:
@@ -114,7 +115,10 @@ def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], sourc
         label = rule(index, surface) if belongs_to_room(surface) else None
         if label is not None:
             geometry = {key: value for key, value in surface.provenance.items() if key not in LABEL_KEYS}
-            surface = surface.replaced(material=label.material, roughness_m=label.roughness_m, provenance={**geometry, **label.provenance})
+            surface = surface.replaced(
+                material=label.material, roughness_m=label.roughness_m, correlation_m=label.correlation_m,
+                provenance={**geometry, **label.provenance},
+            )  # fmt: skip
         surfaces.append(surface)
     return Scene(surfaces, {**scene.provenance, "materials": source})
 
@@ -128,7 +132,7 @@ def write_labels(folder: Path, scene: Scene) -> Path:
         raise SceneError(f"{path} changed during the labelling; run the same command again, which reuses the answers")
     for entry, surface in zip(entries, scene, strict=True):
         entry["material"] = material_to_json(surface.material)
-        entry["roughness_m"] = float(surface.roughness_m)
+        entry["roughness_m"], entry["correlation_m"] = float(surface.roughness_m), float(surface.correlation_m)
         entry["provenance"] = dict(surface.provenance)
     manifest["provenance"] = dict(scene.provenance)
     return write_atomically(path, json.dumps(manifest, indent=1, allow_nan=False) + "\n")

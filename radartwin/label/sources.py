@@ -103,7 +103,7 @@ class Truth:
                     "use materials=uniform for a scan"
                 )
             provenance = {"confidence": 1.0, "stand_in": _stand_in(match.material), "minc": match.provenance.get("minc")}
-            return Label(match.material, match.roughness_m, {"source": self.name, **provenance})
+            return Label(match.material, match.roughness_m, {"source": self.name, **provenance}, match.correlation_m)
 
         return relabelled(scene, true_label, self.name)
 
@@ -152,12 +152,12 @@ class Random:
             truth = str(surface.provenance["minc"])
             if chance >= self.p:
                 own = {key: surface.provenance[key] for key in LABEL_KEYS if key in surface.provenance}
-                return Label(surface.material, surface.roughness_m, {**own, "source": self.name, "wrong": False})
+                return Label(surface.material, surface.roughness_m, {**own, "source": self.name, "wrong": False}, surface.correlation_m)
             others = [category for category in present if category != truth]
             wrong = others[min(int(choice * len(others)), len(others) - 1)]
             entry = row(wrong)
             provenance = {"source": self.name, "confidence": None, "stand_in": entry.stand_in(), "minc": wrong, "wrong": True}
-            return Label(entry.material, entry.roughness_m, provenance)
+            return Label(entry.material, entry.roughness_m, provenance, entry.correlation_m)
 
         return relabelled(true, drawn, self.name)
 

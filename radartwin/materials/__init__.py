@@ -7,15 +7,17 @@ MATERIAL_THICKNESS means a sheet of this thickness in air (see `sheets`); any ot
 
 from radartwin.materials.layers import Layered, common_sheet, half_space, layered, reflection, transmission
 from radartwin.materials.permittivity_by_name import MATERIAL_NAMES, check_name, permittivity, varied
-from radartwin.materials.roughness import roughness_m
+from radartwin.materials.roughness import CORRELATION_M, correlation_m, roughness_m
 from radartwin.materials.sheets import MATERIAL_THICKNESS
 
 __all__ = [
+    "CORRELATION_M",
     "MATERIAL_NAMES",
     "MATERIAL_THICKNESS",
     "Layered",
     "check_name",
     "common_sheet",
+    "correlation_m",
     "half_space",
     "layered",
     "permittivity",

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from radartwin.errors import MaterialError
 from radartwin.materials.distance import in_range
 from radartwin.materials.layers import Layered, common_sheet
-from radartwin.materials.roughness import roughness_m
+from radartwin.materials.roughness import correlation_m, roughness_m
 
 FREQUENCY_HZ = 77e9
 
@@ -42,6 +42,11 @@ class Row:
     def roughness_m(self) -> float:
         """Return the rms surface height in metres."""
         return roughness_m(self.texture)
+
+    @property
+    def correlation_m(self) -> float:
+        """Correlation length of the surface height in metres."""
+        return correlation_m(self.texture)
 
     def stand_in(self, frequency_hz: float = FREQUENCY_HZ, exact: bool = False) -> bool:
         """Return whether the material is a substitute for the category's real material.

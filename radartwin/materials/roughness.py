@@ -35,6 +35,8 @@ _MOULDED = "moulded or coated: texture of the mould, 5 to 25 um (VDI 3400)"
 _WOVEN = "half of an upholstery yarn of 0.5 to 1 mm"
 _PILE = "upper end of the paper's range: pile, leaves and strands of millimetres"
 
+# Correlation length in metres of a surface that is given without one, and of classes that are smooth. It is the value of concrete.
+CORRELATION_M = 5e-3
 # Roughness of each class of surface. Published rms heights differ by a factor of two or three from most of these values, and the coherent
 # loss in dB grows with the square of the rms height. A study whose result depends on an rms height must therefore vary this height.
 CLASSES = {
@@ -51,18 +53,18 @@ CLASSES = {
     "chipboard": Roughness(0.03e-3, 2e-3, _PLANED),
     "floorboard": Roughness(0.03e-3, 2e-3, _PLANED),
     "paper": Roughness(0.03e-3, 2e-3, _PLANED),
-    "glass": Roughness(0.0, 1.0, _FLOAT),
-    "mirror": Roughness(0.0, 1.0, _FLOAT),
-    "ceramic": Roughness(0.0, 1.0, _FLOAT),
+    "glass": Roughness(0.0, CORRELATION_M, _FLOAT),
+    "mirror": Roughness(0.0, CORRELATION_M, _FLOAT),
+    "ceramic": Roughness(0.0, CORRELATION_M, _FLOAT),
     "tile": Roughness(0.01e-3, 5e-3, _FLOAT),
-    "marble": Roughness(0.0, 1.0, _FLOAT),
-    "polishedstone": Roughness(0.0, 1.0, _FLOAT),
-    "water": Roughness(0.0, 1.0, "a liquid at rest"),
+    "marble": Roughness(0.0, CORRELATION_M, _FLOAT),
+    "polishedstone": Roughness(0.0, CORRELATION_M, _FLOAT),
+    "water": Roughness(0.0, CORRELATION_M, "a liquid at rest"),
     "stone": Roughness(1e-3, 10e-3, _PAPER),
     "plastic": Roughness(0.02e-3, 2e-3, _MOULDED),
-    "pet": Roughness(0.0, 1.0, _MOULDED),
+    "pet": Roughness(0.0, CORRELATION_M, _MOULDED),
     "hdpe": Roughness(0.02e-3, 2e-3, _MOULDED),
-    "clear_acrylic": Roughness(0.0, 1.0, _MOULDED),
+    "clear_acrylic": Roughness(0.0, CORRELATION_M, _MOULDED),
     "vinyl_tile": Roughness(0.05e-3, 2e-3, _MOULDED),
     "leather": Roughness(0.1e-3, 1e-3, _MOULDED + "; grain of hide"),
     "skin": Roughness(0.03e-3, 0.5e-3, "furrows of 20 to 100 um depth"),
@@ -90,9 +92,25 @@ def roughness_m(name: str) -> float:
     >>> roughness_m("metal")
     0.0001
     """
+    return _class(name).height_m
+
+
+def correlation_m(name: str) -> float:
+    """Return the correlation length of the heights of a class of surfaces in metres, for the correlation function exp(-r^2/l^2).
+
+    Raises:
+        MaterialError: the class does not exist.
+
+    >>> correlation_m("metal")
+    0.02
+    """
+    return _class(name).correlation_m
+
+
+def _class(name: str) -> Roughness:
     if name not in CLASSES:
         raise MaterialError(f"no roughness class {name!r}; choose from {', '.join(sorted(CLASSES))}")
-    return CLASSES[name].height_m
+    return CLASSES[name]
 
 
 def ament(roughness_m: float, cos_incidence: np.ndarray, wavenumber: float | np.ndarray) -> np.ndarray:

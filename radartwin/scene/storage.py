@@ -47,6 +47,7 @@ def write_scene(surfaces: Sequence[Surface], provenance: Mapping[str, Any], fold
                 "name": surface.name,
                 "material": material_to_json(surface.material),
                 "roughness_m": float(surface.roughness_m),
+                "correlation_m": float(surface.correlation_m),
                 "role": surface.role,
                 "faces": len(mesh.faces),
                 "provenance": dict(surface.provenance),
@@ -140,7 +141,7 @@ def _read_folder(folder: Path) -> tuple[list[Surface], dict[str, Any]]:
         if missing or str(entry["geometry"]) not in meshes:
             what = f"without {missing[0]}" if missing else f"with geometry {entry['geometry']!r}, which {GEOMETRY} lacks"
             raise SceneError(f"{folder / MANIFEST} has a surface {what}; save the scene again")
-        options = {key: entry[key] for key in ("name", "roughness_m", "role", "provenance") if key in entry}
+        options = {key: entry[key] for key in ("name", "roughness_m", "correlation_m", "role", "provenance") if key in entry}
         surfaces.append(Surface(meshes[str(entry["geometry"])], material_from_json(entry["material"]), **options))
     return surfaces, manifest.get("provenance", {})
 

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import MaterialError, SceneError
-from radartwin.materials import Layered, check_name
+from radartwin.materials import CORRELATION_M, Layered, check_name
 from radartwin.scene.checks import check_mesh
 
 Role = Literal["auto", "object", "room"]
@@ -34,10 +34,12 @@ class Surface:
         roughness_m: standard deviation of the surface height in metres.
         role: "object" means that the surface is traced with wavelength-scale ray tubes, "room" with wide ray tubes; "auto" decides by size.
         provenance: where the material comes from (source, confidence, whether it is a substitute), stored in the scene's manifest.
+        correlation_m: correlation length of the surface height in metres, which sets the directions of diffuse scattering
+            (`radartwin.materials.kirchhoff`).
     Raises:
         MeshError: the mesh is not a triangle mesh, is empty, has NaN vertices, or spans over 100 m.
         MaterialError: the material name is unknown, or the stack of layers is empty.
-        SceneError: the roughness is negative or not finite, or the role is unknown.
+        SceneError: the roughness is negative or not finite, the correlation length is not positive, or the role is unknown.
     """
 
     mesh: trimesh.Trimesh
@@ -46,6 +48,7 @@ class Surface:
     roughness_m: float = 0.0
     role: Role = "auto"
     provenance: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    correlation_m: float = CORRELATION_M
 
     def __post_init__(self) -> None:
         where = f"surface '{self.name}'" if self.name else "surface"
@@ -59,6 +62,9 @@ class Surface:
         roughness = self.roughness_m
         if isinstance(roughness, bool) or not isinstance(roughness, numbers.Real) or not 0 <= roughness < np.inf:
             raise SceneError(f"{where}: roughness_m is {roughness!r}; give a finite height deviation >= 0 in metres")
+        length = self.correlation_m
+        if isinstance(length, bool) or not isinstance(length, numbers.Real) or not 0 < length < np.inf:
+            raise SceneError(f"{where}: correlation_m is {length!r}; give a finite correlation length > 0 in metres")
         if self.role not in ("auto", "object", "room"):
             raise SceneError(f"{where}: role is {self.role!r}; choose auto, object or room")
 

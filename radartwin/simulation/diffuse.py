@@ -1,40 +1,36 @@
 """Simulate diffuse scattering of rough surfaces by a cloud of point scatterers on these surfaces.
 
-The total scattered power of a surface is the power that its roughness removes from its mirror reflection. A point of the cloud represents a
-surface patch of area A. The distance from patch to transmitter is r_i, and the angle between the patch's normal and the direction to the
-transmitter is theta_i. The distance from patch to receiver is r_s, and the angle between the patch's normal and the direction to the
-receiver is theta_s. Between isotropic antennas, the ratio of received to transmitted power is
+A point of the cloud represents a surface patch of area A at the distance r from the radar. The angle between the patch's normal and the
+direction to the radar is theta. Between isotropic antennas, the ratio of received to transmitted power is
 
-    |a|^2 = A cos theta_i / (4 pi r_i^2) * D(theta_i) cos theta_s / pi * lambda^2 / (4 pi r_s^2)
+    |a|^2 = A cos theta / (4 pi r^2) * D(theta) p(theta) * lambda^2 / (4 pi r^2)
     D = (1 - rho_s^2) (|E_s|^2 |Gamma_TE|^2 + |E_p|^2 |Gamma_TM|^2)
 
 In these formulas, rho_s is Ament's roughness factor, and Gamma_TE and Gamma_TM are the reflection coefficients of the smooth surface. E_s
-and E_p are the components of the incident unit field perpendicular and parallel to the plane of incidence. The ray tubes and mirror images
-of the simulator reflect the power fraction rho_s^2 |Gamma|^2, so that mirror reflection and diffuse scattering together have the power
-fraction |Gamma|^2. The scattering lobe is Lambertian; its integral over the half-space is D times the incident power. This is the
-effective-roughness model of V. Degli-Esposti, F. Fuschini, E. Vitucci, G. Falciasecca, IEEE Trans. AP 55 (2007) 143. That paper fits the
-scattering parameter S^2 to measurements, while this module computes it as S^2 = 1 - rho_s^2.
+and E_p are the components of the incident unit field perpendicular and parallel to the plane of incidence. The function p is the lobe of
+Kirchhoff scattering in the direction back to the radar (`materials.kirchhoff`); its integral over the half-space is 1. The ray tubes and
+mirror images of the simulator reflect the power fraction rho_s^2 |Gamma|^2, so that mirror reflection and diffuse scattering together have
+the power fraction |Gamma|^2.
 
-Polarisation: a slightly rough surface scatters a wave once, from a facet that faces the radar, and preserves the polarisation. First-order
-perturbation theory and Kirchhoff's approximation agree on this result. If both antennas have the same polarisation, the receiver therefore
-gets all of the scattered power.
+Polarisation: a surface scatters a wave back from facets that face the radar, and preserves the polarisation. If both antennas have the same
+polarisation, the receiver therefore gets all of the scattered power.
 
-Speckle: a point represents hundreds of square wavelengths of surface with many independent facets. The simulator draws the field factor of
-each point once, from a complex circular Gaussian distribution of unit mean power. Every resolution cell of the radar then has fully
-developed speckle, whatever the number of points in the cell. If the field factors were phasors of unit magnitude, a resolution cell would
-need a dozen points. The file is over 300 lines long because of this derivation.
+Speckle: a point represents a part of the surface with many independent facets. The simulator draws the field factor of each point once,
+from a complex circular Gaussian distribution of unit mean power. The points of a surface lie in the frame of the surface and move with it.
+They depend only on the mesh and name of this surface and on a seed, so that other surfaces, frames and drives do not change them.
 
-Near field: close to the sensor, the factor r^-4 would make the echo of a point stronger than the echo of the area that the point
-represents. The simulator therefore multiplies the power by (1 + x/2)/(1 + x)^2 with x = A/(pi r_i r_s), which is the exact ratio for a disc
-at normal incidence. With the default density of points, the error of the mean power scattered by a wall is at most 0.1 dB at distances
-beyond 1 m. The power is 0.2 dB too low at a distance of 0.5 m and 1 dB too low at 0.15 m.
+Density: a narrow lobe shows only a small part of a surface to the radar. The density of points therefore grows with the inverse square of
+the lobe width, so that the visible part of a flat surface at 2 m has about a dozen points. The sensor sees the radius of a patch under the
+angle sqrt(A/pi)/r. The simulator widens the lobe of a point by this angle, from the width w to sqrt(w^2 + A/(pi r^2)), and reduces the peak
+of the lobe by the square of the ratio of the widths. The mean power of a flat surface is then also correct close to the sensor, where few
+points are in the lobe. For a concrete wall, the mean power is 1.0 dB too low at a distance of 0.15 m and 0.2 dB too low at 0.5 m.
 
-Limits: the Lambertian lobe does not depend on the correlation length of the surface. A real surface with undulations longer than a
-wavelength scatters around the mirror direction instead. The simulated diffuse echo of an oblique wall is therefore an upper limit, although
-the total scattered power is correct. The points depend only on the surfaces and a seed. Every diffuse path has one bounce. The simulator
-does not model paths between two points, paths with a diffuse and a mirror reflection, and shadows of moving objects on the points.
+Limits: every diffuse path has one bounce. The simulator does not model paths between two points or paths with a diffuse and a mirror
+reflection. On curved bodies whose radius is not much larger than the correlation length, the mean power is correct, but the speckle changes
+faster with the aspect than on a real body.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -44,36 +40,48 @@ import numpy as np
 from radartwin.compiled import compiled
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, reflection
+from radartwin.materials.kirchhoff import ANGLES, COS_GRAZING, backscatter_lobe, lobe_width
 from radartwin.materials.roughness import ament
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
+from radartwin.simulation import poses as poses_module
+from radartwin.simulation import shadows
+from radartwin.simulation.checks import check_whole
+from radartwin.simulation.curved.hits import Occluder
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.paths import Paths
+from radartwin.simulation.paths import Paths, traced_once
 
-# Number of points per square metre of rough surface. It gives 8,400 points in a furnished room with 140 m^2 of surface, and about fifty
-# points per range bin on a wall at 3 m.
+# Number of points per square metre on a surface whose lobe has the width WIDE or more. A furnished room with 140 m^2 of surface has 8,400
+# points or more.
 DENSITY_PER_M2 = 60.0
-MIN_POINTS, MAX_POINTS = 200, 50_000  # limits of the number of points of a scene
+WIDE = 1 / 8
+# Number of points on a curved surface, times the width of its lobe. About a dozen points of a cylinder are then in its lobe.
+CURVED_POINTS = 40.0
+MAX_POINTS = 50_000  # largest number of points on surfaces that move together
 # Largest fraction of the diffuse power at a sensor pose that the simulator may drop. The resulting error is 1 % of the diffuse amplitude.
 PRUNED_POWER = 1e-4
-# The simulator ignores surface patches with a smaller cosine of incidence, because they return less than 1e-3 of the power that they return
-# at normal incidence.
-COS_GRAZING = 0.02
-COSINES = 1024  # number of cosines of incidence in the table of scattered power fractions
 LANES = 200_000  # number of pairs of a point and a sensor pose computed at once, which need about 30 MB
-_SAMPLING_HZ = 77e9  # frequency at which `cloud` computes the scattered power fractions that set the number of points on each surface
+_SAMPLING_HZ = 77e9  # frequency at which `cloud` computes the lobe widths that set the number of points on each surface
+
+
+class Body(NamedTuple):
+    """Hold surfaces that move together."""
+
+    surfaces: Sequence[Surface]
+    geometry: Geometry  # triangles of these surfaces, in their own frame
+    poses: np.ndarray  # (F, 4, 4) transformations from this frame to the world; (1, 4, 4) at rest
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Hold P point scatterers on the rough surfaces of a scene."""
+    """Hold P point scatterers on rough surfaces that move together."""
 
-    points: np.ndarray  # (P, 3) positions of the points in the world, in metres
+    points: np.ndarray  # (P, 3) positions of the points in the frame of the surfaces, in metres
     normals: np.ndarray  # (P, 3) unit normals of the surface at each point, on either side of the surface
     area: np.ndarray  # (P,) surface area that each point represents, in square metres
     field: np.ndarray  # (P,) complex factor of each point's scattered field, from a circular Gaussian distribution of unit mean power
-    surface: np.ndarray  # (P,) index of the scene surface on which each point lies
+    surface: np.ndarray  # (P,) index of the surface on which each point lies
 
     def __len__(self) -> int:
         return len(self.points)
@@ -81,64 +89,98 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Strengths:
-    """Hold the fraction D of the incident power that each of S surfaces scatters, averaged over the radar's frequency sweep."""
+    """Hold the fraction D p of the incident power that each of S surfaces scatters back per steradian.
 
-    te: np.ndarray  # (S, COSINES) scattered power fraction for a TE field; column c is for the cosine of incidence c/(COSINES - 1)
-    tm: np.ndarray  # (S, COSINES) scattered power fraction for a TM field, with the same columns as `te`
+    The tables hold ANGLES angles of incidence, equally spaced from 0 to 90 degrees.
+    """
+
+    te: np.ndarray  # (S, ANGLES) scattered power fraction per steradian for a TE field, averaged over the radar's frequency sweep
+    tm: np.ndarray  # (S, ANGLES) the same for a TM field
+    width: np.ndarray  # (S,) sine of the angle of incidence at which the lobe falls to about 1/e
     frequency_hz: float  # middle of the frequency sweep in Hz
 
 
-def cloud(surfaces: Sequence[Surface], count: int | None = None, seed: int = 0) -> Cloud:
-    """Place point scatterers on the rough surfaces of a scene. The cloud is empty if all surfaces are smooth.
+def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = None, seed: int = 0) -> Cloud:
+    """Place point scatterers on the rough surfaces of a body. The cloud is empty if all surfaces are smooth.
 
-    The number of points on a triangle is proportional to its area times the power fraction that it scatters at 77 GHz and normal
-    incidence, so that all points scatter about the same power. The positions on a triangle follow a low-discrepancy sequence (M. Roberts'
-    R2), which keeps the mean power of a cloud with few points close to the mean power of the surface.
+    The positions on a surface follow a low-discrepancy sequence (M. Roberts' R2), which keeps the mean power of a cloud with few points
+    close to the mean power of the surface.
 
     Args:
-        surfaces: static surfaces in the world.
-        count: total number of points. None takes DENSITY_PER_M2 times the rough area, but at least MIN_POINTS and at most MAX_POINTS.
-        seed: random seed of the positions and field factors. All runs and frames use the same seed, because the points belong to the scene.
+        surfaces: surfaces that move together.
+        geometry: triangles and vertex normals of the same surfaces.
+        count: approximate number of points on all surfaces. None takes the density that the width of the lobes requires, but at most
+            MAX_POINTS points.
+        seed: random seed of the positions and field factors. All runs and frames use the same seed, because the points belong to the
+            surfaces.
+    Raises:
+        InputError: `count` is not a whole number of at least 1.
     """
-    rough = [index for index, surface in enumerate(surfaces) if surface.roughness_m > 0]
-    if not rough:
-        return Cloud(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, complex), np.zeros(0, int))
-    corners = [np.asarray(surfaces[index].mesh.triangles, float) for index in rough]
-    owner = np.repeat(rough, [len(part) for part in corners])
-    corner = np.concatenate(corners)
-    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    twice = np.linalg.norm(across, axis=1)
+    if count is not None:
+        check_whole("count", count, 1)
     wavenumber = 2 * np.pi * _SAMPLING_HZ / SPEED_OF_LIGHT
-    scattered = np.array([1 - float(ament(surface.roughness_m, np.array(1.0), wavenumber)) ** 2 for surface in surfaces])
-    weight = twice * scattered[owner]
-    if count is None:
-        count = int(np.clip(DENSITY_PER_M2 * twice.sum() / 2, MIN_POINTS, MAX_POINTS))
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *b"diffuse cloud"]))
+    sides = geometry.corners[:, 1:] - geometry.corners[:, :1]
+    twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    areas = np.bincount(geometry.surface, twice / 2, minlength=len(surfaces))
+    bent = np.bincount(geometry.surface, np.ptp(geometry.normals, axis=1).max(axis=1, initial=0.0), minlength=len(surfaces)) > 1e-6
+    wanted = np.zeros(len(surfaces))
+    for index, surface in enumerate(surfaces):
+        if surface.roughness_m > 0 and areas[index] > 0:
+            width = lobe_width(surface.roughness_m, surface.correlation_m, wavenumber)
+            wanted[index] = max(DENSITY_PER_M2 * areas[index] * max(1.0, WIDE / width) ** 2, CURVED_POINTS / width if bent[index] else 1.0)
+    total = wanted.sum()
+    if total > 0:
+        wanted *= min(1.0, MAX_POINTS / total) if count is None else count / total
+    numbers = np.where(wanted > 0, np.maximum(np.round(wanted), 1), 0).astype(int)
+    seen: Counter[str] = Counter()  # surfaces of the same name have different random numbers
+    parts = [_on_faces(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros(0), 0, np.random.default_rng(0))]
+    for index, surface in enumerate(surfaces):
+        rng = np.random.default_rng(np.random.SeedSequence([seed, seen[surface.name], *b"diffuse cloud", *surface.name.encode()]))
+        seen[surface.name] += 1
+        faces = geometry.surface == index
+        if numbers[index]:
+            parts.append(_on_faces(geometry.corners[faces], geometry.normals[faces], twice[faces], int(numbers[index]), rng))
+    points, normals, area, field = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Cloud(points, normals, area, field, np.repeat(np.arange(len(surfaces)), numbers))
+
+
+def _on_faces(
+    corners: np.ndarray, normals: np.ndarray, weight: np.ndarray, count: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the positions, normals, areas and field factors of `count` points on the faces of a surface.
+
+    Args:
+        corners, normals: (K, 3, 3) corners of the faces and normals at these corners.
+        weight: (K,) twice the area of each face.
+    """
     # Systematic sampling gives each triangle its expected number of points, rounded up or down.
     upto = np.cumsum(weight)
-    face = np.searchsorted(upto, (np.arange(count) + rng.random()) * (upto[-1] / count), side="right").clip(0, len(upto) - 1)
+    total = upto[-1] if count else 0.0
+    face = np.searchsorted(upto, (np.arange(count) + rng.random()) * (total / max(count, 1)), side="right").clip(0, max(len(upto) - 1, 0))
     u, v = np.mod(rng.random(2)[:, None] + np.outer((0.7548776662466927, 0.5698402909980532), np.arange(count)), 1.0)
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    points = corner[face, 0] + u[:, None] * (corner[face, 1] - corner[face, 0]) + v[:, None] * (corner[face, 2] - corner[face, 0])
-    area = upto[-1] / count / 2 / scattered[owner[face]]
+    share = np.stack([1 - u - v, u, v], axis=1)
+    points, across = (np.einsum("ni,nij->nj", share, values[face]) for values in (corners, normals))
     field = (rng.standard_normal(count) + 1j * rng.standard_normal(count)) / np.sqrt(2)
-    return Cloud(points, across[face] / twice[face, None], area, field, owner[face])
+    return points, across / np.linalg.norm(across, axis=1, keepdims=True), np.full(count, total / max(count, 1) / 2), field
 
 
 def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
-    """Compute the fraction of the incident power that each surface scatters in the radar's frequency sweep; smooth surfaces have zero."""
+    """Compute the fraction of the incident power that each surface scatters back per steradian; smooth surfaces have zero."""
     frequency = radar.start_frequency_hz + radar.sampled_bandwidth_hz * np.linspace(0, 1, 5)
-    cosine = np.linspace(0, 1, COSINES)
-    cosine[0] = 1e-6
-    out = np.zeros((2, len(surfaces), COSINES))
+    wavenumber = float(2 * np.pi * frequency.mean() / SPEED_OF_LIGHT)
+    cosine = np.maximum(np.cos(np.linspace(0, np.pi / 2, ANGLES)), 1e-6)
+    out = np.zeros((2, len(surfaces), ANGLES))
+    width = np.ones(len(surfaces))
     known: dict[object, np.ndarray] = {}
     for index, surface in enumerate(surfaces):
         if surface.roughness_m > 0:
-            key = (surface.material, surface.roughness_m)
+            height, length = surface.roughness_m, surface.correlation_m
+            key = (surface.material, height, length)
             if key not in known:
-                known[key] = scattered_share(surface.material, surface.roughness_m, cosine, frequency)
-            out[:, index] = known[key]
-    return Strengths(out[0], out[1], float(frequency.mean()))
+                known[key] = scattered_share(surface.material, height, cosine, frequency) * backscatter_lobe(height, length, wavenumber)
+            out[:, index], width[index] = known[key], lobe_width(height, length, wavenumber)
+    return Strengths(out[0], out[1], width, float(frequency.mean()))
 
 
 def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
@@ -150,23 +192,57 @@ def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndar
     return np.stack([((1 - coherent**2) * np.abs(c) ** 2).mean(axis=1) for c in reflection(material, cosine[:, None], frequency_hz)])
 
 
-@compiled
-def scattered_power(area, strength, cos_in, cos_out, distance_in, distance_out, wavelength_m):
-    """Return the ratio of received to transmitted power of surface patches, between isotropic antennas. All arguments broadcast.
+def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_poses: np.ndarray) -> list[Paths]:
+    """Return the diffuse paths of all bodies of a scene. A Mitsuba variant must be active.
+
+    Each body hides the points of all bodies behind it. The paths of the static surfaces do not depend on the moving bodies and come from
+    the array cache. The points that moving bodies hide from the radar have a second path of opposite amplitude in those frames.
 
     Args:
-        area: area of each patch in square metres.
-        strength: fraction D of the incident power that the patch scatters.
-        cos_in, cos_out: cosines of the angles between the patch normal and the directions to transmitter and receiver. The power is zero
-            if either cosine is not positive.
-        distance_in, distance_out: distances of the patch from transmitter and receiver, in metres.
-        wavelength_m: wavelength in metres.
+        static: static surfaces; None if all surfaces move.
+        movers: moving bodies.
+        radar: radar whose element pattern, frequency sweep and frame rate apply.
+        sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
+    Returns:
+        `Paths` objects of F sensor poses, or of one pose that is valid for all frames.
     """
-    product = distance_in * distance_out
-    x = area / (np.pi * product)
-    limited = (1 + x / 2) / (1 + x) ** 2
-    facing = np.maximum(cos_in, 0.0) * np.maximum(cos_out, 0.0)
-    return area * strength * facing * limited * (wavelength_m / product) ** 2 / (16 * np.pi**3)
+    parts = []
+    if static is not None:
+        still = static_paths(static, radar, sensor_poses[:1] if poses_module.at_rest(sensor_poses) else sensor_poses)
+        parts.append(still)
+        if movers:
+            frames = slice(1) if poses_module.at_rest(sensor_poses, *(mover.poses for mover in movers)) else slice(None)
+            obstacles = [_obstacle(mover, np.eye(4)[None], frames) for mover in movers]
+            parts.append(shadows.negated(still, sensor_poses[frames], obstacles))
+    bodies = [*movers] if static is None else [static, *movers]
+    for mover in movers:
+        parts.append(mover_paths(mover, [body for body in bodies if body is not mover], radar, sensor_poses))
+    return [part for part in parts if len(part)]
+
+
+def static_paths(static: Body, radar: Radar, sensor_poses: np.ndarray) -> Paths:
+    """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), from the array cache if it has them."""
+    scatterers, strength = cloud(static.surfaces, static.geometry), strengths(static.surfaces, radar)
+    velocity = poses_module.relative(sensor_poses, None, radar.frame_rate_hz)[1]
+    spec = {"diffuse": PRUNED_POWER, "element": radar.element, "frequency_hz": strength.frequency_hz}
+    arrays = {name: getattr(scatterers, name) for name in ("points", "normals", "area", "field", "surface")}
+    arrays |= {"te": strength.te, "tm": strength.tm, "corners": static.geometry.corners, "poses": sensor_poses, "velocity": velocity}
+    return traced_once(spec, arrays, lambda: [paths(scatterers, strength, static.geometry, radar, sensor_poses, velocity)])[0]
+
+
+def mover_paths(mover: Body, others: Sequence[Body], radar: Radar, sensor_poses: np.ndarray) -> Paths:
+    """Return the diffuse paths of a moving body that is partly hidden by other bodies, for F sensor poses (F, 4, 4)."""
+    frames = slice(1) if poses_module.at_rest(sensor_poses, mover.poses, *(body.poses for body in others)) else slice(None)
+    sensor, velocity = poses_module.relative(sensor_poses[frames], mover.poses[frames], radar.frame_rate_hz)
+    obstacles = [_obstacle(body, mover.poses, frames) for body in others]
+    found = paths(cloud(mover.surfaces, mover.geometry), strengths(mover.surfaces, radar), mover.geometry, radar, sensor, velocity)
+    return found.where(~shadows.hidden(found, sensor, obstacles))
+
+
+def _obstacle(body: Body, poses: np.ndarray, frames: slice) -> Occluder:
+    """Describe a body as an obstacle for points in the frame with the transformations `poses` (F, 4, 4) to the world."""
+    change = poses_module.inverse(body.poses[frames]) @ poses[frames]
+    return Occluder(body.geometry, change[:, :3, :3], change[:, :3, 3])
 
 
 def paths(
@@ -176,11 +252,11 @@ def paths(
 
     Args:
         scatterers: cloud of points on the rough surfaces.
-        strength: fractions of the incident power that the same surfaces scatter.
-        geometry: surfaces in the world that block the line between sensor and point.
+        strength: fractions of the incident power that the same surfaces scatter back.
+        geometry: triangles in the frame of the cloud that block the line between sensor and point.
         radar: radar whose element pattern the function uses only to find weak points. The returned amplitudes exclude the element gain.
-        poses: (F, 4, 4) transformations from the sensor frame to the world.
-        velocity: (F, 3) velocity of the sensor in the world in m/s; None if the sensor is at rest.
+        poses: (F, 4, 4) transformations from the sensor frame to the frame of the cloud.
+        velocity: (F, 3) velocity of the sensor in the frame of the cloud in m/s; None if the sensor is at rest.
     Returns:
         Paths of F poses at one frequency node. The function drops a point at a pose if its received power, including the element gain, is
         below PRUNED_POWER times the mean power of all points at this pose. At most the fraction PRUNED_POWER of the power is lost.
@@ -209,19 +285,17 @@ def _block(
     """
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, direction, power, start = _returns(
-        CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm,
-        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic", _lift(geometry),
+        CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm, strength.width,
+        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic", shadows.lift(geometry),
     )  # fmt: skip
-    seen = np.flatnonzero(_visible(geometry, start, direction, distance))
-    pose, point, distance, power, direction = pose[seen], point[seen], distance[seen], power[seen], direction[:, seen].T
-    towards = np.einsum("ni,nij->nj", direction, poses[pose, :3, :3])
+    towards = np.einsum("in,nij->nj", direction, poses[pose, :3, :3])
     received = power * element_gain(radar.element, towards) ** 4
-    total = np.bincount(pose, received, minlength=len(poses))
-    kept = received > PRUNED_POWER / len(scatterers) * total[pose]
-    pose, distance, direction = pose[kept], distance[kept], direction[kept]
+    seen = np.flatnonzero(shadows.visible(geometry, start, -direction, distance))
+    total = np.bincount(pose[seen], received[seen], minlength=len(poses))
+    kept = seen[received[seen] > PRUNED_POWER / len(scatterers) * total[pose[seen]]]
     amplitude = np.sqrt(power[kept]) * scatterers.field[point[kept]]
-    rate = -2 * np.einsum("ni,ni->n", direction, velocity[pose])
-    return pose, amplitude[:, None], distance, towards[kept], rate
+    rate = -2 * np.einsum("in,ni->n", direction[:, kept], velocity[pose[kept]])
+    return pose[kept], amplitude[:, None], distance[kept], towards[kept], rate
 
 
 class CloudArrays(NamedTuple):
@@ -234,19 +308,33 @@ class CloudArrays(NamedTuple):
 
 
 @compiled
-def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
+def scattered_power(area, strength, cosine, distance, wavelength_m):
+    """Return the ratio of received to transmitted power of surface patches, between isotropic antennas. All arguments broadcast.
+
+    Args:
+        area: area of each patch in square metres.
+        strength: fraction D p of the incident power that the patch scatters back per steradian.
+        cosine: cosine of the angle between the patch normal and the direction to the radar.
+        distance: distance of the patch from the radar in metres.
+        wavelength_m: wavelength in metres.
+    """
+    return area * cosine * strength * (wavelength_m / (4 * np.pi * distance * distance)) ** 2
+
+
+@compiled
+def _returns(cloud, te, tm, width, poses, wavelength_m, forward, lift):
     """List the N pairs of a sensor pose and a point that have positive echo power. The function does not test whether the line is blocked.
 
     Returns:
-        Index of the pose (N,), index of the point (N,), distance in metres (N,), direction from the sensor to the point in the world (3,
-        N), ratio of received to transmitted power (N,), and start of the line of sight (3, N) float32. The start is the point, lifted by
-        `lift` metres off the surface towards the sensor.
+        Index of the pose (N,), index of the point (N,), distance in metres (N,), direction from the sensor to the point (3, N), ratio of
+        received to transmitted power (N,), and start of the line of sight (3, N). The start is the point, lifted by `lift` metres off the
+        surface towards the sensor.
     """
     points, normals, area, surface = cloud.points, cloud.normals, cloud.area, cloud.surface
     most = len(poses) * len(points)
     pose, point = np.empty(most, np.int64), np.empty(most, np.int64)
     distance, power = np.empty(most), np.empty(most)
-    direction, start = np.empty((3, most)), np.empty((3, most), np.float32)
+    direction, start = np.empty((3, most)), np.empty((3, most))
     last = te.shape[1] - 1
     n = 0
     for f in range(len(poses)):
@@ -270,9 +358,16 @@ def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
             across = ux * (y * nz - z * ny) + uy * (z * nx - x * nz) + uz * (x * ny - y * nx)
             size = (1 - cosine * cosine) * (1 - (ux * x + uy * y + uz * z) ** 2)
             share = min(across * across / size, 1.0) if size > 1e-12 else 0.5
-            entry = int(cosine * last + 0.5)
-            strength = tm[surface[p], entry] + share * (te[surface[p], entry] - tm[surface[p], entry])
-            value = scattered_power(area[p], strength, cosine, cosine, away, away, wavelength_m)
+            # The angle under which the sensor sees the radius of a disc of the patch's area widens the lobe.
+            s = surface[p]
+            narrow = width[s] ** 2
+            narrow /= narrow + area[p] / (np.pi * away * away)
+            place = np.arcsin(np.sqrt((1 - cosine * cosine) * narrow)) * (2 / np.pi * last)
+            entry = min(int(place), last - 1)
+            part = place - entry
+            low = tm[s, entry] + share * (te[s, entry] - tm[s, entry])
+            high = tm[s, entry + 1] + share * (te[s, entry + 1] - tm[s, entry + 1])
+            value = scattered_power(area[p], narrow * (low + part * (high - low)), cosine, away, wavelength_m)
             if value <= 0:
                 continue
             up = lift if facing > 0 else -lift
@@ -281,30 +376,3 @@ def _returns(cloud, te, tm, poses, wavelength_m, forward, lift):
             start[0, n], start[1, n], start[2, n] = points[p, 0] + up * nx, points[p, 1] + up * ny, points[p, 2] + up * nz
             n += 1
     return pose[:n], point[:n], distance[:n], direction[:, :n], power[:n], start[:, :n]
-
-
-def _lift(geometry: Geometry) -> float:
-    """Return a height in metres above a surface at which float32 rays can start without hitting this surface."""
-    return max(2e-6 * geometry.extent_m, 1e-7)
-
-
-def _visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of the lines of sight that no surface blocks.
-
-    Args:
-        geometry: blocking surfaces.
-        start: (3, N) start points of the lines near the surface points.
-        direction: (3, N) unit directions from the sensor to the points; the lines run in the opposite direction.
-        distance: (N,) length of the lines in metres.
-    """
-    import mitsuba as mi
-
-    if not len(distance):
-        return np.zeros(0, bool)
-
-    def lanes(values: np.ndarray) -> Any:
-        return mi.Float(np.ascontiguousarray(values, np.float32))
-
-    ray: Any = mi.Ray3f(mi.Point3f(*(lanes(axis) for axis in start)), mi.Vector3f(*(lanes(-axis) for axis in direction)))
-    ray.maxt = lanes(distance * (1 - 1e-4))
-    return ~geometry.scene().ray_test(ray).numpy()

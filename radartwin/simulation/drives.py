@@ -18,8 +18,8 @@ import numpy as np
 from radartwin.compiled import compiled, shared_out
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
+from radartwin.simulation import diffuse, pruning, variant
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import pruning, variant
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, StaticScene, Surroundings, target
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE
@@ -168,13 +168,15 @@ class Drives:
         """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
         if self._still is None:
             return []
+        body = diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])
+        rough = diffuse.of_scene(body, [], self._radar, poses) if self._backend.settings.diffuse else []
         if (poses == poses[0]).all():
-            return self._backend.cached_static_paths(self._still, self._radar, poses[:1])
+            return [*self._backend.cached_static_paths(self._still, self._radar, poses[:1]), *rough]
         rate = self._radar.frame_rate_hz
         velocity = poses_module.relative(poses, None, rate)[1]
         bounces = self._backend.settings.max_bounces
         images = self._still.room.paths(poses, velocity, self._radar, bounces, PRUNE, self._scouted)
-        return [images, *self._clutter.seen(poses, rate), *self._backend.diffuse_paths(self._still, self._radar, poses)]
+        return [images, *self._clutter.seen(poses, rate), *rough]
 
     @cached_property
     def _scouted(self):
@@ -221,7 +223,12 @@ class Drives:
             aside: (3,) metres from the nominal to the actual object position. Legs that reflect at room panels are searched for a ball
                 around the nominal position, so that all objects placed there share these legs.
         """
-        return self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
+        found = self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
+        if not self._backend.settings.diffuse:
+            return found
+        body = diffuse.Body(surfaces, target(list(surfaces), self._radar).geometry, poses)
+        others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]
+        return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
 
     def _moving(
         self, backend: MitsubaBackend, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool,

@@ -60,12 +60,24 @@ simulation/curved/transit: physics/test_shells
 Walls._passed | te_re * s_im + te_im * s_re | te_re * s_im - te_im * s_re | a wall advances the phase instead of delaying it
 
 simulation/diffuse: physics/test_diffuse
-scattered_power | 16 * np.pi**3 | 64 * np.pi**3 | scattered power is 6 dB low
+scattered_power | 4 * np.pi * distance | 8 * np.pi * distance | scattered power is 6 dB low
 _block | np.sqrt(power[kept]) | power[kept] | power is used as amplitude
 _block | -2 | -1 | half the Doppler shift of diffuse echoes
 scattered_share | 1 - coherent**2 | 1 - coherent | roughness removes more power than it scatters
-cloud | upto[-1] / count / 2 | upto[-1] / count | each scatterer represents twice its area
-_visible | ~geometry.scene().ray_test(ray).numpy() | np.ones(len(distance), bool) | walls do not hide scatterers
+_on_faces | total / max(count, 1) / 2 | total / max(count, 1) | each scatterer represents twice its area
+_returns | narrow * (low + part * (high - low)) | low + part * (high - low) | a wider lobe keeps its peak
+mover_paths | ~shadows.hidden(found, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
+
+simulation/shadows: physics/test_diffuse
+visible | ~geometry.scene().ray_test(ray).numpy() | np.ones(len(distance), bool) | walls do not hide scatterers
+negated | -chosen.amplitude | chosen.amplitude | a hidden scatterer echoes twice
+_blocked | obstacle.rotation @ sensor[:, :3, :3] | sensor[:, :3, :3] | obstacles do not turn
+
+materials/kirchhoff: physics/test_kirchhoff
+cross_section | (tangential2 + along**2) ** 2 | along**4 | the obliquity factor is missing
+_series | n * log_g - g[i] | n * log_g | the limit of small roughness for every roughness
+_series | t[i] / n | t[i] | all orders have the lobe of the first order
+scattered_lobe | removed * collected | removed | the lobe does not conserve energy
 
 simulation/flat/images: physics/test_images
 prepare | 2 * panels.offset[p] * panels.normal[p] | panels.offset[p] * panels.normal[p] | an image has half its distance

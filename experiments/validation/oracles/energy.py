@@ -9,11 +9,13 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
+from scipy.special import j0
 
 import radartwin as rt
 from experiments.validation.oracles import stack, traced
 from experiments.validation.oracles.case import FREQUENCY_HZ, SPEED_OF_LIGHT, WAVELENGTH_M, WAVENUMBER, Case, Finding, worst
 from experiments.validation.oracles.rooms import ROOMS, room_scene, rotation
+from radartwin.materials import CORRELATION_M
 from radartwin.scene import objects
 from radartwin.simulation import diffuse, geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
@@ -120,9 +122,9 @@ def _scattered(corner: bool, full: bool) -> Finding:
 
 
 def _diffuse(full: bool) -> Finding:
-    """Compare the mean diffuse power of a rough concrete wall with the quadrature of a Lambert lobe.
+    """Compare the mean diffuse power of a rough concrete wall with the quadrature of Kirchhoff's scattering integral.
 
-    The power of the lobe is (1 - Ament^2) times the power that a smooth wall reflects by Fresnel's formulas.
+    The cross-section of a conductor is multiplied by the power that a smooth wall reflects by Fresnel's formulas.
     """
     variant.activate()
     radar = traced.MONOSTATIC
@@ -130,19 +132,21 @@ def _diffuse(full: bool) -> Finding:
     pairs = []
     for roughness, distance in ((0.2e-3, 1.0), (0.3e-3, 2.0), (0.5e-3, 3.0)) if full else ((0.3e-3, 2.0),):
         corners = np.array([[0.0, -1.5, -1.0], [0.0, 1.5, -1.0], [0.0, 1.5, 1.4], [0.0, -1.5, 1.4]])
-        surface = rt.Surface(traced.polygon(corners), "concrete", "wall", roughness)
+        surface = rt.Surface(traced.polygon(corners), "concrete", "wall", roughness, correlation_m=CORRELATION_M)
         built = geometry.build([surface.mesh])
         strength = diffuse.strengths([surface], radar)
         powers = []
         for seed in range(64 if full else 16):
-            found = diffuse.paths(diffuse.cloud([surface], 4000, seed), strength, built, radar, traced.pose([distance, 0.1, 0.2])[None])
+            found = diffuse.paths(
+                diffuse.cloud([surface], built, 4000, seed), strength, built, radar, traced.pose([distance, 0.1, 0.2])[None]
+            )
             powers.append(float((np.abs(found.amplitude) ** 2).sum()))
-        reference = lambert_power(corners, np.array([distance, 0.1, 0.2]), roughness, wavelength)
+        reference = rough_wall_power(corners, np.array([distance, 0.1, 0.2]), roughness, wavelength)
         pairs.append((float(10 * np.log10(reference)), float(10 * np.log10(np.mean(powers)))))
     return worst(pairs)
 
 
-def lambert_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, wavelength_m: float) -> float:
+def rough_wall_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, wavelength_m: float) -> float:
     """Return the ratio of diffuse received power to transmitted power of a concrete rectangle at x = 0, by Gauss-Legendre quadrature.
 
     The transmit and receive antennas are polarised along z.
@@ -161,10 +165,23 @@ def lambert_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, w
     side /= np.linalg.norm(side, axis=-1, keepdims=True)
     across = (field * side).sum(axis=-1) ** 2
     te, tm = stack.fresnel(stack.permittivity("concrete", SPEED_OF_LIGHT / wavelength_m), cosine)
-    lost = 1 - np.exp(-4 * (2 * np.pi / wavelength_m * roughness_m * cosine) ** 2)
-    strength = lost * (across * np.abs(te) ** 2 + (1 - across) * np.abs(tm) ** 2)
-    incident = cosine / (4 * np.pi * distance**2)
-    return float((area * incident * strength * cosine / np.pi * wavelength_m**2 / (4 * np.pi * distance**2)).sum())
+    fresnel = across * np.abs(te) ** 2 + (1 - across) * np.abs(tm) ** 2
+    angles = np.linspace(0, 1.2, 200)
+    table = [kirchhoff_cross_section(roughness_m, CORRELATION_M, wavelength_m, angle) for angle in angles]
+    scattered = np.interp(np.arccos(cosine), angles, table)
+    return float((area * fresnel * scattered * wavelength_m**2 / ((4 * np.pi) ** 3 * distance**4)).sum())
+
+
+def kirchhoff_cross_section(roughness_m: float, correlation_m: float, wavelength_m: float, angle: float) -> float:
+    """Return the monostatic cross-section of a rough conductor per area at an angle of incidence in radians, by Kirchhoff's integral over
+    the correlation function exp(-r^2/l^2).
+    """
+    k = 2 * np.pi / wavelength_m
+    radius = np.linspace(0, 7 * correlation_m, 4000)
+    g = (2 * k * roughness_m * np.cos(angle)) ** 2
+    coherence = np.exp(-g * (1 - np.exp(-((radius / correlation_m) ** 2)))) - np.exp(-g)
+    integral = 2 * np.pi * np.trapezoid(coherence * j0(2 * k * np.sin(angle) * radius) * radius, radius)
+    return float(k**2 / (np.pi * np.cos(angle) ** 2) * max(integral, 0.0))
 
 
 CASES = [
@@ -175,6 +192,6 @@ CASES = [
     *(Case(f"scattered-power-{name}", "energy", f"power scattered in all directions by {words}", "what meets it: its solid angle",
            "scattered over intercepted power (dB)", 0.1, "dB", partial(_scattered, corner), cost)
       for name, words, corner, cost in (("single", "a plate and a sphere", False, "quick"), ("corner", "a 3 cm dihedral", True, "full"))),
-    Case("diffuse-power", "energy", "mean diffuse power of rough concrete walls", "Lambert lobe of (1 - Ament^2) Fresnel, quadrature",
+    Case("diffuse-power", "energy", "mean diffuse power of rough concrete walls", "Kirchhoff's integral times Fresnel, quadrature",
          "received over transmitted power (dB)", 0.25, "dB", _diffuse),
 ]  # fmt: skip

@@ -20,7 +20,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import SceneError
-from radartwin.materials import Layered, roughness_m
+from radartwin.materials import Layered, correlation_m, roughness_m
 from radartwin.scene import textures
 from radartwin.scene.objects import shapes, vessels
 from radartwin.scene.surface import Surface
@@ -101,7 +101,8 @@ class Entry:
         out = []
         for part in parts:
             mesh = textures.textured(part.mesh, part.look, fit=textures.LOOKS[part.look].fits)
-            surface = Surface(mesh, part.material, name or self.name, roughness_m(part.roughness), "object", provenance)
+            height, length = roughness_m(part.roughness), correlation_m(part.roughness)
+            surface = Surface(mesh, part.material, name or self.name, height, "object", provenance, length)
             out.append(surface if pose is None else surface.moved(pose))
         return tuple(out)
 

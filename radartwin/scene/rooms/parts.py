@@ -16,7 +16,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import SceneError
-from radartwin.materials import Layered, common_sheet, roughness_m
+from radartwin.materials import Layered, common_sheet, correlation_m, roughness_m
 from radartwin.scene import textures
 from radartwin.scene.scene import Scene, Surface
 
@@ -133,7 +133,7 @@ def surface(
     kind = FINISHES[finish]
     shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
     provenance = {"source": "true", "confidence": 1.0, "stand_in": kind.stand_in, "minc": kind.minc}
-    return Surface(shown, kind.material, name, roughness_m(kind.roughness), role, provenance)
+    return Surface(shown, kind.material, name, roughness_m(kind.roughness), role, provenance, correlation_m(kind.roughness))
 
 
 def room_scene(

@@ -4,10 +4,10 @@
 - In a room that is not flat, the simulator traces ray tubes (`tube_paths`). If the setting `rays` is given, it does so in every room.
 - In a room of flat panels, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses in
   a few batches. It traces direct paths and paths that also reflect at the panels (`coupling`).
-- Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed in the world (`diffuse`).
+- Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surfaces (`diffuse`).
 
 If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. It does not model two
-effects: the shadow of a moving object on the room, and paths between two groups of surfaces that move differently.
+effects: the shadow of a moving object on mirror images of the room, and paths between two groups of surfaces that move differently.
 """
 
 from collections.abc import Mapping
@@ -73,15 +73,21 @@ class MitsubaBackend:
         resting = poses_module.at_rest(sensor_poses)
         parts: list[Paths] = []
         surroundings = Surroundings(None, None)
+        still, movers = None, []
         if surfaces:
             static = StaticScene.build(surfaces, radar)
             parts += self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
             surroundings = Surroundings(static.room.beside(), static.geometry)
+            still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
         for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
             frames = slice(1) if resting and poses_module.at_rest(poses) else slice(None)
-            group = target([s for s in scene.surfaces if s.name in names], radar)
+            members = [s for s in scene.surfaces if s.name in names]
+            group = target(members, radar)
             parts += self.group_paths(group, surroundings, radar, sensor_poses[frames], poses[frames])
+            movers.append(diffuse.Body(members, group.geometry, poses))
+        if self.settings.diffuse:
+            parts += diffuse.of_scene(still, movers, radar, sensor_poses)
         return [part for part in parts if len(part)]
 
     def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
@@ -113,7 +119,7 @@ class MitsubaBackend:
             parts = [images, *self.object_paths(static, radar, poses, PAIRS * float(pruning.level(images, radar).max(initial=0.0)))]
         else:
             parts = [tube_paths.room_paths(static.surfaces, Target(static.geometry, room.table), settings, radar, poses)]
-        return parts + self.diffuse_paths(static, radar, poses)
+        return parts
 
     def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
         """Trace the small or curved static objects in a room of flat panels, without paths whose amplitude is below `least`."""
@@ -128,14 +134,6 @@ class MitsubaBackend:
             parts += self.group_paths(Target(objects, room.table), surroundings, radar, poses, unmoved, least)
             done += cluster
         return parts
-
-    def diffuse_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        """Return the diffuse paths of the rough static surfaces; the list is empty if all surfaces are smooth or `diffuse` is False."""
-        cloud = diffuse.cloud(static.surfaces) if self.settings.diffuse else None
-        if cloud is None or not len(cloud):
-            return []
-        velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
-        return [diffuse.paths(cloud, diffuse.strengths(static.surfaces, radar), static.geometry, radar, poses, velocity)]
 
     def group_paths(
         self,
