@@ -77,7 +77,7 @@ materials/kirchhoff: physics/test_kirchhoff
 cross_section | (tangential2 + along**2) ** 2 | along**4 | the obliquity factor is missing
 _series | n * log_g - g[i] | n * log_g | the limit of small roughness for every roughness
 _series | t[i] / n | t[i] | all orders have the lobe of the first order
-scattered_lobe | removed * collected | removed | the lobe does not conserve energy
+scattered_lobe | np.exp(_collected(roughness_m, correlation_m, wavenumber)(np.arccos(cosine))) | 1.0 | the lobe does not conserve energy
 
 simulation/flat/images: physics/test_images
 prepare | 2 * panels.offset[p] * panels.normal[p] | panels.offset[p] * panels.normal[p] | an image has half its distance
