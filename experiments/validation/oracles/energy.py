@@ -137,9 +137,8 @@ def _diffuse(full: bool) -> Finding:
         strength = diffuse.strengths([surface], radar)
         powers = []
         for seed in range(64 if full else 16):
-            found = diffuse.paths(
-                diffuse.cloud([surface], built, 4000, seed), strength, built, radar, traced.pose([distance, 0.1, 0.2])[None]
-            )
+            scatterers = diffuse.cloud([surface], built, 4000, seed)
+            found = diffuse.paths(scatterers, strength, built, radar, traced.pose([distance, 0.1, 0.2])[None])
             powers.append(float((np.abs(found.amplitude) ** 2).sum()))
         reference = rough_wall_power(corners, np.array([distance, 0.1, 0.2]), roughness, wavelength)
         pairs.append((float(10 * np.log10(reference)), float(10 * np.log10(np.mean(powers)))))
