@@ -1,9 +1,20 @@
 """Tabulate the reflection and transmission coefficients of a scene's materials over the angle of incidence, for the ray tracer.
 
-A table holds the coefficients at a few frequency nodes, which are the Chebyshev nodes of the radar's frequency sweep. Between the nodes,
-the synthesis uses the polynomial through the node values. The number of nodes is the smallest that brings the interpolation error below
-TOLERANCE. A half-space or a metal needs one node. A plasterboard of 12 mm needs several nodes, because its reflection changes by 4 dB
-within the frequency sweep.
+A table holds the coefficients at equally spaced cosines of incidence, between which the tracer interpolates linearly, and at a few
+frequency nodes, which are the Chebyshev nodes of the radar's frequency sweep. Between the nodes, the synthesis uses the polynomial through
+the node values. The numbers of cosines and nodes are the smallest that bring each of the two interpolation errors below TOLERANCE. A
+half-space or a metal needs one node. A plasterboard of 12 mm needs several nodes, because its reflection changes by 4 dB within the
+frequency sweep. A cavity of thickness D delays its echoes by multiples of 2 D cos t, where t is the angle of incidence, so that both
+numbers grow with D. With the sweep of 3.44 GHz, a cavity between plasterboards of 12.5 mm needs these numbers:
+
+| cavity | nodes | cosines |
+|---|---|---|
+| 75 mm | 16 | 3072 |
+| 150 mm | 25 | 6144 |
+| 300 mm | 52 | 12288 |
+
+If the largest table is not enough, `build` warns. The coefficients are those of plane waves. They neglect that the wavefront of a delayed
+echo is less curved than that of the echo of the outer face.
 
 A path that crosses a sheet has the length of the straight line through the mesh, as if the sheet were not there. The transmission
 coefficient of a sheet of thickness d therefore contains the factor exp(+j k d cos t), where k is the wavenumber and t the angle of
@@ -12,8 +23,11 @@ the layers add. For the sheets of `materials.sheets`, the nodes that reflection 
 Only a door of 40 mm wood needs more nodes for transmission (3) than for reflection (1).
 """
 
-from collections.abc import Sequence
+import functools
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,22 +35,28 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, layered, reflection, transmission
 from radartwin.materials.containers import EMPTY
 
-COSINES = 1024  # number of cosines of incidence in a table
-# Largest error of a coefficient by interpolation between frequency nodes. It is -50 dB relative to the incident field, smaller
-# than all other errors of the tracer.
+# Largest error of a coefficient by interpolation between frequency nodes, and by interpolation between cosines. It is -50 dB relative to
+# the incident field, smaller than all other errors of the tracer.
 TOLERANCE = 3e-3
 SILENT = 1e-3  # a surface whose transmission coefficients are all below this is opaque (-120 dB there and back)
-_NODE_COUNTS = (1, 3, 5, 8, 12)  # numbers of frequency nodes that `_nodes` tries, in this order
+# Numbers of frequency nodes and of cosines of incidence that `_size` tries, in this order.
+_NODES = (1, 3, 5, 8, 12, 16, 20, 25, 30, 36, 43, 52, 64)
+_COSINES = (1024, 1536, 2048, 3072, 4096, 6144, 8192, 12288, 16384)
+_GRAZING = 0.06  # cosine of incidence of 86.6 degrees; closer to grazing incidence, the errors are not limited
+
+
+class DispersionWarning(UserWarning):
+    """Warn that the reflection of a surface changes faster over frequency or angle than a table can hold."""
 
 
 @dataclass(frozen=True)
 class ReflectionTable:
     """Hold reflection and transmission coefficients of S surfaces at Q frequencies."""
 
-    te: np.ndarray  # (S, COSINES, Q) complex TE reflection coefficients at COSINES equally spaced cosines of incidence from 0 to 1
-    tm: np.ndarray  # (S, COSINES, Q) complex TM reflection coefficients, with the same axes as `te`
-    through_te: np.ndarray  # (S, COSINES, Q) complex TE transmission coefficients; zero for opaque surfaces
-    through_tm: np.ndarray  # (S, COSINES, Q) complex TM transmission coefficients; zero for opaque surfaces
+    te: np.ndarray  # (S, C, Q) complex TE reflection coefficients at C equally spaced cosines of incidence from 0 to 1
+    tm: np.ndarray  # (S, C, Q) complex TM reflection coefficients, with the same axes as `te`
+    through_te: np.ndarray  # (S, C, Q) complex TE transmission coefficients; zero for opaque surfaces
+    through_tm: np.ndarray  # (S, C, Q) complex TM transmission coefficients; zero for opaque surfaces
     frequencies_hz: np.ndarray  # (Q,) frequency nodes in Hz
     # (material, rms roughness in metres) of each of the S surfaces, by which `curved.shell` recognises hollow objects
     surfaces: tuple[tuple[str | Layered, float], ...]
@@ -82,28 +102,44 @@ def lagrange_basis(nodes_hz: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray
     return basis
 
 
-def grid_of_cosines() -> np.ndarray:
-    """Return the cosines of incidence (COSINES,) at which a reflection table has values."""
-    cosines = np.linspace(0, 1, COSINES)
+def grid_of_cosines(count: int) -> np.ndarray:
+    """Return the cosines of incidence (count,) at which a reflection table has values."""
+    cosines = np.linspace(0, 1, count)
     cosines[0] = 1e-6  # a small cosine replaces zero, because the TM reflection changes its sign at grazing incidence
     return cosines
 
 
-def build(surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None) -> ReflectionTable:
+def build(
+    surfaces: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float | None = None, names: Sequence[str] = ()
+) -> ReflectionTable:
     """Tabulate the reflection and transmission coefficients of surfaces over the frequency sweep from `low_hz` to `high_hz`.
 
     Args:
         surfaces: (material, rms roughness in metres) of each surface of a geometry.
         low_hz: lowest frequency of the sweep in Hz.
         high_hz: highest frequency of the sweep in Hz; None builds a table for the single frequency `low_hz`.
+        names: names of the surfaces, which the warning uses; empty if the surfaces have no names.
     Raises:
         MaterialError: a material is unknown, or a material has no values at these frequencies.
+    Warns:
+        DispersionWarning: the interpolation error of a material exceeds TOLERANCE, because its layers are too thick.
     """
-    cosines = grid_of_cosines()
     distinct = list(dict.fromkeys(surfaces))
-    nodes = np.array([low_hz]) if high_hz is None else _nodes(distinct, low_hz, high_hz)
+    sizes = [_size(entry, low_hz, high_hz or low_hz) for entry in distinct]
+    for entry, size in zip(distinct, sizes, strict=True):
+        if size.error >= TOLERANCE:
+            where = f"surface {names[surfaces.index(entry)]!r}: " if names else ""
+            warnings.warn(
+                f"{where}the coefficients of {entry[0]} are wrong by up to {size.error:.2g} of the incident field, over the tolerance of "
+                f"{TOLERANCE:g}, because its layers are too thick for the sweep; use thinner layers or a smaller bandwidth",
+                DispersionWarning, stacklevel=2,
+            )  # fmt: skip
+    nodes = np.array([low_hz])
+    if high_hz is not None:
+        nodes = chebyshev_nodes(low_hz, high_hz, max((size.nodes for size in sizes), default=1))
+    cosines = grid_of_cosines(max((size.cosines for size in sizes), default=_COSINES[0]))
     values = {entry: _evaluate(entry, cosines, nodes) for entry in distinct}
-    shape = len(surfaces), 4, COSINES, len(nodes)
+    shape = len(surfaces), 4, len(cosines), len(nodes)
     te, tm, through_te, through_tm = np.swapaxes(np.array([values[entry] for entry in surfaces]).reshape(shape), 0, 1)
     return ReflectionTable(te, tm, through_te, through_tm, nodes, tuple(surfaces))
 
@@ -123,16 +159,43 @@ def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np
     return np.stack([*reflected, *passed])
 
 
-def _nodes(distinct: Sequence[tuple[str | Layered, float]], low_hz: float, high_hz: float) -> np.ndarray:
-    """Return the smallest set of frequency nodes whose interpolation error is below TOLERANCE for every material at sixteen angles."""
-    fine = np.linspace(low_hz, high_hz, 48)
-    cosines = np.linspace(0.06, 1, 16)
-    truth = [_evaluate(entry, cosines, fine) for entry in distinct]
-    nodes = chebyshev_nodes(low_hz, high_hz, 1)
-    for count in _NODE_COUNTS:
-        nodes = chebyshev_nodes(low_hz, high_hz, count)
-        basis = lagrange_basis(nodes, fine)
-        error = [np.abs(_evaluate(e, cosines, nodes) @ basis - t).max() for e, t in zip(distinct, truth, strict=True)]
-        if max(error, default=0.0) < TOLERANCE:
+class _Size(NamedTuple):
+    """Hold the numbers of frequency nodes and of cosines that a material needs, and the larger of the two interpolation errors."""
+
+    nodes: int
+    cosines: int
+    error: float
+
+
+@functools.lru_cache(maxsize=1024)
+def _size(entry: tuple[str | Layered, float], low_hz: float, high_hz: float) -> _Size:
+    """Return the smallest table of a material whose interpolation errors are below TOLERANCE, or else the largest table."""
+    nodes, in_frequency = _smallest(_NODES, lambda count: _frequency_error(entry, low_hz, high_hz, count))
+    cosines, in_angle = _smallest(_COSINES, lambda count: _angle_error(entry, low_hz, high_hz, count))
+    return _Size(nodes, cosines, max(in_frequency, in_angle))
+
+
+def _smallest(counts: Sequence[int], error: Callable[[int], float]) -> tuple[int, float]:
+    """Return the first count whose error is below TOLERANCE, or else the last count, with its error."""
+    count, found = counts[0], np.inf
+    for count in counts:
+        if (found := error(count)) < TOLERANCE:
             break
-    return nodes
+    return count, found
+
+
+def _frequency_error(entry: tuple[str | Layered, float], low_hz: float, high_hz: float, count: int) -> float:
+    """Return the largest error of interpolation between `count` frequency nodes, at 48 angles."""
+    cosines = np.linspace(_GRAZING, 1, 48)
+    fine, nodes = np.linspace(low_hz, high_hz, max(48, 4 * count)), chebyshev_nodes(low_hz, high_hz, count)
+    if low_hz == high_hz:
+        return 0.0
+    return float(np.abs(_evaluate(entry, cosines, nodes) @ lagrange_basis(nodes, fine) - _evaluate(entry, cosines, fine)).max())
+
+
+def _angle_error(entry: tuple[str | Layered, float], low_hz: float, high_hz: float, count: int) -> float:
+    """Return the largest error of linear interpolation between `count` cosines, in the middle of each interval and at three frequencies."""
+    half_steps = np.arange(2 * int(_GRAZING * count), 2 * count - 1)
+    values = _evaluate(entry, half_steps / 2 / (count - 1), np.linspace(low_hz, high_hz, 3))
+    ends, middles = values[:, ::2], values[:, 1::2]
+    return float(np.abs((ends[:, :-1] + ends[:, 1:]) / 2 - middles).max())

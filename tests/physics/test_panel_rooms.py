@@ -457,3 +457,38 @@ def test_round_pillar_in_a_flat_room_loses_no_face(height):
         parts = MitsubaBackend(TraceSettings(room=room, max_bounces=1, diffuse=False)).paths(scene, RADAR, looking((1.0, 0, 1.0)))
         levels.append(20 * np.log10(abs(traced.field([p.where(np.abs(p.length_m - 2.7) < 0.6) for p in parts], 77e9))))
     assert levels[0] == pytest.approx(levels[1], abs=0.5)
+
+
+@pytest.mark.parametrize("depth_m", [0.15, 0.3])
+def test_wall_with_a_deep_cavity_has_its_reflection_at_every_sample(depth_m):
+    """The samples of a wall over the samples of a metal wall are the reflection at normal incidence at the frequency of each sample, as a
+    sum over all echoes between the boards gives it. The level of the metal wall is that of the middle frequency at all samples, and the
+    level of the other wall is proportional to the wavelength.
+    """
+    wall = trimesh.creation.box((0.01, 6.0, 6.0)).apply_translation((2.0, 0.0, 0.0))
+    radar = rt.Radar.iwr1843(element="isotropic")
+
+    def samples(material):
+        scene = rt.Scene([rt.Surface(wall, material, "wall", role="room")])
+        return rt.simulate(scene, radar, np.eye(4)[None], simulator=BOUNCE).iq[0, 0, 0, 0]
+
+    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
+    outer, through, back = board(frequency)
+    delay = np.exp(-2j * np.pi * frequency * 2 * depth_m / SPEED_OF_LIGHT)
+    exact = outer + sum(through**2 * outer * delay * (back * outer * delay) ** n for n in range(40))
+    stack = rt.Layered([("plasterboard", 0.0125), ("air", depth_m), ("plasterboard", 0.0125)])
+    found = samples(stack) / samples("metal") * frequency / radar.center_frequency_hz
+    assert np.abs(found + np.conj(exact)).max() < 3e-3
+
+
+def board(frequency_hz):
+    """Return reflection, transmission and reflection from behind of 12.5 mm plasterboard at normal incidence (Airy's formulas).
+
+    The permittivity 2.73 - j sigma/(2 pi f eps0), sigma = 0.0085 f^0.9395 S/m with f in GHz, is that of ITU-R P.2040-4.
+    """
+    loss = 0.0085 * (frequency_hz / 1e9) ** 0.9395 / (2 * np.pi * frequency_hz * 8.8541878128e-12)
+    index = np.sqrt(2.73 - 1j * loss)
+    face = (1 - index) / (1 + index)
+    once = np.exp(-2j * np.pi * frequency_hz * index * 0.0125 / SPEED_OF_LIGHT)
+    reflected = face * (1 - once**2) / (1 - face**2 * once**2)
+    return reflected, (1 - face**2) * once / (1 - face**2 * once**2), reflected

@@ -12,6 +12,7 @@ from radartwin import compiled
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.reflection_table import chebyshev_nodes
 from radartwin.simulation.signal import gridding
 from radartwin.simulation.signal.synthesis import planar_phase, synthesize, thermal_noise
 
@@ -57,6 +58,22 @@ def test_synthesis_matches_the_direct_sum(rate, nodes):
     expected = direct_sum(paths, radar)
     error = np.linalg.norm(synthesize(paths, radar) - expected) / np.linalg.norm(expected)
     assert error < 1e-4  # the required error is 1e-3; an interpolation kernel with 6 taps gives 1e-5
+
+
+def test_delayed_echo_in_the_amplitude_equals_a_longer_path():
+    """A path whose amplitude over frequency contains an echo delayed by twice 300 mm has the signal of two paths."""
+    radar = Radar.iwr1843(element="isotropic")
+    nodes = chebyshev_nodes(radar.start_frequency_hz, radar.start_frequency_hz + radar.sampled_bandwidth_hz, 52)
+    forward, one = np.array([[1.0, 0.0, 0.0]]), np.ones(1, int)
+
+    def path(amplitude, frequencies, half_m):
+        rest = (np.array([half_m]), np.array([half_m]), forward, forward, np.zeros(1))
+        return Paths(1, np.zeros(1, int), one, np.asarray(amplitude, complex)[None], frequencies, *rest)
+
+    middle = np.array([radar.center_frequency_hz])
+    both = synthesize(path(1 + 0.4 * np.exp(2j * np.pi * nodes * 0.6 / C), nodes, 2.0), radar, elements="planar")
+    apart = synthesize(path([1], middle, 2.0), radar, elements="planar") + synthesize(path([0.4], middle, 2.3), radar, elements="planar")
+    assert np.abs(both - apart).max() < 1e-4
 
 
 def test_no_paths_give_zero_samples():

@@ -63,7 +63,7 @@ def carried(mesh, reflectance, bounces):
 
     variant.activate()
     built = geometry.build([mesh])
-    flat = np.full((1, reflection_table.COSINES, 1), np.sqrt(reflectance), complex)
+    flat = np.full((1, 1024, 1), np.sqrt(reflectance), complex)
     table = reflection_table.ReflectionTable(-flat, 1j * flat, 0 * flat, 0 * flat, np.array([FREQUENCY]), (("metal", 0.0),))
     device = on_device.Device(built, table, None, None, True)
     power = np.zeros(bounces + 1)

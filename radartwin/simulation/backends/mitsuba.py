@@ -174,5 +174,7 @@ class MitsubaBackend:
 def target(surfaces: list[Surface], radar: Radar) -> Target:
     """Prepare the triangles of the surfaces and their reflection coefficients in the radar's frequency sweep."""
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
-    table = reflection_table.build([(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high)
+    table = reflection_table.build(
+        [(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high, [s.name for s in surfaces]
+    )
     return Target(geometry_module.build([s.mesh for s in surfaces]), table)

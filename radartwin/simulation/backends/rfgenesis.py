@@ -241,7 +241,7 @@ def _lambert(hits: Hits, scene: Scene, frequency_hz: float, settings: RFGenesisS
     """Return the amplitudes (F, P) of the version `corrected`; their square is received over transmitted power for isotropic antennas."""
     table = reflection_table.build([(s.material, 0.0) for s in scene.surfaces], frequency_hz)
     power = ((np.abs(table.te) ** 2 + np.abs(table.tm) ** 2) / 2)[:, :, 0]
-    angle = np.clip(np.rint(hits.cosine * (reflection_table.COSINES - 1)).astype(int), 0, reflection_table.COSINES - 1)
+    angle = np.clip(np.rint(hits.cosine * (power.shape[1] - 1)).astype(int), 0, power.shape[1] - 1)
     albedo = power[np.maximum(hits.surface, 0), angle]
     pixel = (2 * np.tan(np.radians(settings.fov_deg) / 2) / settings.grid) ** 2 * hits.directions[:, 0] ** 3
     wavelength = SPEED_OF_LIGHT / frequency_hz

@@ -35,9 +35,7 @@ from radartwin.simulation.paths import Paths
 RAYS = 200_000
 ASIDE = np.array([0.74, 0.53, 0.41])  # direction in the sensor frame in which separation_m moves the receiver; parallel to no wall
 ASIDE /= np.linalg.norm(ASIDE)
-# Number of cosines of incidence in a reflection table. A wall of two boards on studs needs more cosines than the tables of the simulator on
-# Mitsuba have.
-COSINES = 4096
+COSINES = 4096  # least number of cosines of incidence in a reflection table, for errors below 3e-3 up to 89.7 degrees on stud walls
 MAX_RAYS = 50_000_000  # largest number of rays per pose
 
 
@@ -133,13 +131,13 @@ def reflection_tables(
     """Tabulate the reflection coefficients of the D different pairs (material, rms roughness in metres) in `entries`.
 
     Returns:
-        TE coefficients and TM coefficients (D, COSINES, Q) complex64, the table row of each entry, and the frequency nodes (Q,) in Hz.
+        TE coefficients and TM coefficients (D, C, Q) complex64 at C cosines of incidence, the table row of each entry, and the frequency
+        nodes (Q,) in Hz.
     """
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
-    frequencies = reflection_table.build(entries, radar.start_frequency_hz, high).frequencies_hz
     distinct = list(dict.fromkeys(entries))
-    cosines = np.linspace(0, 1, COSINES)
-    cosines[0] = 1e-6  # a small cosine replaces zero, because the TM reflection changes its sign at grazing incidence
+    table = reflection_table.build(distinct, radar.start_frequency_hz, high)
+    cosines, frequencies = reflection_table.grid_of_cosines(max(COSINES, table.te.shape[1])), table.frequencies_hz
     both = [np.stack(reflection(material, cosines[:, None], frequencies, rough)) for material, rough in distinct]
     te, tm = np.swapaxes(np.array(both, np.complex64), 0, 1)
     return te, tm, np.array([distinct.index(entry) for entry in entries]), frequencies

@@ -1,11 +1,12 @@
 """Define a material for Sionna RT whose reflection coefficients come from a table over mesh face and angle of incidence.
 
 Sionna's own material is one homogeneous slab in air, but the walls of radartwin's scenes are stacks of layers. The table holds the
-coefficients of `radartwin.materials.reflection` at 4096 equally spaced cosines of incidence, with linear interpolation between them. The
-interpolation error is below 3e-3 of the incident field for all wall, floor and ceiling materials of the rooms, at angles of incidence up
-to 89.7 degrees. For a slab in air, the table agrees with Sionna's own material. Tests check both statements. Sionna's own code computes
-polarisation, diffuse pattern and sampling probabilities. A single material object serves all surfaces, because Dr.Jit processes the code of
-every material object on each call. Import this module only in the worker process, after the process has activated its Mitsuba variant.
+coefficients of `radartwin.materials.reflection` at 4096 or more equally spaced cosines of incidence, with linear interpolation between
+them. The interpolation error is below 3e-3 of the incident field for all wall, floor and ceiling materials of the rooms, at angles of
+incidence up to 89.7 degrees. For a slab in air, the table agrees with Sionna's own material. Tests check both statements. Sionna's own code
+computes polarisation, diffuse pattern and sampling probabilities. A single material object serves all surfaces, because Dr.Jit processes
+the code of every material object on each call. Import this module only in the worker process, after the process has activated its Mitsuba
+variant.
 """
 
 from typing import Any

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.reflection_table import COSINES, ReflectionTable
+from radartwin.simulation.reflection_table import ReflectionTable
 
 _ALIGNMENT = 64  # memory alignment in bytes, the width of the widest vector register of any CPU
 _DTYPES = {"Float": np.float32, "UInt": np.uint32, "UInt64": np.uint64, "Bool": np.bool_}
@@ -59,6 +59,7 @@ class Device:
         self.cluster = None if cluster is None else upload(mi.UInt32, cluster)
         self.labels = None if labels is None else upload(mi.UInt64, labels + 1)
         self.nodes = len(table.frequencies_hz)
+        self.cosines = dr.opaque(mi.UInt32, table.te.shape[1])
         self.coefficients = self.tabulated(table.te, table.tm)
         # Rays start this many metres above a surface. The height is well above the float32 resolution of the surface's coordinates.
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
@@ -78,7 +79,7 @@ class Device:
 
     @staticmethod
     def tabulated(te: np.ndarray, tm: np.ndarray) -> list[Any]:
-        """Upload complex TE and TM coefficients (S surfaces, COSINES cosines, Q frequency nodes) in the form that `lookup` reads."""
+        """Upload complex TE and TM coefficients (S surfaces, C cosines, Q frequency nodes) in the form that `lookup` reads."""
         return [upload(mi.Float, part) for c in (te, tm) for part in (np.real(c), np.imag(c))]
 
     def lookup(self, coefficients: list[Any], face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
@@ -87,10 +88,10 @@ class Device:
         Returns:
             [te.re, te.im, tm.re, tm.im]: real and imaginary parts of the TE and the TM coefficient.
         """
-        x = dr.clip(cosine, 0, 1) * (COSINES - 1)
-        low = dr.minimum(mi.UInt32(x), COSINES - 2)
+        x = dr.clip(cosine, 0, 1) * mi.Float(self.cosines - 1)
+        low = dr.minimum(mi.UInt32(x), self.cosines - 2)
         weight = x - mi.Float(low)
-        index = (dr.gather(mi.UInt32, self.surface, face, active) * COSINES + low) * self.nodes + node
+        index = (dr.gather(mi.UInt32, self.surface, face, active) * self.cosines + low) * self.nodes + node
         return [
             dr.lerp(dr.gather(mi.Float, c, index, active), dr.gather(mi.Float, c, index + self.nodes, active), weight) for c in coefficients
         ]

@@ -62,7 +62,7 @@ def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | 
     faces = _of_shells(geometry, table)
     if not faces.any() or (among is not None and not (faces & among).any()):
         return None
-    cosines = grid_of_cosines()[:, None]
+    cosines = grid_of_cosines(table.te.shape[1])[:, None]
     wavenumber = 2 * np.pi * table.frequencies_hz / SPEED_OF_LIGHT
     inside_te, inside_tm = table.te.copy(), table.tm.copy()
     for surface in np.unique(geometry.surface[faces]):

@@ -25,7 +25,6 @@ import math
 import numpy as np
 
 from radartwin.compiled import compiled, innermost
-from radartwin.simulation.reflection_table import COSINES
 
 MAX_CORNERS = 24  # largest number of corners of an intermediate polygon; a rectangle cut by eight planes has twelve
 MAX_PIECES = 64
@@ -452,7 +451,7 @@ def _hull(points: np.ndarray, count: int, out: np.ndarray) -> int:
 def _reflect(
     field: np.ndarray, direction: np.ndarray, mirrored: np.ndarray, normal: np.ndarray, cosine: float, te: np.ndarray, tm: np.ndarray
 ) -> None:
-    """Replace the incident field (Q, 3) by the field that a plane reflects; the array is changed in place. Coefficients (COSINES, Q) are
+    """Replace the incident field (Q, 3) by the field that a plane reflects; the array is changed in place. Coefficients (C, Q) are
     interpolated linearly in the cosine.
     """
     s = np.cross(direction, normal)
@@ -462,8 +461,8 @@ def _reflect(
         size = norm(s)
     s = s / size
     p_in, p_out = np.cross(direction, s), np.cross(mirrored, s)
-    x = min(max(cosine, 0.0), 1.0) * (COSINES - 1)
-    low = min(int(x), COSINES - 2)
+    x = min(max(cosine, 0.0), 1.0) * (len(te) - 1)
+    low = min(int(x), len(te) - 2)
     share = x - low
     for q in range(field.shape[0]):
         along_s, along_p = 0j, 0j

@@ -15,7 +15,7 @@ import numpy as np
 
 from radartwin.compiled import compiled, shared_out
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
-from radartwin.simulation.reflection_table import COSINES, ReflectionTable
+from radartwin.simulation.reflection_table import ReflectionTable
 
 SAME_M = 1e-6  # triangles of one surface that a line meets within this distance count once
 
@@ -27,7 +27,7 @@ def cross_panes(
     """Multiply a field in place by the transmission of the panes between two points.
 
     Args:
-        te, tm: (surfaces, COSINES, Q) transmission tables.
+        te, tm: (surfaces, C, Q) transmission tables.
         start, stop: (3,) ends of the line; the direction of travel does not matter.
         found, count: triangles on the line, from `obstacles.crossed`.
         field: (Q, 3) field across the line.
@@ -59,8 +59,8 @@ def cross_panes(
         for k in range(3):
             s[k] /= size
         p = np.cross(way, s) / length
-        x = min(abs(along) / length, 1.0) * (COSINES - 1)
-        low = min(int(x), COSINES - 2)
+        x = min(abs(along) / length, 1.0) * (te.shape[1] - 1)
+        low = min(int(x), te.shape[1] - 2)
         share = x - low
         surface = tree.label[t]
         for q in range(field.shape[0]):

@@ -18,7 +18,6 @@ from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
 from radartwin.simulation.flat.wedge import coefficients, half_plane
-from radartwin.simulation.reflection_table import COSINES
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
 ROUNDS = 40  # largest number of steps to find the two points of a double diffraction
@@ -126,9 +125,9 @@ def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 @innermost
 def looked_up(values: np.ndarray, surface: int, cosine: float, q: int) -> complex:
-    """Return a coefficient of a table (surfaces, COSINES, Q), interpolated linearly in the cosine of incidence."""
-    x = min(max(cosine, 0.0), 1.0) * (COSINES - 1)
-    low = min(int(x), COSINES - 2)
+    """Return a coefficient of a table (surfaces, C, Q), interpolated linearly in the cosine of incidence."""
+    x = min(max(cosine, 0.0), 1.0) * (values.shape[1] - 1)
+    low = min(int(x), values.shape[1] - 2)
     return values[surface, low, q] * (1 - x + low) + values[surface, low + 1, q] * (x - low)
 
 
