@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
 from experiments.validation.oracles.case import Case, Untestable, reference_rows
 from radartwin.config.config import Config
@@ -29,16 +30,16 @@ TABLE = Table(
     name="validation",
     title="What the tracer is checked against",
     caption="Every check of the simulator against an independent reference: closed forms, Mie and layered-cylinder series, near-field "
-    "quadrature, image sources of rectangular rooms, transfer matrices and exact kinematics. No reference shares code with the "
-    "tracer. A row compares n values; it shows the reference and our value where they differ most. The column value is the "
-    "error, which must not exceed the limit.",
+    "quadrature, image sources of rectangular rooms, full-wave fields of furnished rooms, transfer matrices and exact kinematics. "
+    "No reference shares code with the tracer. A row compares n values; it shows the reference and our value where they differ most. "
+    "The column value is the error, which must not exceed the limit.",
 )
 
 DOMAIN = "oracle"
-SUBJECTS = ("targets", "near field", "rooms", "dielectrics", "energy", "motion", "samples")  # in the order of the card
+SUBJECTS = ("targets", "near field", "rooms", "furnished rooms", "dielectrics", "energy", "motion", "samples")  # in the order of the card
 CASES: tuple[Case, ...] = tuple(
     sorted(
-        (case for module in (targets, near, rooms, dielectrics, energy, motion, sampling) for case in module.CASES),
+        (case for module in (targets, near, rooms, furnished_rooms, dielectrics, energy, motion, sampling) for case in module.CASES),
         key=lambda case: SUBJECTS.index(case.subject),
     )
 )
@@ -59,6 +60,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         "validation_ray_count": lambda: _ray_count_figure(full),
         "validation_near_field": lambda: _near_figure(full),
         "validation_room_profile": lambda: _room_figure(full),
+        "validation_furnished_room": lambda: furnished_rooms.drawing(furnished_rooms.worst(full)),
     }
     return Result(TABLE.name, rows, figures, metrics)
 

@@ -19,7 +19,8 @@ import shapely
 from experiments.validation.oracles import moments_2d
 from radartwin.radar.chirp import Radar
 
-ROOMS = Path(__file__).parent / "fullwave_2d" / "rooms"
+FIELDS = Path(__file__).parent / "fullwave_2d"
+ROOMS = FIELDS / "rooms"
 SEEDS = range(1, 31)
 EVERY = 4  # the fields are at every fourth sample of a chirp
 NEAREST_M, FARTHEST_M = 0.25, 1.25  # all strips are between these distances from the radar
@@ -176,19 +177,28 @@ def frequencies() -> np.ndarray:
     return sensor.start_frequency_hz + sensor.slope_hz_per_s * EVERY * np.arange(sensor.num_samples // EVERY) / sensor.sample_rate_hz
 
 
-def write(folder: Path, scenes: Mapping[str, Mapping[str, Strips]], chosen: list[str], notes: Mapping[str, object]) -> None:
-    """Write scenes.json of all scenes, and solve the chosen scenes and write their fields."""
-    sensor, at = radar(), frequencies()
-    transmitter, receiver = np.round(sensor.tx_positions[0, :2], 8), np.round(sensor.rx_positions[0, :2], 8)
+def write(
+    folder: Path, scenes: Mapping[str, Mapping[str, Strips]], chosen: list[str], notes: Mapping[str, object], ends_m: np.ndarray
+) -> None:
+    """Write scenes.json of all scenes, and solve the chosen scenes and write their fields.
+
+    Args:
+        folder: folder of the files.
+        scenes: strips of each surface of each scene.
+        chosen: names of the scenes to solve.
+        notes: further entries of scenes.json.
+        ends_m: (2, 2) positions of the transmitter and of the receiver.
+    """
+    at = frequencies()
     folder.mkdir(parents=True, exist_ok=True)
+    head = {"transmitter_m": ends_m[0].tolist(), "receiver_m": ends_m[1].tolist(), **notes}
     described = {one: {part: strips.tolist() for part, strips in surfaces.items()} for one, surfaces in scenes.items()}
-    head = {"transmitter_m": transmitter.tolist(), "receiver_m": receiver.tolist(), **notes}
     lines = ",\n".join(f"{json.dumps(one)}: {json.dumps(surfaces)}" for one, surfaces in described.items())
     (folder / "scenes.json").write_text(json.dumps(head)[:-1] + ', "scenes": {\n' + lines + "\n}}\n")
     for one in chosen:
         started = time.perf_counter()
         nodes = moments_2d.nodes(scenes[one].values(), at[-1])
-        field = moments_2d.sweep(nodes, at, transmitter, receiver)
+        field = moments_2d.sweep(nodes, at, *ends_m)
         rows = [f"{f:.0f},{v.real:.6e},{v.imag:.6e}" for f, v in zip(at, field, strict=True)]
         (folder / f"{one}.csv").write_text("\n".join(["frequency_hz,real,imag", *rows]) + "\n")
         print(f"{one}: {len(nodes)} nodes, {time.perf_counter() - started:.0f} s", flush=True)
@@ -198,11 +208,14 @@ def main() -> None:
     """Solve the rooms named on the command line, or all rooms."""
     names = {name(seed): seed for seed in SEEDS}
     parser = argparse.ArgumentParser(description="Solve furnished metal rooms by the method of moments.")
-    parser.add_argument("names", nargs="*", choices=[[], *names], help="rooms to solve; all if none is named")
+    parser.add_argument("names", nargs="*", help="rooms to solve; all if none is named")
     chosen = parser.parse_args().names or list(names)
-    write(
-        ROOMS, {one: room(seed) for one, seed in names.items()}, chosen, {"seed": names, "nodes_per_wavelength": moments_2d.PER_WAVELENGTH}
-    )
+    if unknown := set(chosen) - set(names):
+        parser.error(f"no room is named {', '.join(sorted(unknown))}; the rooms are {', '.join(names)}")
+    sensor = radar()
+    ends_m = np.round([sensor.tx_positions[0, :2], sensor.rx_positions[0, :2]], 8)
+    notes = {"seed": names, "nodes_per_wavelength": moments_2d.PER_WAVELENGTH}
+    write(ROOMS, {one: room(seed) for one, seed in names.items()}, chosen, notes, ends_m)
 
 
 if __name__ == "__main__":
