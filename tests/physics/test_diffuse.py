@@ -18,6 +18,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, shadows, variant
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
 
@@ -300,6 +301,19 @@ def test_simulator_adds_the_cloud_of_moving_objects():
         )
         more = sum(map(len, with_cloud)) - sum(map(len, without))
         assert (more > 0) == diffuse_wanted
+
+
+def test_drives_have_the_cloud_of_their_object():
+    """Along a drive, a rough object has the same diffuse paths as in a simulation with `motion`."""
+    plate = Surface(rectangle(0.0, (-0.3, -0.3), (0.3, 0.3)), "concrete", "plate", roughness_m=SIGMA)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, 0, 3] = 2.0
+    sensor = at((0, 0, 0), (0, 0.01, 0), (0, 0.02, 0))
+    *_, found = Drives([], ISOTROPIC, sensor, TraceSettings()).moving([plate], sensor, poses[:1])
+    (expected,) = diffuse.of_scene(None, bodies((plate, poses)), ISOTROPIC, sensor)
+    assert len(found) > 50
+    assert np.array_equal(found.amplitude, expected.amplitude)
+    assert found.rate_mps == pytest.approx(expected.rate_mps)
 
 
 def test_cloud_moves_with_its_body():
