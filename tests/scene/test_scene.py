@@ -19,7 +19,7 @@ def labelled_scene():
     floor = trimesh.creation.box((4, 4, 0.1)).apply_translation([0.123456789, 0, -1])
     return Scene(
         [
-            Surface(box(), "metal", "target", roughness_m=2e-4, role="object", provenance={"source": "true"}),
+            Surface(box(), "metal", "target", roughness_m=2e-4, correlation_m=7e-3, role="object", provenance={"source": "true"}),
             Surface(floor, Layered([("floorboard", 0.008)], backing="concrete"), "floor"),
             Surface(box(0.4, (2, 0, 0)), pane, "window", role="room"),
             Surface(box(0.1, (0, 2, 0)), "wood"),
@@ -36,6 +36,7 @@ def test_a_scene_round_trips_with_the_same_bytes_and_without_temporary_files(tmp
     assert again.provenance == scene.provenance
     for a, b in zip(scene, again, strict=True):
         assert (a.material, a.name, a.roughness_m, a.role, a.provenance) == (b.material, b.name, b.roughness_m, b.role, b.provenance)
+        assert a.correlation_m == b.correlation_m
         assert np.array_equal(a.mesh.faces, b.mesh.faces)
         assert np.abs(a.mesh.vertices - b.mesh.vertices).max() < 1e-6  # float32 in glTF
         assert np.abs(a.mesh.vertex_normals - b.mesh.vertex_normals).max() < 1e-6
@@ -137,6 +138,8 @@ def test_an_extent_over_100_m_is_refused_with_a_hint_at_the_unit(size, hint):
         ({"material": "plasterbord"}, MaterialError, "plasterboard"),
         ({"roughness_m": -1e-3}, SceneError, "roughness_m"),
         ({"roughness_m": np.nan}, SceneError, "roughness_m"),
+        ({"correlation_m": 0.0}, SceneError, "correlation_m"),
+        ({"correlation_m": np.inf}, SceneError, "correlation_m"),
         ({"role": "furniture"}, SceneError, "auto, object or room"),
     ],
 )

@@ -55,6 +55,7 @@ def test_simulate_names_the_wrong_argument(change, words):
         ({"roughness_m": "x"}, "roughness_m"),
         ({"roughness_m": True}, "roughness_m"),
         ({"roughness_m": np.inf}, "roughness_m"),
+        ({"correlation_m": "x"}, "correlation_m"),
     ],
 )
 def test_a_surface_names_the_wrong_field(change, word):
