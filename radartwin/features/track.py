@@ -20,14 +20,15 @@ from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 # Half width in metres of the search window around the nominal range. The window includes the effects of wheel slip, start offset and the
 # depth of the object.
 SEARCH_M = 0.3
-MAX_SPEED_MPS = 0.5  # highest speed of the tracked peak in m/s, twice the highest speed of the recorded motions (0.24 m/s)
+LEAST_SPEED_MPS = 0.5  # speed in m/s at which the tracked peak may always move, twice the highest speed of the recorded motions (0.24 m/s)
 Real = NDArray[np.floating]
 
 
 def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_hz: float) -> Real:
     """Track the power-weighted range of the target's power peak in each frame, in metres, (F,).
 
-    The peak may move by one range bin per frame at any frame rate.
+    The peak may move at LEAST_SPEED_MPS or at twice the speed of the search window, whichever is higher, and by one range bin per frame at
+    any frame rate.
 
     Args:
         processed: processed recording of F frames.
@@ -38,7 +39,9 @@ def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_
         InputError: the search window of a frame contains no range bin.
     """
     searched = _searched(processed, low_m, high_m)
-    step = max(1, int(np.ceil(MAX_SPEED_MPS / frame_rate_hz / np.diff(processed.range_m).mean())))
+    per_frame_m = max(float(np.abs(np.diff(np.atleast_1d(limit))).max(initial=0.0)) for limit in (low_m, high_m))
+    speed_mps = max(LEAST_SPEED_MPS, 2 * per_frame_m * frame_rate_hz)
+    step = max(1, int(np.ceil(speed_mps / frame_rate_hz / np.diff(processed.range_m).mean())))
     return _weighted(processed, _strongest_path(processed.power.astype(np.float64), searched, step))
 
 

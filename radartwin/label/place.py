@@ -18,7 +18,7 @@ import trimesh
 
 from radartwin.errors import LabelError
 
-SPACING_M, MIN_POINTS, MAX_POINTS = 0.25, 12, 400  # spacing and number of the stored points of a surface; 25 m2 of floor have 400 points
+SPACING_M, MIN_POINTS = 0.25, 12  # spacing and smallest number of the stored points of a surface; 25 m2 of floor have 400 points
 REACH_M = 0.3  # largest distance from a point to the surface it votes for; above SPACING_M, because scans have errors of centimetres
 RIGHT_ANGLE_M = 0.4  # additional distance that a right angle between two flat surfaces counts as
 MIN_SHARE = 0.3  # smallest share of a surface's points that must vote for a surface of the other scan to match it
@@ -57,14 +57,14 @@ class Place:
 
 
 def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
-    """Compute the position of a mesh, with one point per spacing_m^2 of area, but at least MIN_POINTS and at most MAX_POINTS points."""
+    """Compute the position of a mesh, with one point per spacing_m^2 of area, but at least MIN_POINTS points."""
     corners = np.asarray(mesh.triangles, float)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(cross, axis=1)
     area = float(doubled.sum() / 2)
     mean = cross.sum(axis=0) / max(doubled.sum(), 1e-300)
     length = float(np.linalg.norm(mean))
-    count = int(np.clip(math.ceil(area / spacing_m**2), MIN_POINTS, MAX_POINTS))
+    count = max(MIN_POINTS, math.ceil(area / spacing_m**2))
     points = _spread_points(corners, doubled, count)
     centroid = np.average(corners.mean(axis=1), axis=0, weights=np.maximum(doubled, 1e-300))
     return Place(centroid, mean / length if length > 0.8 else None, area, np.asarray(mesh.bounds, float), points)

@@ -117,6 +117,13 @@ def test_track_of_an_approach_is_exact_to_a_millimetre_at_any_scale() -> None:
         assert track.excursion(found) == pytest.approx(0.98, abs=2e-3)
 
 
+def test_track_follows_an_approach_at_the_speed_of_its_search_window() -> None:
+    frames = 20
+    along = 4.8 - 2.0 * np.arange(frames) / RADAR.frame_rate_hz
+    found = track.around(process(echoes(frames, [(1.0, lambda t: 4.8 - 2.0 * t)])), along, RADAR.frame_rate_hz)
+    assert found == pytest.approx(along, abs=0.02)
+
+
 def test_track_is_the_power_weighted_mean_of_two_echoes_in_one_gate() -> None:
     # The echoes are two bins apart, and their energies are 4 to 1.
     made = process(echoes(1, [(2e-3, AXIS_M), (1e-3, AXIS_M + 40 * BIN_M)]))

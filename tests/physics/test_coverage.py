@@ -11,9 +11,13 @@ import pytest
 import trimesh
 
 from radartwin.errors import BackendError
+from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
+from radartwin.simulation import geometry
+from radartwin.simulation.backends import tube_paths
 from radartwin.simulation.curved import division, tube_grid
 from radartwin.simulation.curved.hits import TraceOptions
+from radartwin.simulation.simulate import simulate
 
 
 def slanted_frame() -> Any:
@@ -64,6 +68,23 @@ def test_corner_beside_the_source_needs_all_cells() -> None:
     cells = tube_grid.covered(grid, 0, grazing)
     assert cells is not None
     assert 0 < len(cells) < grid.per_pose
+
+
+def test_tubes_of_a_hall_keep_the_width_rule_up_to_its_farthest_corner() -> None:
+    """The tubes are 0.3 sqrt(wavelength x distance) wide in a hall whose farthest corner is 30 m away."""
+    hall = geometry.build([trimesh.creation.box((24.0, 32.0, 0.01))])
+    count = tube_paths._room_rays(hall, np.array([[-6.0, 0.0, 10.0]]), 0.0039)
+    distance = np.linalg.norm([18.0, 16.0, 10.005])
+    assert 2 * distance / np.sqrt(count / 6) == pytest.approx(0.3 * np.sqrt(0.0039 * distance), rel=1e-3)
+
+
+def test_objects_that_need_more_tubes_than_the_limit_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The radar is between two plates, which no plane grid of tubes covers."""
+    monkeypatch.setattr(tube_paths, "MAX_AROUND", 10_000)
+    plates = trimesh.util.concatenate([trimesh.creation.box((0.2, 0.001, 0.2)).apply_translation((0.02, y, 0)) for y in (-0.1, 0.1)])
+    scene = Scene([Surface(plates, "metal", "plates")])
+    with pytest.warns(UserWarning, match=r"tubes, over the limit MAX_AROUND of 10,000.*times too wide; lower rays_per_wavelength2"):
+        simulate(scene, Radar.iwr1843(), np.eye(4)[None])
 
 
 def test_too_many_tubes_for_an_index_are_refused() -> None:

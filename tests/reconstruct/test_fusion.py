@@ -10,6 +10,7 @@ from radartwin.reconstruct.distance import Nearest, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.fusion import fusion, volume
 from radartwin.reconstruct.fusion.fusion import fuse, holes
+from radartwin.reconstruct.mesh_file import ScanWarning
 from radartwin.testbed.scanner.walk import look_along
 
 LENS = np.array([[70.0, 0, 47.5], [0, 70, 35.5], [0, 0, 1]])
@@ -102,6 +103,21 @@ def test_averaging_lowers_noise_below_that_of_one_picture():
     mesh, report = fuse(frames(noise_m=0.01), voxel_m=0.03, refine=False)
     assert np.median(to_truth(np.asarray(mesh.vertices))) < 0.004  # |N(0, 10 mm)| has a median of 6.7 mm
     assert report.residual_median_m == pytest.approx(0.0067, rel=0.25)
+
+
+def test_frames_beyond_the_limit_are_named(monkeypatch):
+    monkeypatch.setattr(fusion, "MAX_FRAMES", 20)
+    with pytest.warns(ScanWarning, match=r"40 frames are over the limit MAX_FRAMES of 20, so only one frame in 2 is used"):
+        assert fuse(frames(), voxel_m=0.06, refine=False)[1].frames == 20
+
+
+def test_depths_beyond_the_limit_are_named(monkeypatch):
+    monkeypatch.setattr(fusion, "MAX_RANGE_M", 1.5)
+    share = np.mean([depth_of(pose)[0] > 1.5 for pose in poses()])
+    assert 0.05 < share < 0.95
+    with pytest.warns(ScanWarning, match=r"% of the depth pixels are beyond the limit MAX_RANGE_M of 1.5 m") as caught:
+        fuse(frames(), voxel_m=0.06, refine=False)
+    assert int(str(caught[0].message).split(" %")[0].split()[-1]) == pytest.approx(100 * share, abs=6)
 
 
 def test_surface_that_other_views_see_through_is_removed():

@@ -68,6 +68,12 @@ BAD_FIRST = {
 }
 
 
+def test_surfaces_that_the_question_leaves_out_are_counted(model):
+    boxes = [Surface(objects.box([0, 0, k], [0.1, 0.1, k + 0.1]), "wood", f"box {k}") for k in range(300)]
+    with pytest.warns(UserWarning, match=r"301 named surfaces.*only the 300 largest ones; use a layout file"):
+        read_sentence(HARD, Scene([*SCENE, *boxes]), endpoint=endpoint(model(GOOD).url))
+
+
 @pytest.mark.parametrize("first", BAD_FIRST.values(), ids=BAD_FIRST)
 def test_an_unusable_answer_is_returned_with_the_reason(model, first):
     server = model(first, '```json\n{"objects": [{"object": "mug", "on": "desk"}]}\n```')

@@ -7,6 +7,7 @@ The module `views` computes the weights of the pixels, `alignment` corrects the 
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -19,11 +20,14 @@ from radartwin.reconstruct.fusion.alignment import AlignmentReport, align
 from radartwin.reconstruct.fusion.marching import extract
 from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
+from radartwin.reconstruct.mesh_file import ScanWarning
 
 VOXELS_ACROSS = 450  # number of voxels along the room's diagonal, which gives 2 cm voxels for a diagonal of 9 m
 VOXEL_M = (0.01, 0.03)
 TRUNCATION_VOXELS = 4
 MAX_RANGE_M = 5.0  # range of phone LiDAR, as Apple states it; greater depths are ignored
+FAR_SHARE = 0.05  # a larger share of depth pixels beyond MAX_RANGE_M causes a warning
+CHECKED_FRAMES = 12  # number of frames in which the share of depth pixels beyond MAX_RANGE_M is determined
 MAX_FRAMES = 400  # if there are more frames, every n-th frame is used
 SMALLEST_PART_M2 = 0.03  # smaller connected parts of the mesh are removed as flying pixels
 RESIDUAL_STEP = 7  # the distance of the depth pixels from the fused surface is computed at every seventh pixel in both directions
@@ -126,9 +130,15 @@ def fuse(
         The report of the fusion.
     Raises:
         ScanError: the frames have no usable depth or show no surface, or the room needs more voxels than the memory limit allows.
+    Warns:
+        ScanWarning: there are more than MAX_FRAMES frames, or more than FAR_SHARE of the depth pixels are beyond MAX_RANGE_M.
     """
     if len(frames) > MAX_FRAMES:
-        frames = frames[:: -(-len(frames) // MAX_FRAMES)]
+        every = -(-len(frames) // MAX_FRAMES)
+        text = f"{len(frames)} frames are over the limit MAX_FRAMES of {MAX_FRAMES}, so only one frame in {every} is used"
+        warnings.warn(f"{frames.source}: {text}; reconstruct parts of the scan if it lacks detail", ScanWarning, stacklevel=2)
+        frames = frames[::every]
+    _warn_of_far_depths(frames)
     views = Views(frames, MAX_RANGE_M)
     steps = 2 * len(views)
     low, high, used = _bounds(views, lambda i: progress(i, steps) if progress else None)
@@ -164,6 +174,16 @@ def fuse(
         alignment=alignment,
         scale=scale,
     )
+
+
+def _warn_of_far_depths(frames: Frames) -> None:
+    """Warn if the fusion ignores more than FAR_SHARE of the depth pixels, because they are beyond MAX_RANGE_M."""
+    chosen = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).round()).astype(int)
+    depths = np.concatenate([depth[depth > 0] for depth in (frames[int(i)].depth_m for i in chosen)])
+    share = float(np.mean(depths > MAX_RANGE_M)) if len(depths) else 0.0
+    if FAR_SHARE < share < 1:  # if all pixels are too far, the fusion raises an error
+        text = f"{100 * share:.0f} % of the depth pixels are beyond the limit MAX_RANGE_M of {MAX_RANGE_M:g} m and are ignored"
+        warnings.warn(f"{frames.source}: {text}; record the far surfaces from a smaller distance", ScanWarning, stacklevel=3)
 
 
 def _filled_volume(

@@ -8,6 +8,7 @@ names and relations; the module `place` computes the coordinates.
 from __future__ import annotations
 
 import json
+import warnings
 
 import numpy as np
 
@@ -56,12 +57,18 @@ def read_sentence(sentence: str, scene: Scene, sensor_pose: np.ndarray | None = 
 
 
 def _task(scene: Scene) -> str:
-    largest = sorted((s for s in scene if s.name), key=lambda s: -float(s.mesh.area))[:_MAX_NAMES]
+    largest = sorted((s for s in scene if s.name), key=lambda s: -float(s.mesh.area))
+    if len(largest) > _MAX_NAMES:
+        warnings.warn(
+            f"the scene has {len(largest)} named surfaces, and the question to the model lists only the {_MAX_NAMES} largest ones; "
+            "use a layout file to refer to a smaller surface",
+            stacklevel=2,
+        )
     return (
         "Turn the user's sentence into a layout: which objects go where in a room. Answer with JSON alone, in this schema:\n"
         f"{json.dumps(SCHEMA)}\n"
         f"object must be one of: {', '.join(stock_names())}.\n"
-        f"on and anchor must be one of: {', '.join(dict.fromkeys(s.name for s in largest))}, {SENSOR_NAMES[0]}, "
+        f"on and anchor must be one of: {', '.join(dict.fromkeys(s.name for s in largest[:_MAX_NAMES]))}, {SENSOR_NAMES[0]}, "
         "or the name of an object placed earlier in the list.\n"
         f"relation is one of: {', '.join(RELATIONS)}. Distances are metres. Give positions only where the sentence gives coordinates. "
         "Leave out what the sentence does not say."

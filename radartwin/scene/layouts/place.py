@@ -195,14 +195,16 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
         raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
     surface, _, positions = possible[0]
     reason: LayoutError | None = None
-    for position in _fine_last(positions[_spread(len(positions))], body, scene):
+    tested = _spread(len(positions))
+    for position in _fine_last(positions[tested], body, scene):
         try:
             at = _standing(body, position, surface, scene, name)
             _check(body, at, scene, name)
             return at, surface.name
         except LayoutError as error:
             reason = reason or error
-    raise LayoutError(f"there is no free place for the {sentence}: at the best place, {reason}")
+    share = f" among the {len(tested)} tested of {len(positions)} places" if len(tested) < len(positions) else ""
+    raise LayoutError(f"there is no free place for the {sentence}{share}: at the best place, {reason}")
 
 
 def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:

@@ -4,6 +4,7 @@ Wide tubes in all directions trace a room. Narrow tubes, about a wavelength wide
 of the cluster. A tube counts only for the cluster of objects (or the room) that it hits first, so that no path counts twice.
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -25,9 +26,8 @@ from radartwin.simulation.reflection_table import ReflectionTable
 # Ratio of tube width to sqrt(wavelength x distance) in a room. Flat walls alone would allow a ratio of 1, but furniture needs narrower
 # tubes.
 WIDTH_RULE = 0.3
-FARTHEST_M = 12.0  # largest distance in metres that WIDTH_RULE considers; farther surfaces lie beyond the unambiguous range
 NEAREST_M = 0.5  # smallest distance in metres from which the number of tubes is computed
-MAX_AROUND = 6_000_000  # largest number of tubes in all directions together
+MAX_AROUND = 6_000_000  # largest number of tubes in all directions together; a body that needs more gets wider tubes and a warning
 # The simulator drops paths whose amplitude, including antenna gains, is below this factor times that of the strongest path at the same
 # pose. The resulting error is 0.2 % of the signal in the simulated furnished lab.
 PRUNE = 1e-3
@@ -132,7 +132,7 @@ def _object_grids(geometry: Geometry, settings: TraceSettings, sensor: np.ndarra
     if grid is not None:
         return [grid]
     reach = max(NEAREST_M, float(np.linalg.norm(geometry.hull_points() - source.mean(0), axis=1).max()))
-    return tube_grid.all_around(source, sensor[:, :3, :3], min(MAX_AROUND, int(6 * (2 * reach / cell) ** 2)))
+    return tube_grid.all_around(source, sensor[:, :3, :3], _limited(int(6 * (2 * reach / cell) ** 2)))
 
 
 def _collect(
@@ -174,5 +174,16 @@ def _room_rays(geometry: Geometry, positions: np.ndarray, wavelength_m: float) -
     corners = geometry.corners.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
     away = np.maximum(np.abs(positions - low), np.abs(positions - high))
-    distance = float(np.clip(np.linalg.norm(away, axis=1).max(), NEAREST_M, FARTHEST_M))
-    return min(MAX_AROUND, int(6 * (2 / (WIDTH_RULE * np.sqrt(wavelength_m / distance))) ** 2))
+    distance = max(NEAREST_M, float(np.linalg.norm(away, axis=1).max()))
+    return _limited(int(6 * (2 / (WIDTH_RULE * np.sqrt(wavelength_m / distance))) ** 2))
+
+
+def _limited(wanted: int) -> int:
+    """Return the number of tubes in all directions, at most MAX_AROUND. The function warns if the limit makes the tubes too wide."""
+    if wanted > MAX_AROUND:
+        warnings.warn(
+            f"surfaces around the radar need {wanted:,} tubes, over the limit MAX_AROUND of {MAX_AROUND:,}, so that the tubes are "
+            f"{np.sqrt(wanted / MAX_AROUND):.1f} times too wide; lower rays_per_wavelength2 or move the radar away from large objects",
+            stacklevel=2,
+        )
+    return min(wanted, MAX_AROUND)
