@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours, q
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
 from experiments.speed.signal_error import DYNAMIC_DB, compare
 from experiments.validation.baselines import speed_read_mps
-from experiments.validation.oracles import rooms, stack, traced
+from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
 from experiments.validation.oracles.nearfield import corner_quadrature
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import corner_faces
@@ -256,6 +256,17 @@ def _snr(method: Method, value: float) -> float:
     return float(min(abs(10 * np.log10(np.mean(np.abs(level + noise) ** 2) / truth**2)), DYNAMIC_DB))
 
 
+def _full_wave(sweep: str, method: Method, value: float) -> float:
+    """Return the range-profile error in dB of a metal scene of furnished_sweeps, whose full-wave field is stored."""
+    name = furnished_sweeps.name(sweep, value)
+    iq = samples(method, fullwave.scene(furnished_sweeps.FOLDER, name))[0, 0, 0, 0] * 10 ** (gain_db(method) / 20)
+    return min(fullwave.compare(furnished_sweeps.FOLDER, name, iq).profile_db, DYNAMIC_DB)
+
+
+def _values(sweep: str) -> tuple[float, ...]:
+    return furnished_sweeps.SWEEPS[sweep][1]
+
+
 SWEEPS = (
     Sweep("rays", "rays on an object (10 cm trihedral, 1 m)", "rays a frame", "numerical", (65536, 16384, 4096, 1024, 256, 64), _rays,
           "too few tubes to tell faces apart; a camera's pixels miss the corner"),
@@ -287,4 +298,12 @@ SWEEPS = (
           "a wall that the scan lacks returns nothing"),
     Sweep("snr", "echo over receiver noise", "dB", "physical", (40, 30, 20, 10, 5, 0, -5), _snr,
           "below 0 dB a bin holds more noise than echo"),
+    Sweep("obstacle", "side of a metal box before a wall", "mm", "physical", _values("obstacle"), partial(_full_wave, "obstacle"),
+          "waves bend around a box that is narrower than the Fresnel zone of 4 cm"),
+    Sweep("opening", "width of an opening before a wall", "mm", "physical", _values("opening"), partial(_full_wave, "opening"),
+          "an opening narrower than the Fresnel zone of 4 cm spreads the wave over all angles"),
+    Sweep("panel", "tilt of a 15 cm panel, full wave", "deg", "physical", _values("panel"), partial(_full_wave, "panel"),
+          "a panel turned away from its mirror direction returns only the waves from its edges"),
+    Sweep("edge", "mirror point to the edge of a panel", "mm", "physical", _values("edge"), partial(_full_wave, "edge"),
+          "near the edge of a panel the wave from the edge is as strong as the mirror image"),
 )  # fmt: skip

@@ -4,6 +4,7 @@ and known errors of the tracer are unchanged.
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ import pytest
 from experiments.speed.methods import OURS, Method, ours
 from experiments.stability import stability, sweeps
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
+from experiments.validation.oracles import fullwave, furnished_sweeps, moments_2d
 from radartwin.runs.experiment import check_rows
 
 BY_NAME = {sweep.name: sweep for sweep in SWEEPS}
@@ -67,6 +69,7 @@ def test_map_shows_every_sweep_value_and_failure() -> None:
 STANDS = {
     "rays": (256, 0.6), "grid": (2.5, 0.3), "facets": (16, 0.5), "holes": (5, 0.6), "noise": (0.1, 0.8), "tilt": (40, 0.8),
     "near": (0.3, 1.5), "fold": (10.0, 0.2), "speed": (7.0, 0.5), "thickness": (0.0, 0.1), "gap": (0.03, 0.1), "snr": (20, 0.2),
+    "panel": (0, 1.0), "edge": (100, 1.0),
 }  # fmt: skip
 FALLS = {"facets": 12, "noise": 0.8, "fold": 12.0, "speed": 8.0, "snr": -5}
 
@@ -97,3 +100,17 @@ def test_every_sweep_has_a_unique_name_a_kind_and_a_reason() -> None:
     assert len({sweep.name for sweep in SWEEPS}) == len(SWEEPS)
     assert METHODS[0].family == OURS
     assert METHODS[0] == replace(ours("default"))
+
+
+def test_full_wave_scenes_of_the_sweeps_are_stored() -> None:
+    """Every value of the four sweeps with full-wave truth has its stored scene and field, and one field is the solution of its scene."""
+    stored = json.loads((furnished_sweeps.FOLDER / "scenes.json").read_text())["scenes"]
+    scenes = furnished_sweeps.scenes()
+    assert stored == {name: {part: strips.tolist() for part, strips in surfaces.items()} for name, surfaces in scenes.items()}
+    for sweep in furnished_sweeps.SWEEPS:
+        assert {furnished_sweeps.name(sweep, value) for value in BY_NAME[sweep].values} <= set(stored)
+    frequency, field = fullwave.field(furnished_sweeps.FOLDER, "edge_-10")
+    nodes = moments_2d.nodes(scenes["edge_-10"].values(), float(frequency[-1]))
+    origin = np.zeros(2)
+    assert np.abs(moments_2d.sweep(nodes, frequency[:3], origin, origin) - field[:3]).max() < 1e-4 * np.abs(field).max()
+    assert all((furnished_sweeps.FOLDER / f"{name}.csv").is_file() for name in stored)

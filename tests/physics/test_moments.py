@@ -102,7 +102,7 @@ def test_conversion_to_point_sources_is_exact_for_paths(ranges_m):
     frequency = furnished.frequencies()
     length, wavelength = 2 * np.array(ranges_m), SPEED_OF_LIGHT / frequency[:, None]
     turn = np.exp(2j * np.pi * length / wavelength)
-    lines, points = (turn * (wavelength / length) ** power for power in (0.5, 1.0))
+    lines, points = (turn * (-1j * wavelength / length) ** power for power in (0.5, 1.0))
     window = np.hanning(len(frequency))
     difference = window * (fullwave.to_points(frequency, lines.sum(axis=1)) - points.sum(axis=1))
     assert np.linalg.norm(difference) < 1e-3 * np.linalg.norm(window * points.sum(axis=1))

@@ -4,7 +4,7 @@ A folder holds scenes.json and the fields of its scenes: vertical strips of meta
 method of moments at 64 frequencies of the chirp. The nine scenes of GIVEN come with the project's reference data; the seeded rooms of
 furnished.ROOMS were solved by moments_2d.py. The strips are extruded to surfaces from z = -1.6 m to z = +1.6 m.
 
-A path of length L between points has sqrt(lambda/L) times the amplitude that it has between lines. A linear map of the 64 samples applies
+A path of length L between points has sqrt(-j lambda/L) times the amplitude that it has between lines. A linear map of the samples applies
 this factor: the map is the least-squares solution over paths between ranges of 0.2 m and 2.6 m, for which its error is below 0.01 dB.
 (The product of the range profile with sqrt(lambda/(2 range)) has an error of 0.4 dB and 0.027, because the factor is not constant within
 the width of an echo.)
@@ -28,6 +28,7 @@ BINS = 4096
 NEAR_M, FAR_M = 0.2, 1.25  # range in which a simulation is scored
 CONVERTED_M = np.linspace(0.2, 2.6, 600)  # ranges at which the conversion from line to point sources is fitted
 DYNAMIC_DB = 40.0
+NOTHING = 1e-10  # level, relative to the strongest bin, of bins in which a simulation has no signal
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,8 @@ class Compared:
     def profile_db(self) -> float:
         """Return the rms difference in dB of the two profiles within DYNAMIC_DB of the strongest bin."""
         strong = np.abs(self.truth) > np.abs(self.truth).max() * 10 ** (-DYNAMIC_DB / 20)
-        difference_db = 20 * np.log10(np.abs(self.ours[strong]) / np.abs(self.truth[strong]))
+        ours = np.maximum(np.abs(self.ours[strong]), NOTHING * np.abs(self.truth).max())
+        difference_db = 20 * np.log10(ours / np.abs(self.truth[strong]))
         return float(np.sqrt(np.mean(difference_db**2)))
 
     @property
@@ -104,5 +106,5 @@ def to_points(frequency_hz: np.ndarray, samples: np.ndarray) -> np.ndarray:
 def _conversion(frequencies_hz: tuple[float, ...]) -> np.ndarray:
     wavelength = SPEED_OF_LIGHT / np.array(frequencies_hz)
     lines = np.exp(4j * np.pi * CONVERTED_M[:, None] / wavelength)
-    factor = np.sqrt(wavelength / (2 * CONVERTED_M[:, None]))
+    factor = np.sqrt(-1j * wavelength / (2 * CONVERTED_M[:, None]))
     return np.linalg.lstsq(lines * factor, lines * factor**2, rcond=1e-3)[0]
