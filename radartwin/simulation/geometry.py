@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 SMOOTH_EDGE_RAD = np.radians(30.0)
 
 
-@dataclass
+@dataclass(eq=False)
 class Geometry:
     """Hold the F triangular faces of one or more surfaces."""
 

@@ -14,7 +14,7 @@ class TraceSettings:
         max_bounces: largest number of reflections per path.
         rays: number of ray tubes per pose in all directions for a room, or over the objects if the scene has no room. None lets
             `tube_paths.WIDTH_RULE` set the number of tubes for a room.
-        rays_per_wavelength2: number of ray tubes per square wavelength on objects.
+        rays_per_wavelength2: number of ray tubes per square wavelength on objects. Opaque objects of flat faces need no tubes.
         variant: Mitsuba variant that traces the tubes: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
         room: "panels" computes mirror images of the room's flat panels, and "tubes" traces the room by ray tubes. "auto" chooses "panels"
             if the room consists of flat panels and `rays` is None, and "tubes" otherwise.

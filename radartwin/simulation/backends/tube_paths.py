@@ -1,7 +1,8 @@
 """Trace rooms and objects by ray tubes, and return their propagation paths in the sensor's frame.
 
 Wide tubes in all directions trace a room. Narrow tubes, about a wavelength wide, trace each cluster of small objects over the bounding box
-of the cluster. A tube counts only for the cluster of objects (or the room) that it hits first, so that no path counts twice.
+of the cluster. A tube counts only for the cluster of objects (or the room) that it hits first, so that no path counts twice. In a scene
+without a room, opaque objects of flat faces are computed by their polygons instead (`radartwin.simulation.flat.polygons`).
 """
 
 import warnings
@@ -17,10 +18,11 @@ from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, Occluder, TraceOptions
+from radartwin.simulation.curved.hits import Antennas, Hits, Occluder, TraceOptions
+from radartwin.simulation.flat import polygons
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import Pruner
+from radartwin.simulation.pruning import Pruner, pruned
 from radartwin.simulation.reflection_table import ReflectionTable
 
 # Ratio of tube width to sqrt(wavelength x distance) in a room. Flat walls alone would allow a ratio of 1, but furniture needs narrower
@@ -61,6 +63,12 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
     sensor, velocity = poses_module.relative(poses, None, radar.frame_rate_hz)
     grids: list[tuple[tube_grid.TubeGrid, int]] = []
     alone = not (cluster == ROOM).any()
+    body = polygons.of(target.geometry, target.table) if alone else None
+    if body is not None:
+        table = polygons.with_nodes(target.table, radar)
+        place, axis = sensor[:, :3, 3], sensor[:, :3, 2]
+        hits = polygons.paths(body, table, place, place, axis, axis, settings.max_bounces)
+        return pruned(_in_sensor_frame(hits, table, sensor, velocity), radar, PRUNE)
     if not alone:
         faces = 5 if radar.element != "isotropic" else 6
         rays = settings.rays or _room_rays(target.geometry, sensor[:, :3, 3], radar.wavelength_m)
@@ -157,16 +165,26 @@ def _collect(
     for grid, label in grids:
         options = TraceOptions(settings.max_bounces, cluster, label, occluder=occluder, prune=TRACE_PRUNE, hats=label == ROOM)
         hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
-        turn = sensor[hits.pose, :3, :3]
-        departure, arrival = (np.einsum("nij,ni->nj", turn, d) for d in (hits.departure, hits.arrival))
-        rate = -np.einsum("ni,ni->n", hits.departure + hits.arrival, velocity[hits.pose])
-        part = Paths(
-            len(sensor), hits.pose, hits.bounce, hits.amplitude, target.table.frequencies_hz, hits.length_in_m, hits.length_out_m,
-            departure, arrival, rate,
-        )  # fmt: skip
+        part = _in_sensor_frame(hits, target.table, sensor, velocity)
         parts.setdefault(label, []).append(pruners.setdefault(label, Pruner(radar, PRUNE, len(sensor))).add(part))
-    pruned = [pruners[label].add(Paths.concatenate(group)) for label, group in parts.items()]
-    return pruned[0] if len(pruned) == 1 else Paths.concatenate(pruned)
+    strong = [pruners[label].add(Paths.concatenate(group)) for label, group in parts.items()]
+    return strong[0] if len(strong) == 1 else Paths.concatenate(strong)
+
+
+def _in_sensor_frame(hits: Hits, table: ReflectionTable, sensor: np.ndarray, velocity: np.ndarray) -> Paths:
+    """Convert hits at F poses to paths in the sensor's frame.
+
+    Args:
+        table: reflection table with the frequency nodes of the hits.
+        sensor: (F, 4, 4) sensor poses and velocity: (F, 3) sensor velocities in m/s, both in the frame of the hits.
+    """
+    turn = sensor[hits.pose, :3, :3]
+    departure, arrival = (np.einsum("nij,ni->nj", turn, d) for d in (hits.departure, hits.arrival))
+    rate = -np.einsum("ni,ni->n", hits.departure + hits.arrival, velocity[hits.pose])
+    return Paths(
+        len(sensor), hits.pose, hits.bounce, hits.amplitude, table.frequencies_hz, hits.length_in_m, hits.length_out_m,
+        departure, arrival, rate,
+    )  # fmt: skip
 
 
 def _room_rays(geometry: Geometry, positions: np.ndarray, wavelength_m: float) -> int:

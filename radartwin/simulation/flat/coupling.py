@@ -19,6 +19,7 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
+from radartwin.simulation.flat import polygons
 from radartwin.simulation.flat.legs import DIRECT, SHARE, Legs
 from radartwin.simulation.flat.panel_room import PanelRoom
 from radartwin.simulation.geometry import Geometry
@@ -61,6 +62,8 @@ def group_paths(
         least: amplitude below which pairs of legs are dropped.
         ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
     """
+    if polygons.of(built, table) is not None:
+        table = polygons.with_nodes(table, radar)
     share, most = SHARE, np.inf
     if room is not None and least > 0:
         alone = group_paths(  # without occluder, because an object hidden from the sensor may be visible from an image
@@ -151,9 +154,16 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
 
 
 def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int) -> Hits | None:
-    """Trace the object for the chosen pairs of an outgoing and a returning leg; return None if the object is too close to the sensor for a
-    planar ray grid.
+    """Trace the object for the chosen pairs of an outgoing and a returning leg.
+
+    An object of flat faces is traced by its polygons, any other object by ray tubes. Return None if an object that needs tubes is too close
+    to the sensor for a planar ray grid.
     """
+    body = polygons.of(built, table)
+    if body is not None:
+        out, back = ends
+        hits = polygons.paths(body, table, out.place[rows], back.place[rows], out.axis[rows], back.axis[rows], max_bounces)
+        return replace(hits, pose=rows[hits.pose])
     grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None

@@ -71,14 +71,17 @@ class _Region:
         return self.origin + np.asarray(points) @ self.axes
 
 
-def find(geometry: Geometry) -> tuple[Faces, np.ndarray]:
-    """Return the faces of a geometry with their wedges, and a mask (F,) of the triangles that belong to a face."""
-    regions, flat = _regions(geometry)
-    regions = [part for one in _without_overlaps(regions) for part in _parts(one)]
+def find(geometry: Geometry, smallest_m: float = SMALLEST_M) -> tuple[Faces, np.ndarray]:
+    """Return the faces of a geometry with their wedges, and a mask (F,) of the triangles that belong to a face.
+
+    smallest_m: smallest width of a face.
+    """
+    regions, flat = _regions(geometry, smallest_m)
+    regions = [part for one in _without_overlaps(regions, smallest_m) for part in _parts(one, smallest_m)]
     return _packed(regions, _wedges(regions)), flat
 
 
-def _regions(geometry: Geometry) -> tuple[list[_Region], np.ndarray]:
+def _regions(geometry: Geometry, smallest_m: float) -> tuple[list[_Region], np.ndarray]:
     flat = np.zeros(len(geometry.corners), bool)
     even = np.ptp(geometry.normals, axis=1).max(axis=1, initial=0.0) < 1e-4 if len(geometry.corners) else flat
     regions: list[_Region] = []
@@ -92,7 +95,7 @@ def _regions(geometry: Geometry) -> tuple[list[_Region], np.ndarray]:
             drawn = shapely.polygons((corners - origin) @ axes.T)
             shape: Any = shapely.simplify(shapely.union_all(shapely.set_precision(drawn, 1e-7)), 1e-6)
             if (
-                _width(np.array(shape.convex_hull.exterior.coords[:-1])) >= SMALLEST_M
+                _width(np.array(shape.convex_hull.exterior.coords[:-1])) >= smallest_m
                 if shape.convex_hull.geom_type == "Polygon"
                 else False
             ):
@@ -133,7 +136,7 @@ def _width(ring: np.ndarray) -> float:
     return float(np.ptp(ring @ across.T, axis=0).min())
 
 
-def _without_overlaps(regions: list[_Region]) -> list[_Region]:
+def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region]:
     """Subtract from every region the smaller regions in its plane, and of equal regions all but the first."""
     order = sorted(range(len(regions)), key=lambda i: (regions[i].polygon.area, i))
     kept: list[_Region] = []
@@ -149,17 +152,17 @@ def _without_overlaps(regions: list[_Region]) -> list[_Region]:
                 continue
             cover = shapely.transform(other.polygon, lambda ring, here=one, there=other: here.to_plane(there.to_space(ring)))
             one.polygon = shapely.difference(one.polygon, cover, grid_size=1e-7)
-        if one.polygon.area > SMALLEST_M**2:
+        if one.polygon.area > smallest_m**2:
             kept.append(one)
     return kept
 
 
-def _parts(region: _Region) -> list[_Region]:
+def _parts(region: _Region, smallest_m: float) -> list[_Region]:
     shapes = region.polygon.geoms if isinstance(region.polygon, MultiPolygon) else [region.polygon]
     return [
         _Region(shape, region.origin, region.axes, region.normal, region.surface, region.outward)
         for shape in shapes
-        if isinstance(shape, Polygon) and shape.area > SMALLEST_M**2
+        if isinstance(shape, Polygon) and shape.area > smallest_m**2
     ]
 
 

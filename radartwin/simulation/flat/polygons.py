@@ -1,0 +1,814 @@
+"""Echo of an object of flat faces: physical optics over exact polygons, and fringe currents along wedges.
+
+The source is mirrored at the faces of a sequence, and its beam is clipped to the part of the last face that it lights and the receiver
+sees. Shadows of other faces are subtracted from this part, so that a few convex polygons remain. The currents of physical optics on such a
+polygon radiate to the receiver
+
+    a = lambda/(4 pi L0) [W rho_0 + integral along the sides of rho b exp(+j k E) dl],
+    b = -L0/(4 pi) (r x s) . l/(|r| |s| (|r| |s| + r . s))
+
+- S -> source, mirrored at all faces including the last one. L0 -> distance from S to the receiver. W -> 1 if the line from S to the
+  receiver crosses the polygon, otherwise 0.
+- r, s -> vectors to a point of a side from S and from the receiver. l -> direction of the side, counter-clockwise seen from the receiver.
+- E -> |r| + |s| - L0, excess length of the path over the side.
+- rho -> field that the currents radiate to the receiver over the field of an infinite mirror with unit reflection.
+
+The integral is the boundary form of Kirchhoff's surface integral. It is exact for an image source if k|r| and k|s| are large, so that the
+polygon may have any size in Fresnel zones. rho varies over the polygon because polarisation and reflection depend on direction. The
+boundary form is then correct to first order in the wavelength over the distance along which rho varies.
+
+Physical optics has the wrong currents near edges. The difference radiates like a line source along the edge, of strength
+
+    G = -1/(4 pi) [cot(x/(2 n))/n - cot(x/2)]
+
+for each of four angles x. The first part is the coefficient of a wedge of opening n pi. The second part is the same coefficient of the
+currents of physical optics on a lit face. Both have the same pole at a shadow or reflection boundary, so that the difference is smooth.
+Only edges that source and receiver see directly have fringe currents.
+
+Every side and every edge is divided into short pieces, and each piece is one path, so that each part of the echo has its own delay and
+direction. Where the excess length E is below a wavelength, sides and mirror reflection cannot be told apart. There, a smooth weight moves
+the contribution of a side to one path at the polygon's point nearest to the mirror reflection. The sum of all paths does not depend on this
+weight.
+
+Errors: multiple edges, for example the coupling of opposite edges of a small plate, are left out. Shadows have sharp geometric borders.
+Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for the boundary form; P. Ya. Ufimtsev, Fundamentals of the Physical Theory of
+Diffraction (2007), and A. Michaeli, IEEE Trans. AP 32 (1984) 252, for fringe currents along edges.
+"""
+
+import math
+import weakref
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from radartwin.compiled import compiled, innermost, shared_out
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.chirp import Radar
+from radartwin.simulation.curved.hits import Hits
+from radartwin.simulation.flat import faces as faces_module
+from radartwin.simulation.flat import obstacles
+from radartwin.simulation.flat.faces import Faces
+from radartwin.simulation.flat.field import angle, distance, dot, face_matrix, keller, looked_up, soft_and_hard, transverse
+from radartwin.simulation.flat.obstacles import Hierarchy
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.reflection_table import ReflectionTable, chebyshev_nodes, lagrange_basis
+
+NODES = 3  # smallest number of frequency nodes, because the amplitude of a piece of an edge changes over the sweep
+MOST_FACES = 64  # objects with more faces are traced by tubes
+SMALLEST_M = 5e-4  # smallest width of a face
+CORNERS = 24  # largest number of corners of a polygon
+PIECES = 64  # largest number of convex pieces of a lit part
+WAITING = 512  # largest number of beams that wait for their next reflection
+NEAR, FAR = 0.25, 1.5  # excess phase k E in rad at which a side begins to have its own paths, and from which it has only its own paths
+VIEW_RAD = 0.02  # largest angle, seen from source or receiver, of a piece
+CURVE_RAD = 0.4  # largest quadratic phase of a piece
+DEPTH_M = 0.03  # largest change of the path length along a piece
+SMOOTH_RAD = 0.3  # largest angle, seen from source or receiver, over which factors of the field are interpolated by a parabola
+SLIVER_M2 = 2e-8  # twice the area below which a polygon is only a rounding error
+PLANE_M = 1e-6  # a point closer to a plane than this is on it
+SMALL_SINE = 0.02  # smallest sine between ray and edge for which fringe currents radiate
+# Shift of the receiver in metres. Without it, the mirror point of a corner reflector would lie exactly on the edge of its last face.
+NUDGE_M = 1e-6 * np.array([0.74, 0.53, 0.41])
+ABOVE = 0.999  # a face shadows only with its part below this share of the height of the source or receiver
+_built: "weakref.WeakKeyDictionary[Geometry, Polyhedron | None]" = weakref.WeakKeyDictionary()
+_GAUSS, _WEIGHT = np.polynomial.legendre.leggauss(6)
+
+
+class _Parts(NamedTuple):
+    """Hold K convex parts of faces: face (K,), corners (K, CORNERS, 3) and their number (K,); whether each face (P,) is lit on one side."""
+
+    face: np.ndarray
+    corner: np.ndarray
+    count: np.ndarray
+    solid: np.ndarray
+
+
+class _Ends(NamedTuple):
+    """Hold source and receiver (3,), both antenna axes (3,), and whether both are at one place."""
+
+    source: np.ndarray
+    receiver: np.ndarray
+    transmit: np.ndarray
+    receive: np.ndarray
+    together: bool
+
+
+class _Out(NamedTuple):
+    """Hold room for M paths: amplitude (M, Q), lengths in and out and to the first hit (M, 3), departure and arrival (M, 3), reflections
+    (M,), and the number of paths used (1,).
+    """
+
+    amplitude: np.ndarray
+    length: np.ndarray
+    departure: np.ndarray
+    arrival: np.ndarray
+    bounces: np.ndarray
+    used: np.ndarray
+
+
+@dataclass(frozen=True)
+class Polyhedron:
+    """Hold an object of flat faces.
+
+    Attributes:
+        faces: faces and wedges. parts: convex parts of the faces. blocking: all triangles, for lines of sight to edges.
+        convex: whether the object is one closed convex body, on which nothing shadows and no path has two reflections.
+    """
+
+    faces: Faces
+    parts: _Parts
+    blocking: Hierarchy
+    convex: bool
+
+
+def build(geometry: Geometry) -> Polyhedron | None:
+    """Return the faces of a geometry, or None if the geometry has curved surfaces, no faces or too many faces."""
+    if geometry.curved or not len(geometry.corners):
+        return None
+    faces, flat = faces_module.find(geometry, SMALLEST_M)
+    if not flat.all() or not 0 < len(faces.offset) <= MOST_FACES:
+        return None
+    face, corner, count = [], [], []
+    for p in range(len(faces.offset)):
+        triangles = faces.triangle[faces.first[p] : faces.first[p + 1]]
+        hull = faces.outline[p, : faces.corners[p]]
+        whole = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0))
+        spread = np.linalg.norm(np.cross(hull[1:-1] - hull[0], hull[2:] - hull[0]).sum(axis=0))
+        convex = spread < (1 + 1e-6) * whole and len(hull) < CORNERS // 2
+        for ring in [hull] if convex else triangles:
+            face.append(p)
+            corner.append(np.pad(ring, ((0, CORNERS - len(ring)), (0, 0))))
+            count.append(len(ring))
+    solid = np.array([bool((geometry.hollow_m[geometry.surface == s] > 0).all()) for s in faces.surface])
+    parts = _Parts(np.array(face), np.array(corner), np.array(count), solid)
+    label = np.zeros(len(faces.triangle), np.int64)
+    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex)
+
+
+def of(geometry: Geometry, table: ReflectionTable) -> Polyhedron | None:
+    """Return the faces of an opaque object of flat faces; None for an object that needs ray tubes."""
+    if not len(geometry.corners) or not table.opaque[np.unique(geometry.surface)].all():
+        return None
+    if geometry not in _built:
+        _built[geometry] = build(geometry)
+    return _built[geometry]
+
+
+def with_nodes(table: ReflectionTable, radar: Radar) -> ReflectionTable:
+    """Return a table with at least NODES frequency nodes over the radar's sweep."""
+    if len(table.frequencies_hz) >= NODES:
+        return table
+    low = radar.start_frequency_hz
+    nodes = chebyshev_nodes(low, low + radar.sampled_bandwidth_hz, NODES)
+    basis = lagrange_basis(table.frequencies_hz, nodes)
+    names = ("te", "tm", "through_te", "through_tm")
+    return replace(table, frequencies_hz=nodes, **{name: getattr(table, name) @ basis for name in names})
+
+
+def paths(
+    body: Polyhedron, table: ReflectionTable, source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray,
+    max_bounces: int, fringes: bool = True,
+) -> Hits:  # fmt: skip
+    """Return the paths of N pairs of a source and a receiver over an object, in the object's frame.
+
+    Args:
+        table: reflection of the object's surfaces at Q frequencies.
+        source, receiver: (N, 3) metres. transmit, receive: (N, 3) antenna axes.
+        max_bounces: largest number of reflections. fringes: whether edges have fringe currents.
+    Returns:
+        Hits, ordered by pair; `pose` is the index of the pair. Signals have the phase factor exp(+j k L).
+    """
+    q = len(table.frequencies_hz)
+    wavenumbers = 2 * np.pi * table.frequencies_hz / SPEED_OF_LIGHT
+    together = np.abs(source - receiver).max(axis=1) < PLANE_M
+    places = [np.ascontiguousarray(one, float) for one in (source, receiver + NUDGE_M, transmit, receive)]
+    most = 1 if body.convex else max_bounces
+    te, tm = np.ascontiguousarray(table.te), np.ascontiguousarray(table.tm)
+    found: list[tuple[int, list[np.ndarray]]] = []
+
+    def run(begin: int, stop: int) -> None:
+        room = 4096
+        while True:
+            out = _Out(
+                np.empty((room, q), np.complex128), np.empty((room, 3)), np.empty((room, 3)), np.empty((room, 3)), np.empty(room, np.int64),
+                np.zeros(1, np.int64),
+            )  # fmt: skip
+            pair = np.empty(room, np.int64)
+            if _all(begin, stop, body.faces, body.parts, body.blocking, te, tm, wavenumbers, *places, together, most, fringes, out, pair):
+                n = int(out.used[0])
+                found.append((begin, [pair[:n], *(array[:n] for array in out[:5])]))
+                return
+            room *= 4
+
+    shared_out(run, len(source))
+    if not found:
+        return Hits.none(q)
+    columns = [np.concatenate(c) for c in zip(*(one for _, one in sorted(found, key=lambda item: item[0])), strict=True)]
+    pair, amplitude, length, departure, arrival, bounces = columns
+    none = np.zeros(len(pair), np.uint64)
+    return Hits(pair, bounces, amplitude, length[:, 0], length[:, 1], departure, arrival, length[:, 2], none)
+
+
+@compiled
+def _all(
+    begin: int, stop: int, faces: Faces, parts: _Parts, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray,
+    source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray, together: np.ndarray, most: int, fringes: bool,
+    out: _Out, pair: np.ndarray,
+) -> bool:  # fmt: skip
+    """Write the paths of pairs `begin` to `stop` - 1; returns False if `out` is too short."""
+    first = 0
+    for n in range(begin, stop):
+        ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n])
+        if not _reflections(faces, parts, te, tm, wavenumbers, ends, most, out):
+            return False
+        if fringes and not _fringes(faces, parts, tree, te, tm, wavenumbers, ends, out):
+            return False
+        pair[first : out.used[0]] = n
+        first = out.used[0]
+    return True
+
+
+@innermost
+def _clip(polygon: np.ndarray, count: int, nx: float, ny: float, nz: float, offset: float, out: np.ndarray) -> int:
+    """Write the part of a convex polygon (count, 3) with n . x >= offset to `out`; returns its number of corners."""
+    kept = 0
+    previous = count - 1
+    before = nx * polygon[previous, 0] + ny * polygon[previous, 1] + nz * polygon[previous, 2] - offset
+    for i in range(count):
+        here = nx * polygon[i, 0] + ny * polygon[i, 1] + nz * polygon[i, 2] - offset
+        if (here >= 0) != (before >= 0) and kept < CORNERS:
+            share = before / (before - here)
+            for k in range(3):
+                out[kept, k] = polygon[previous, k] + share * (polygon[i, k] - polygon[previous, k])
+            kept += 1
+        if here >= 0 and kept < CORNERS:
+            for k in range(3):
+                out[kept, k] = polygon[i, k]
+            kept += 1
+        previous, before = i, here
+    return kept if kept > 2 else 0
+
+
+@innermost
+def _area(polygon: np.ndarray, count: int) -> float:
+    """Return twice the area of a polygon (count, 3)."""
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(1, count - 1):
+        ax, ay, az = polygon[i, 0] - polygon[0, 0], polygon[i, 1] - polygon[0, 1], polygon[i, 2] - polygon[0, 2]
+        bx, by, bz = polygon[i + 1, 0] - polygon[0, 0], polygon[i + 1, 1] - polygon[0, 1], polygon[i + 1, 2] - polygon[0, 2]
+        x += ay * bz - az * by
+        y += az * bx - ax * bz
+        z += ax * by - ay * bx
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@innermost
+def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
+    for i in range(count):
+        for k in range(3):
+            out[i, k] = polygon[i, k]
+
+
+@compiled
+def _side(apex: np.ndarray, a: np.ndarray, b: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Return the unit normal of the plane through an apex and a side of a polygon, towards the polygon's middle; zero for no side."""
+    normal = np.cross(a - apex, b - apex)
+    size = math.sqrt(dot(normal, normal))
+    if size < 1e-12 * max(1.0, dot(a - apex, a - apex)):
+        return np.zeros(3)
+    return normal * ((1.0 if dot(normal, middle - apex) >= 0 else -1.0) / size)
+
+
+@compiled
+def _middle(polygon: np.ndarray, count: int) -> np.ndarray:
+    out = np.zeros(3)
+    for i in range(count):
+        out += polygon[i] / count
+    return out
+
+
+@compiled
+def _subtract(
+    faces: Faces, parts: _Parts, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray, number: int,
+    spare: np.ndarray,
+) -> int:  # fmt: skip
+    """Subtract from convex pieces of face `p` the shadows of all other faces, seen from an apex; returns the number of pieces.
+
+    Args:
+        last: face behind which the apex is an image, or -1; only what lies on the `facing` (+-1) side of this face shadows.
+        pieces: (PIECES, CORNERS, 3), counts: (PIECES,). spare: (4, CORNERS, 3).
+    """
+    height = dot(apex, faces.normal[p]) - faces.offset[p]
+    up = 1.0 if height > 0 else -1.0
+    nx, ny, nz = up * faces.normal[p, 0], up * faces.normal[p, 1], up * faces.normal[p, 2]
+    level = up * faces.offset[p]
+    for q in range(len(parts.face)):
+        f = parts.face[q]
+        if f in (p, last) or number == 0:
+            continue
+        above = dot(apex, faces.normal[f]) - faces.offset[f]
+        if abs(above) < PLANE_M or (parts.solid[f] and above < 0):  # of a solid, the faces towards the apex cast the whole shadow
+            continue
+        highest = -np.inf
+        for i in range(parts.count[q]):
+            corner = parts.corner[q, i]
+            highest = max(highest, nx * corner[0] + ny * corner[1] + nz * corner[2] - level)
+        if highest < PLANE_M:
+            continue
+        _copy(parts.corner[q], parts.count[q], spare[0])
+        count = _clip(spare[0], parts.count[q], nx, ny, nz, level, spare[1])
+        count = _clip(spare[1], count, -nx, -ny, -nz, -level - ABOVE * abs(height), spare[0]) if count else 0
+        if count and last >= 0:
+            normal = facing * faces.normal[last]
+            count = _clip(spare[0], count, normal[0], normal[1], normal[2], facing * faces.offset[last], spare[1])
+            _copy(spare[1], count, spare[0])
+        if count == 0 or _area(spare[0], count) < SLIVER_M2:
+            continue
+        inside = _middle(spare[0], count)
+        before, number = number, 0
+        fresh = np.empty((PIECES, CORNERS, 3))
+        sizes = np.empty(PIECES, np.int64)
+        normals = np.empty((CORNERS, 3))
+        for i in range(count):
+            normals[i] = _side(apex, spare[0, i], spare[0, (i + 1) % count], inside)
+        for j in range(before):
+            _copy(pieces[j], counts[j], spare[1])
+            rest = counts[j]
+            # a piece that lies outside one side of the shadow as a whole stays in one part
+            apart = False
+            for i in range(count):
+                outmost = -np.inf
+                for c in range(rest):
+                    outmost = max(outmost, dot(normals[i], spare[1, c]) - dot(normals[i], apex))
+                if outmost < 1e-9:
+                    apart = True
+            if apart:
+                if number < PIECES:
+                    _copy(spare[1], rest, fresh[number])
+                    sizes[number] = rest
+                    number += 1
+                continue
+            for i in range(count):
+                n = normals[i]
+                size = _clip(spare[1], rest, -n[0], -n[1], -n[2], -dot(n, apex), spare[2])
+                if size and _area(spare[2], size) > SLIVER_M2 and number < PIECES:
+                    _copy(spare[2], size, fresh[number])
+                    sizes[number] = size
+                    number += 1
+                rest = _clip(spare[1], rest, n[0], n[1], n[2], dot(n, apex), spare[3])
+                if rest == 0:
+                    break
+                _copy(spare[3], rest, spare[1])
+        for j in range(number):
+            _copy(fresh[j], sizes[j], pieces[j])
+            counts[j] = sizes[j]
+    return number
+
+
+@compiled
+def _reflections(
+    faces: Faces, parts: _Parts, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, most: int, out: _Out
+) -> bool:
+    """Write the paths over all sequences of at most `most` faces; returns False if `out` is too short."""
+    polygon, count = np.empty((WAITING, CORNERS, 3)), np.empty(WAITING, np.int64)
+    chain, order = np.empty((WAITING, most), np.int64), np.zeros(WAITING, np.int64)
+    at = np.empty((WAITING, 3))
+    at[0] = ends.source
+    waiting = 1
+    pieces, counts = np.empty((PIECES, CORNERS, 3)), np.empty(PIECES, np.int64)
+    seen, sizes = np.empty((PIECES, CORNERS, 3)), np.empty(PIECES, np.int64)
+    spare = np.empty((4, CORNERS, 3))
+    while waiting:
+        waiting -= 1
+        apex, m, lit = at[waiting].copy(), order[waiting], count[waiting]
+        beam, before = polygon[waiting].copy(), chain[waiting].copy()
+        last, facing = -1, 1.0
+        if m:
+            last = before[m - 1]
+            facing = -1.0 if dot(apex, faces.normal[last]) > faces.offset[last] else 1.0
+        for k in range(len(parts.face)):
+            p = parts.face[k]
+            height = dot(apex, faces.normal[p]) - faces.offset[p]
+            if p == last or abs(height) < PLANE_M or (parts.solid[p] and height < 0):
+                continue
+            size = parts.count[k]
+            _copy(parts.corner[k], size, spare[0])
+            if m:
+                n = facing * faces.normal[last]
+                size = _clip(spare[0], size, n[0], n[1], n[2], facing * faces.offset[last], spare[1])
+                middle = _middle(beam, lit)
+                for i in range(lit):
+                    if size == 0:
+                        break
+                    n = _side(apex, beam[i], beam[(i + 1) % lit], middle)
+                    size = _clip(spare[1], size, n[0], n[1], n[2], dot(n, apex), spare[0])
+                    _copy(spare[0], size, spare[1])
+                _copy(spare[1], size, spare[0])
+            if size == 0 or _area(spare[0], size) < SLIVER_M2:
+                continue
+            _copy(spare[0], size, pieces[0])
+            counts[0] = size
+            number = _subtract(faces, parts, p, apex, last, facing, pieces, counts, 1, spare)
+            before[m] = p
+            mirrored = apex - 2 * height * faces.normal[p]
+            other = dot(ends.receiver, faces.normal[p]) - faces.offset[p]
+            for j in range(number):
+                if m + 1 < most and waiting < WAITING:
+                    _copy(pieces[j], counts[j], polygon[waiting])
+                    count[waiting], order[waiting], at[waiting] = counts[j], m + 1, mirrored
+                    chain[waiting] = before
+                    waiting += 1
+                if other * height <= 0 or abs(other) < PLANE_M:
+                    continue
+                _copy(pieces[j], counts[j], seen[0])
+                sizes[0] = counts[j]
+                shown = 1
+                if m or not ends.together:
+                    shown = _subtract(faces, parts, p, ends.receiver, -1, 1.0, seen, sizes, 1, spare)
+                for i in range(shown):
+                    if not _polygon(faces, te, tm, wavenumbers, ends, before[: m + 1], apex, mirrored, seen[i], sizes[i], out):
+                        return False
+    return True
+
+
+@compiled
+def _factor(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray, x: np.ndarray, out: np.ndarray
+) -> None:
+    """Write rho (Q,) at a point of the last face of a chain. apex: source, mirrored at all faces but the last."""
+    ki = x - apex
+    ki /= math.sqrt(dot(ki, ki))
+    s = ends.receiver - x
+    s /= math.sqrt(dot(s, s))
+    m = len(chain)
+    direction = ki.copy()
+    for i in range(m - 2, -1, -1):
+        direction -= 2 * dot(direction, faces.normal[chain[i]]) * faces.normal[chain[i]]
+    field = transverse(ends.transmit, direction)
+    antenna = transverse(ends.receive, s)
+    te_part, tm_part = np.empty(3), np.empty(3)
+    re, im = np.empty((te.shape[2], 3)), np.zeros((te.shape[2], 3))
+    re[:] = field
+    for i in range(m):
+        p = chain[i]
+        normal = faces.normal[p]
+        along = dot(direction, normal)
+        after = direction - 2 * along * normal
+        across = np.cross(direction, normal)
+        size = math.sqrt(dot(across, across))
+        if size < 1e-7:
+            across = np.cross(normal, np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
+            size = math.sqrt(dot(across, across))
+        across /= size
+        te_part, tm_part, tm_after = across, np.cross(direction, across), np.cross(after, across)
+        if i == m - 1:
+            lit = normal if along < 0 else -normal
+            sight = abs(along) + dot(lit, s)
+            # both components of the incident and of the reflected field radiate n x (k x E) + (E x n) x s
+            gains = np.empty(4)
+            gains[0] = dot(antenna, _radiated(lit, direction, te_part, s))
+            gains[1] = dot(antenna, _radiated(lit, direction, tm_part, s))
+            gains[2] = dot(antenna, _radiated(lit, after, te_part, s))
+            gains[3] = dot(antenna, _radiated(lit, after, tm_after, s))
+        for q in range(te.shape[2]):
+            a = complex(dot(re[q], te_part), dot(im[q], te_part))
+            b = complex(dot(re[q], tm_part), dot(im[q], tm_part))
+            ra = a * looked_up(te, faces.surface[p], abs(along), q)
+            rb = b * looked_up(tm, faces.surface[p], abs(along), q)
+            if i == m - 1:
+                out[q] = -(a * gains[0] + b * gains[1] + ra * gains[2] + rb * gains[3]) / sight
+            else:
+                for k in range(3):
+                    re[q, k] = ra.real * te_part[k] + rb.real * tm_after[k]
+                    im[q, k] = ra.imag * te_part[k] + rb.imag * tm_after[k]
+        direction = after
+
+
+@compiled
+def _radiated(normal: np.ndarray, direction: np.ndarray, field: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
+    return np.cross(normal, np.cross(direction, field)) + np.cross(np.cross(field, normal), outgoing)
+
+
+@innermost
+def _moments(alpha: float) -> tuple[complex, complex, complex]:
+    """Return the integrals of exp(j alpha t), t exp(j alpha t) and t^2 exp(j alpha t) for t from -1 to 1."""
+    if abs(alpha) < 0.3:
+        x = alpha * alpha
+        zero = 2 * (1 - x / 6 * (1 - x / 20 * (1 - x / 42)))
+        one = 2 * alpha * (1 / 3 - x / 30 * (1 - x / 28 * (1 - x / 54)))
+        two = 2 * (1 / 3 - x / 10 * (1 - x / 16.8 * (1 - x / 38.57142857142857)))
+        return complex(zero, 0.0), complex(0.0, one), complex(two, 0.0)
+    sine, cosine = math.sin(alpha), math.cos(alpha)
+    zero = 2 * sine / alpha
+    one = 2 * (sine - alpha * cosine) / (alpha * alpha)
+    two = 2 * ((alpha * alpha - 2) * sine + 2 * alpha * cosine) / (alpha * alpha * alpha)
+    return complex(zero, 0.0), complex(0.0, one), complex(two, 0.0)
+
+
+@innermost
+def _piece(f0: complex, f1: complex, f2: complex, p0: float, p1: float, p2: float) -> complex:
+    """Return the integral of f exp(j p) for t from -1 to 1, with values of f and p at -1, 0 and 1 and the phase relative to p1.
+
+    f is a parabola. The quadratic part of the phase is expanded to first order about its mean.
+    """
+    alpha, beta = 0.5 * (p2 - p0), 0.5 * (p0 + p2) - p1
+    zero, one, two = _moments(alpha)
+    slope, bend = 0.5 * (f2 - f0), 0.5 * (f0 + f2) - f1
+    mean = complex(math.cos(beta / 3), math.sin(beta / 3))
+    # the moments of t^3 and t^4 are those of their best parabolas, because slope and bend are small where beta matters
+    plain = f1 * zero + slope * one + bend * two
+    curved = 1j * beta * (f1 * (two - zero / 3) + slope * 4 / 15 * one + bend * (11 / 21 * two - 3 / 35 * zero))
+    return mean * (plain + curved)
+
+
+@innermost
+def _boundary(mirrored: np.ndarray, receiver: np.ndarray, x: float, y: float, z: float, lx: float, ly: float, lz: float) -> float:
+    """Return b/L0 at a point of a side with direction l."""
+    rx, ry, rz = x - mirrored[0], y - mirrored[1], z - mirrored[2]
+    sx, sy, sz = x - receiver[0], y - receiver[1], z - receiver[2]
+    cx, cy, cz = ry * sz - rz * sy, rz * sx - rx * sz, rx * sy - ry * sx
+    product = math.sqrt((rx * rx + ry * ry + rz * rz) * (sx * sx + sy * sy + sz * sz))
+    square = cx * cx + cy * cy + cz * cz
+    if square < 1e-30:
+        return 0.0
+    return -(cx * lx + cy * ly + cz * lz) * (product - (rx * sx + ry * sy + rz * sz)) / (4 * math.pi * product * square)
+
+
+@innermost
+def _weight(phase: float) -> float:
+    """Return the share of a side's contribution that has its own path."""
+    t = min(max((phase - NEAR) / (FAR - NEAR), 0.0), 1.0)
+    return t * t * (3 - 2 * t)
+
+
+@innermost
+def _over(a: np.ndarray, b: np.ndarray, x: float, y: float, z: float) -> float:
+    """Return the length of the path from a over a point to b."""
+    one = math.sqrt((x - a[0]) ** 2 + (y - a[1]) ** 2 + (z - a[2]) ** 2)
+    return one + math.sqrt((x - b[0]) ** 2 + (y - b[1]) ** 2 + (z - b[2]) ** 2)
+
+
+@compiled
+def _divisions(a: np.ndarray, b: np.ndarray, source: np.ndarray, receiver: np.ndarray, wavenumber: float) -> tuple[int, int]:
+    """Return into how many pieces a line from a to b is divided, and in how many parts factors of the field are interpolated."""
+    along = b - a
+    size = math.sqrt(dot(along, along))
+    nearest = np.inf
+    for end in (source, receiver):
+        t = min(max(dot(end - a, along) / (size * size), 0.0), 1.0)
+        nearest = min(nearest, distance(end, a + t * along))
+    low, high = _over(source, receiver, a[0], a[1], a[2]), _over(source, receiver, b[0], b[1], b[2])
+    # the quadratic phase of a piece of length h is k (2/nearest) (h/2)^2/2 or less
+    pieces = max(size / (VIEW_RAD * nearest), size * math.sqrt(wavenumber / (4 * CURVE_RAD * nearest)))
+    return math.ceil(max(pieces, abs(high - low) / DEPTH_M)), math.ceil(size / (SMOOTH_RAD * nearest))
+
+
+@compiled
+def _add(
+    faces: Faces, ends: _Ends, chain: np.ndarray, apex: np.ndarray, x: np.ndarray, amplitude: np.ndarray, bounces: int, out: _Out
+) -> bool:
+    """Append a path that meets the last face at x; returns False if `out` is too short."""
+    n = out.used[0]
+    if n == len(out.bounces):
+        return False
+    there = x - apex
+    out.length[n, 0] = math.sqrt(dot(there, there))
+    there /= out.length[n, 0]
+    back = x - ends.receiver
+    out.length[n, 1] = math.sqrt(dot(back, back))
+    out.arrival[n] = back / out.length[n, 1]
+    for i in range(len(chain) - 2, -1, -1):
+        there -= 2 * dot(there, faces.normal[chain[i]]) * faces.normal[chain[i]]
+    out.departure[n] = there
+    out.length[n, 2] = out.length[n, 0]
+    if len(chain) > 1:
+        normal = faces.normal[chain[0]]
+        out.length[n, 2] = (faces.offset[chain[0]] - dot(normal, ends.source)) / dot(normal, there)
+    out.amplitude[n] = amplitude
+    out.bounces[n] = bounces
+    out.used[0] += 1
+    return True
+
+
+@compiled
+def _polygon(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray,
+    mirrored: np.ndarray, polygon: np.ndarray, count: int, out: _Out,
+) -> bool:  # fmt: skip
+    """Write the paths of one convex polygon on the last face of a chain; returns False if `out` is too short."""
+    p = chain[len(chain) - 1]
+    receiver, nodes = ends.receiver, len(wavenumbers)
+    wavenumber = wavenumbers[nodes // 2]
+    normal = faces.normal[p]
+    above, below = dot(receiver, normal) - faces.offset[p], dot(mirrored, normal) - faces.offset[p]
+    share = below / (below - above)
+    mirror = mirrored + share * (receiver - mirrored)
+    straight = distance(mirrored, receiver)
+    up = normal if above > 0 else -normal
+    # orientation, whether the mirror point is inside, and the polygon's point nearest to it
+    turn = np.zeros(3)
+    for i in range(1, count - 1):
+        turn += np.cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0])
+    sense = 1.0 if dot(turn, up) > 0 else -1.0
+    inside, closest = True, np.inf
+    nearest = mirror.copy()
+    for i in range(count):
+        a, b = polygon[i], polygon[(i + 1) % count]
+        along = b - a
+        square = dot(along, along)
+        if square < 1e-18:
+            continue
+        if sense * dot(np.cross(along, mirror - a), up) < 0:
+            inside = False
+        foot = a + min(max(dot(mirror - a, along) / square, 0.0), 1.0) * along
+        if distance(foot, mirror) < closest:
+            closest = distance(foot, mirror)
+            nearest = foot
+    if inside:
+        nearest = mirror
+    together = np.zeros(nodes, np.complex128)
+    rest_m = _over(mirrored, receiver, nearest[0], nearest[1], nearest[2])
+    joined = inside or wavenumber * (rest_m - straight) < FAR
+    rho, scale = np.empty(nodes, np.complex128), np.empty(nodes)
+    for q in range(nodes):
+        scale[q] = 0.5 / wavenumbers[q]  # wavelength/(4 pi)
+    if inside:
+        _factor(faces, te, tm, ends, chain, apex, mirror, rho)
+        for q in range(nodes):
+            together[q] = scale[q] / straight * rho[q].conjugate()
+    own = np.empty(nodes, np.complex128)
+    for i in range(count):
+        a, b = polygon[i], polygon[(i + 1) % count]
+        size = distance(a, b)
+        if size < 1e-9:
+            continue
+        along = (b - a) / size
+        pieces, smooth = _divisions(a, b, mirrored, receiver, wavenumber)
+        pieces, smooth = max(pieces, 1), max(smooth, 1)
+        known = np.empty((2 * smooth + 1, nodes), np.complex128)
+        for j in range(2 * smooth + 1):
+            _factor(faces, te, tm, ends, chain, apex, a + (j / (2 * smooth)) * (b - a), rho)
+            for q in range(nodes):
+                known[j, q] = rho[q].conjugate()
+        foot = keller(a, along, mirrored, receiver)
+        least = _over(mirrored, receiver, a[0] + foot * along[0], a[1] + foot * along[1], a[2] + foot * along[2]) - straight
+        close = wavenumber * least < FAR
+        # distance from the mirror point to the side over which b changes
+        width = max(math.sqrt(max(least, 0.0) * straight), 1e-7)
+        half = 0.5 * size / pieces
+        for j in range(pieces):
+            t1 = (2 * j + 1) * half
+            t0, t2 = t1 - half, t1 + half
+            x1 = a + t1 * along
+            reference = _over(mirrored, receiver, x1[0], x1[1], x1[2])
+            t_near = min(max(foot, t0), t2)
+            x = a + t_near * along
+            if close and wavenumber * (_over(mirrored, receiver, x[0], x[1], x[2]) - straight) < FAR:
+                own[:] = 0
+                u0, u2 = math.asinh((t0 - foot) / width), math.asinh((t2 - foot) / width)
+                panels = math.ceil(max(u2 - u0, 1.0))
+                step = (u2 - u0) / panels
+                for panel in range(panels):
+                    for g in range(len(_GAUSS)):
+                        u = u0 + (panel + 0.5 + 0.5 * _GAUSS[g]) * step
+                        t = foot + width * math.sinh(u)
+                        px, py, pz = a[0] + t * along[0], a[1] + t * along[1], a[2] + t * along[2]
+                        density = sense * _boundary(mirrored, receiver, px, py, pz, along[0], along[1], along[2])
+                        density *= 0.5 * _WEIGHT[g] * step * width * math.cosh(u)
+                        length = _over(mirrored, receiver, px, py, pz)
+                        w = _weight(wavenumber * (length - straight))
+                        for q in range(nodes):
+                            value = density * scale[q] * _parabola(known, smooth, t / size, q)
+                            if w < 1:
+                                phase = wavenumbers[q] * (length - straight)
+                                together[q] += (1 - w) * value * complex(math.cos(phase), math.sin(phase))
+                            if w > 0:
+                                phase = wavenumbers[q] * (length - reference)
+                                own[q] += w * value * complex(math.cos(phase), math.sin(phase))
+            else:
+                b0 = sense * half * _boundary(
+                    mirrored, receiver, a[0] + t0 * along[0], a[1] + t0 * along[1], a[2] + t0 * along[2], along[0], along[1], along[2]
+                )  # fmt: skip
+                b1 = sense * half * _boundary(mirrored, receiver, x1[0], x1[1], x1[2], along[0], along[1], along[2])
+                b2 = sense * half * _boundary(
+                    mirrored, receiver, a[0] + t2 * along[0], a[1] + t2 * along[1], a[2] + t2 * along[2], along[0], along[1], along[2]
+                )  # fmt: skip
+                e0 = _over(mirrored, receiver, a[0] + t0 * along[0], a[1] + t0 * along[1], a[2] + t0 * along[2]) - reference
+                e2 = _over(mirrored, receiver, a[0] + t2 * along[0], a[1] + t2 * along[1], a[2] + t2 * along[2]) - reference
+                for q in range(nodes):
+                    own[q] = scale[q] * _piece(
+                        b0 * _parabola(known, smooth, t0 / size, q), b1 * _parabola(known, smooth, t1 / size, q),
+                        b2 * _parabola(known, smooth, t2 / size, q), wavenumbers[q] * e0, 0.0, wavenumbers[q] * e2,
+                    )  # fmt: skip
+            if np.abs(own).max() > 0 and not _add(faces, ends, chain, apex, x1, own, len(chain), out):
+                return False
+    if not joined:
+        return True
+    for q in range(nodes):
+        phase = wavenumbers[q] * (straight - rest_m)
+        together[q] *= complex(math.cos(phase), math.sin(phase))
+    return _add(faces, ends, chain, apex, nearest, together, len(chain), out)
+
+
+@innermost
+def _parabola(known: np.ndarray, parts: int, place: float, q: int) -> complex:
+    """Return a value at `place` (0 to 1) from values (2 parts + 1, Q) at equal steps, by a parabola through three of them."""
+    i = min(max(int(place * parts), 0), parts - 1)
+    t = 2 * (place * parts - i) - 1
+    f0, f1, f2 = known[2 * i, q], known[2 * i + 1, q], known[2 * i + 2, q]
+    return f1 + t * (0.5 * (f2 - f0) + t * (0.5 * (f0 + f2) - f1))
+
+
+@innermost
+def _excess(x: float, n: float, lit: bool) -> float:
+    """Return cot(x/(2 n))/n, minus cot(x/2) on a lit face."""
+    if not lit:
+        return 1 / (n * math.tan(x / (2 * n)))
+    if abs(x) < 1e-4:
+        return x / 6 * (1 - 1 / (n * n))
+    return 1 / (n * math.tan(x / (2 * n))) - 1 / math.tan(x / 2)
+
+
+@compiled
+def _fringe(faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, e: int, x: np.ndarray, out: np.ndarray) -> None:
+    """Write the received strength (Q,) of the fringe currents of edge `e` at x, per metre of the edge, without spreading and phase."""
+    out[:] = 0
+    before, after = x - ends.source, ends.receiver - x
+    before /= math.sqrt(dot(before, before))
+    after /= math.sqrt(dot(after, after))
+    along, n = faces.along[e], faces.opening[e]
+    cosine, other = dot(before, along), dot(after, along)
+    if min(1 - cosine * cosine, 1 - other * other) < SMALL_SINE * SMALL_SINE:
+        return
+    phi0 = angle(faces, e, -before[0], -before[1], -before[2])
+    phi = angle(faces, e, after[0], after[1], after[2])
+    if max(phi, phi0) > n * math.pi:
+        return
+    lit0, litn = phi0 < math.pi, n * math.pi - phi0 < math.pi
+    shadow = _excess(math.pi - (phi - phi0), n, lit0) + _excess(math.pi + (phi - phi0), n, litn)
+    mirror0 = _excess(math.pi - (phi + phi0), n, lit0)
+    mirrorn = _excess(math.pi + (phi + phi0) - 2 * n * math.pi, n, litn)
+    sine = math.sqrt(1 - cosine * cosine)
+    enters, leaves = soft_and_hard(along, before), soft_and_hard(along, after)
+    sent, got = transverse(ends.transmit, before), transverse(ends.receive, after)
+    s_in, h_in, s_out, h_out = dot(sent, enters[0]), dot(sent, enters[1]), dot(got, leaves[0]), dot(got, leaves[1])
+    for q in range(len(out)):
+        ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
+        ssn, shn, hhn = face_matrix(
+            te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine
+        )  # fmt: skip
+        soft = shadow + ss0 * mirror0 + ssn * mirrorn
+        hard = shadow + hh0 * mirror0 + hhn * mirrorn
+        mixed = sh0 * mirror0 + shn * mirrorn
+        total = s_out * (soft * s_in + mixed * h_in) + h_out * (hard * h_in - mixed * s_in)
+        out[q] = -total.conjugate() / (4 * math.pi)
+
+
+@compiled
+def _fringes(
+    faces: Faces, parts: _Parts, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, out: _Out
+) -> bool:
+    """Write the paths of fringe currents along all edges that source and receiver see; returns False if `out` is too short."""
+    nodes = len(wavenumbers)
+    wavenumber = wavenumbers[nodes // 2]
+    opaque, crossed = np.ones(1, np.bool_), np.empty(1, np.int64)
+    value, own = np.empty(nodes, np.complex128), np.empty(nodes, np.complex128)
+    none = np.zeros(1, np.int64)
+    for e in range(len(faces.length)):
+        if faces.opening[e] <= 1:  # currents in an inner corner are those of several reflections
+            continue
+        a, along, size = faces.start[e], faces.along[e], faces.length[e]
+        way, back = ends.source - a, ends.receiver - a
+        limit = faces.opening[e] * math.pi
+        if angle(faces, e, way[0], way[1], way[2]) > limit or angle(faces, e, back[0], back[1], back[2]) > limit:
+            continue
+        b = a + size * along
+        pieces, smooth = _divisions(a, b, ends.source, ends.receiver, wavenumber)
+        pieces, smooth = max(pieces, 1), max(smooth, 1)
+        known = np.empty((2 * smooth + 1, nodes), np.complex128)
+        for j in range(2 * smooth + 1):
+            _fringe(faces, te, tm, ends, e, a + (j / (2 * smooth)) * (b - a), value)
+            known[j] = value
+        half = 0.5 * size / pieces
+        middle = 0.5 * limit
+        aside = 2 * obstacles.CLEAR_M * (math.cos(middle) * faces.into[e] + math.sin(middle) * faces.up[e])
+        for j in range(pieces):
+            t1 = (2 * j + 1) * half
+            x0, x1, x2 = a + (t1 - half) * along, a + t1 * along, a + (t1 + half) * along
+            if obstacles.crossed(tree, ends.source, x1 + aside, opaque, crossed) < 0:
+                continue
+            if not ends.together and obstacles.crossed(tree, ends.receiver, x1 + aside, opaque, crossed) < 0:
+                continue
+            reference = distance(ends.source, x1) + distance(x1, ends.receiver)
+            e0 = distance(ends.source, x0) + distance(x0, ends.receiver) - reference
+            e2 = distance(ends.source, x2) + distance(x2, ends.receiver) - reference
+            spread = half / (distance(ends.source, x1) * distance(x1, ends.receiver))
+            for q in range(nodes):
+                own[q] = spread * 0.5 / wavenumbers[q] * _piece(
+                    _parabola(known, smooth, (t1 - half) / size, q), _parabola(known, smooth, t1 / size, q),
+                    _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, 0.0, wavenumbers[q] * e2,
+                )  # fmt: skip
+            if np.abs(own).max() > 0 and not _add(faces, ends, none, ends.source, x1, own, 1, out):
+                return False
+    return True
