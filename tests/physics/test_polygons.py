@@ -214,3 +214,12 @@ def test_dihedral_matches_the_measured_pattern(column, side):
 def test_objects_with_curved_or_many_faces_have_no_polygons():
     assert polygons.build(geometry.build([objects.sphere(0.05)])) is None
     assert polygons.build(geometry.build([objects.box([0, 0, 0], [0.1, 0.1, 0.1])])) is not None
+
+
+def test_room_for_paths_grows(monkeypatch):
+    """With little room for paths, beams and pieces at first, the echo is the same."""
+    parts = [objects.dihedral(0.1, 0.1), objects.plate(0.02, 0.02).apply_translation([0.2, 0.03, 0.01])]
+    mesh, place = objects.joined(parts), around(1.0, 4, 0.05)
+    exact = echo(mesh, place, fringes=True)
+    monkeypatch.setattr(polygons, "ROOM", 64)
+    np.testing.assert_array_equal(echo(mesh, place, fringes=True).amplitude, exact.amplitude)

@@ -58,8 +58,8 @@ NODES = 3  # smallest number of frequency nodes, because the amplitude of a piec
 MOST_FACES = 64  # objects with more faces are traced by tubes
 SMALLEST_M = 5e-4  # smallest width of a face
 CORNERS = 24  # largest number of corners of a polygon
-PIECES = 64  # largest number of convex pieces of a lit part
-WAITING = 512  # largest number of beams that wait for their next reflection
+ROOM = 4096  # paths of a pair for which there is room at first; the room grows
+PER_BEAM, PER_PIECE = 8, 64  # paths per beam that waits for its next reflection, and per convex piece of a lit part, in that room
 NEAR, FAR = 0.25, 1.5  # excess phase k E in rad at which a side begins to have its own paths, and from which it has only its own paths
 VIEW_RAD = 0.02  # largest angle, seen from source or receiver, of a piece
 CURVE_RAD = 0.4  # largest quadratic phase of a piece
@@ -188,7 +188,7 @@ def paths(
     found: list[tuple[int, list[np.ndarray]]] = []
 
     def run(begin: int, stop: int) -> None:
-        room = 4096
+        room = ROOM
         while True:
             out = _Out(
                 np.empty((room, q), np.complex128), np.empty((room, 3)), np.empty((room, 3)), np.empty((room, 3)), np.empty(room, np.int64),
@@ -293,11 +293,12 @@ def _subtract(
     faces: Faces, parts: _Parts, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray, number: int,
     spare: np.ndarray,
 ) -> int:  # fmt: skip
-    """Subtract from convex pieces of face `p` the shadows of all other faces, seen from an apex; returns the number of pieces.
+    """Subtract from convex pieces of face `p` the shadows of all other faces, seen from an apex; returns the number of pieces, or -1 if
+    there is no room.
 
     Args:
         last: face behind which the apex is an image, or -1; only what lies on the `facing` (+-1) side of this face shadows.
-        pieces: (PIECES, CORNERS, 3), counts: (PIECES,). spare: (4, CORNERS, 3).
+        pieces: (pieces, CORNERS, 3), counts: (pieces,). spare: (4, CORNERS, 3).
     """
     height = dot(apex, faces.normal[p]) - faces.offset[p]
     up = 1.0 if height > 0 else -1.0
@@ -327,8 +328,8 @@ def _subtract(
             continue
         inside = _middle(spare[0], count)
         before, number = number, 0
-        fresh = np.empty((PIECES, CORNERS, 3))
-        sizes = np.empty(PIECES, np.int64)
+        fresh = np.empty_like(pieces)
+        sizes = np.empty_like(counts)
         normals = np.empty((CORNERS, 3))
         for i in range(count):
             normals[i] = _side(apex, spare[0, i], spare[0, (i + 1) % count], inside)
@@ -343,16 +344,17 @@ def _subtract(
                     outmost = max(outmost, dot(normals[i], spare[1, c]) - dot(normals[i], apex))
                 if outmost < 1e-9:
                     apart = True
+            if number + count + 1 > len(pieces):
+                return -1
             if apart:
-                if number < PIECES:
-                    _copy(spare[1], rest, fresh[number])
-                    sizes[number] = rest
-                    number += 1
+                _copy(spare[1], rest, fresh[number])
+                sizes[number] = rest
+                number += 1
                 continue
             for i in range(count):
                 n = normals[i]
                 size = _clip(spare[1], rest, -n[0], -n[1], -n[2], -dot(n, apex), spare[2])
-                if size and _area(spare[2], size) > SLIVER_M2 and number < PIECES:
+                if size and _area(spare[2], size) > SLIVER_M2:
                     _copy(spare[2], size, fresh[number])
                     sizes[number] = size
                     number += 1
@@ -371,13 +373,14 @@ def _reflections(
     faces: Faces, parts: _Parts, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, most: int, out: _Out
 ) -> bool:
     """Write the paths over all sequences of at most `most` faces; returns False if `out` is too short."""
-    polygon, count = np.empty((WAITING, CORNERS, 3)), np.empty(WAITING, np.int64)
-    chain, order = np.empty((WAITING, most), np.int64), np.zeros(WAITING, np.int64)
-    at = np.empty((WAITING, 3))
+    beams, most_pieces = len(out.bounces) // PER_BEAM, len(out.bounces) // PER_PIECE
+    polygon, count = np.empty((beams, CORNERS, 3)), np.empty(beams, np.int64)
+    chain, order = np.empty((beams, most), np.int64), np.zeros(beams, np.int64)
+    at = np.empty((beams, 3))
     at[0] = ends.source
     waiting = 1
-    pieces, counts = np.empty((PIECES, CORNERS, 3)), np.empty(PIECES, np.int64)
-    seen, sizes = np.empty((PIECES, CORNERS, 3)), np.empty(PIECES, np.int64)
+    pieces, counts = np.empty((most_pieces, CORNERS, 3)), np.empty(most_pieces, np.int64)
+    seen, sizes = np.empty((most_pieces, CORNERS, 3)), np.empty(most_pieces, np.int64)
     spare = np.empty((4, CORNERS, 3))
     while waiting:
         waiting -= 1
@@ -410,11 +413,15 @@ def _reflections(
             _copy(spare[0], size, pieces[0])
             counts[0] = size
             number = _subtract(faces, parts, p, apex, last, facing, pieces, counts, 1, spare)
+            if number < 0:
+                return False
             before[m] = p
             mirrored = apex - 2 * height * faces.normal[p]
             other = dot(ends.receiver, faces.normal[p]) - faces.offset[p]
             for j in range(number):
-                if m + 1 < most and waiting < WAITING:
+                if m + 1 < most:
+                    if waiting == beams:
+                        return False
                     _copy(pieces[j], counts[j], polygon[waiting])
                     count[waiting], order[waiting], at[waiting] = counts[j], m + 1, mirrored
                     chain[waiting] = before
@@ -426,6 +433,8 @@ def _reflections(
                 shown = 1
                 if m or not ends.together:
                     shown = _subtract(faces, parts, p, ends.receiver, -1, 1.0, seen, sizes, 1, spare)
+                    if shown < 0:
+                        return False
                 for i in range(shown):
                     if not _polygon(faces, te, tm, wavenumbers, ends, before[: m + 1], apex, mirrored, seen[i], sizes[i], out):
                         return False
