@@ -18,7 +18,7 @@ import numpy as np
 from radartwin.compiled import compiled, shared_out
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
-from radartwin.simulation import diffuse, pruning, variant
+from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, StaticScene, Surroundings, target
 from radartwin.simulation.backends.trace_settings import TraceSettings
@@ -219,14 +219,15 @@ class Drives:
         """Trace a compact object at `poses` (F, 4, 4) from sensor poses `sensor` (F, 4, 4). A single pose holds for all frames.
 
         Args:
-            coupled: whether to include paths between the object and the room.
+            coupled: whether to include paths between the object and the room. The diffuse paths of the object are always included. The
+                object does not hide diffuse paths of the room, because `room` does not know the object.
             aside: (3,) metres from the nominal to the actual object position. Legs that reflect at room panels are searched for a ball
                 around the nominal position, so that all objects placed there share these legs.
         """
         found = self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
         if not self._backend.settings.diffuse:
             return found
-        body = diffuse.Body(surfaces, target(list(surfaces), self._radar).geometry, poses)
+        body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]
         return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
 

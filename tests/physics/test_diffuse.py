@@ -18,6 +18,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, shadows, variant
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
 
@@ -302,6 +303,19 @@ def test_simulator_adds_the_cloud_of_moving_objects():
         assert (more > 0) == diffuse_wanted
 
 
+def test_drives_have_the_cloud_of_their_object():
+    """Along a drive, a rough object has the same diffuse paths as in a simulation with `motion`."""
+    plate = Surface(rectangle(0.0, (-0.3, -0.3), (0.3, 0.3)), "concrete", "plate", roughness_m=SIGMA)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, 0, 3] = 2.0
+    sensor = at((0, 0, 0), (0, 0.01, 0), (0, 0.02, 0))
+    *_, found = Drives([], ISOTROPIC, sensor, TraceSettings()).moving([plate], sensor, poses[:1])
+    (expected,) = diffuse.of_scene(None, bodies((plate, poses)), ISOTROPIC, sensor)
+    assert len(found) > 50
+    assert np.array_equal(found.amplitude, expected.amplitude)
+    assert found.rate_mps == pytest.approx(expected.rate_mps)
+
+
 def test_cloud_moves_with_its_body():
     """The field factors of a body do not change from frame to frame, and its path lengths change with the motion of the body."""
     variant.activate("auto")
@@ -319,19 +333,20 @@ def test_cloud_moves_with_its_body():
 
 def test_moving_body_shadows_the_wall_and_only_the_wall_behind_it():
     """With a smooth plate at half the distance, the sum of the paths has no points behind the plate. When the plate leaves, all points
-    return. The static paths do not change.
+    return. A plate turned by 180 degrees has the same shadow. The static paths do not change.
     """
     variant.activate("auto")
     plate = Surface(rectangle(0.0, (-0.3, -0.2), (0.3, 0.2)), "metal", "plate")
-    poses = np.tile(np.eye(4), (3, 1, 1))
-    poses[:, :3, 3] = [[1.0, 0, 0], [1.0, 0.1, 0], [-5.0, 0, 0]]
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[:, :3, 3] = [[1.0, 0, 0], [1.0, 0.1, 0], [-5.0, 0, 0], [1.0, 0, 0]]
+    poses[3, :3, :3] = np.diag([-1.0, -1.0, 1.0])
     wall = bodies((WALL, np.eye(4)[None]))[0]
-    sensor = at(*((0, 0, 0),) * 3)
+    sensor = at(*((0, 0, 0),) * 4)
     still, shadow = diffuse.of_scene(wall, bodies((plate, poses)), ISOTROPIC, sensor)
     (alone,) = diffuse.of_scene(wall, [], ISOTROPIC, sensor)
     assert np.array_equal(still.amplitude, alone.amplitude)
-    assert np.bincount(shadow.pose, minlength=3)[2] == 0
-    for frame, y in ((0, 0.0), (1, 0.1)):
+    assert np.bincount(shadow.pose, minlength=4)[2] == 0
+    for frame, y in ((0, 0.0), (1, 0.1), (3, 0.0)):
         part = shadow.frames(frame, frame + 1)
         on_wall = 2.0 * still.departure / still.departure[:, :1]
         behind = (np.abs(on_wall[:, 1] - 2 * y) < 0.6) & (np.abs(on_wall[:, 2]) < 0.4)

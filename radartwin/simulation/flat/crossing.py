@@ -14,8 +14,9 @@ import math
 import numpy as np
 
 from radartwin.compiled import compiled, shared_out
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
-from radartwin.simulation.reflection_table import ReflectionTable
+from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SAME_M = 1e-6  # triangles of one surface that a line meets within this distance count once
 
@@ -92,6 +93,22 @@ def _fill(
             cross_panes(tree, te, tm, start[n], end[n], found, panes[n], field)
         for q in range(te.shape[2]):
             factor[n, q] = field[q, 0] * unit[n, 0] + field[q, 1] * unit[n, 1] + field[q, 2] * unit[n, 2]
+
+
+def delayed(factor: np.ndarray, nodes_hz: np.ndarray, at_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Convert factors at frequency nodes to a factor at one frequency and a length that carries the delay of the layers.
+
+    Args:
+        factor: (N, Q) result of `factors`. nodes_hz: (Q,) frequency nodes. at_hz: frequency of a path with one node.
+    Returns:
+        value: (N,) factor at `at_hz` for exp(+j omega t), without the phase of the length. extra_m: (N,) length in metres, of all ways.
+    """
+    wavenumber = 2 * np.pi / SPEED_OF_LIGHT * (nodes_hz - at_hz)
+    extra = np.zeros(len(factor))
+    if len(nodes_hz) > 1 and len(factor):
+        extra = -np.polyfit(wavenumber, np.unwrap(np.angle(factor), axis=1).T, 1)[0]
+    value = (factor @ lagrange_basis(nodes_hz, np.array([at_hz])))[:, 0]
+    return value * np.exp(2j * np.pi * at_hz / SPEED_OF_LIGHT * extra), extra
 
 
 def factors(

@@ -11,10 +11,12 @@ unfolded distances between source, edges and receiver. For parallel edges the sp
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from radartwin.compiled import compiled, innermost
+from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
 from radartwin.simulation.flat.wedge import coefficients, half_plane
@@ -25,6 +27,15 @@ OUTSIDE = 0.02  # a diffraction whose weight for the ends of its edge is below t
 INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an edge
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
+
+
+class Tables(NamedTuple):
+    """Hold the tables (surfaces, COSINES, Q) of a `ReflectionTable` for compiled functions."""
+
+    te: np.ndarray
+    tm: np.ndarray
+    through_te: np.ndarray
+    through_tm: np.ndarray
 
 
 @innermost
@@ -101,15 +112,24 @@ def reflect_points(faces: Faces, source: np.ndarray, chain: np.ndarray, end: np.
 
 
 @compiled
+def panes_on(tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, points: np.ndarray, count: int, end: np.ndarray) -> int:
+    """Return the number of triangles of panes on the path from `start` over points (count, 3) to `end`; -1 if it is blocked."""
+    found = np.empty(MAX_PANES, np.int64)
+    at, total = start, 0
+    for i in range(count + 1):
+        to = points[i] if i < count else end
+        panes = crossed(tree, at, to, opaque, found)
+        if panes < 0:
+            return -1
+        total += panes
+        at = to
+    return total
+
+
+@compiled
 def is_clear(tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, points: np.ndarray, count: int, end: np.ndarray) -> bool:
     """Return whether no opaque triangle blocks the path from `start` over points (count, 3) to `end`."""
-    found = np.empty(MAX_PANES, np.int64)
-    at = start
-    for i in range(count):
-        if crossed(tree, at, points[i], opaque, found) < 0:
-            return False
-        at = points[i]
-    return crossed(tree, at, end, opaque, found) >= 0
+    return panes_on(tree, opaque, start, points, count, end) >= 0
 
 
 @compiled
@@ -156,6 +176,30 @@ def reflected(
                 field[q, k] = along_s * s[k] + along_p * after_p[k]
         direction = after
     return field, direction
+
+
+@compiled
+def travelled(
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: np.ndarray, chain: np.ndarray,
+    start: np.ndarray, points: np.ndarray, step: int, end: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Return the field (Q, 3) after the reflections of a chain and the panes between `start`, its points of reflection and `end`.
+
+    Args:
+        points: (len(chain), 3) points of reflection, in the order of the path for step=1 and in reverse order for step=-1.
+    """
+    found = np.empty(MAX_PANES, np.int64)
+    field = field.copy()
+    at, m = start, len(chain)
+    for i in range(m + 1):
+        to = end
+        if i < m:
+            to = points[i] if step > 0 else points[m - 1 - i]
+        cross_panes(tree, tables.through_te, tables.through_tm, at, to, found, max(crossed(tree, at, to, opaque, found), 0), field)
+        if i < m:
+            field, direction = reflected(faces, tables.te, tables.tm, field, direction, chain[i : i + 1])
+        at = to
+    return field
 
 
 @innermost
@@ -224,10 +268,42 @@ def face_matrix(
 
 
 @compiled
+def passing_matrix(faces: Faces, tables: Tables, e: int, q: int, phi: float, phi0: float, sine: float, cosine: float) -> np.ndarray:
+    """Return the matrix (2, 2) of the transmission through both faces of edge `e` in its soft and hard directions.
+
+    The direction through the faces is half way between those before and after the edge, as in `face_matrix`. Both faces of a free edge are
+    the same sheet, which counts once. Ref: W. Burnside, K. Burgener, IEEE Trans. AP 31 (1983) 104.
+    """
+    out = np.eye(2, dtype=np.complex128)
+    middle = 0.5 * (phi + phi0 + math.pi)
+    if math.cos(middle - phi) < 0:
+        middle += math.pi
+    for side in range(1 if faces.sides[e, 0] == faces.sides[e, 1] else 2):
+        turn = middle if side == 0 else faces.opening[e] * math.pi - middle
+        surface = faces.surface[faces.sides[e, side]]
+        incidence = abs(math.sin(turn)) * sine
+        t_te, t_tm = looked_up(tables.through_te, surface, incidence, q), looked_up(tables.through_tm, surface, incidence, q)
+        # components of the face's normal along the soft and the hard direction, over the sine of the angle of incidence
+        soft, hard = -cosine * math.sin(turn), math.cos(turn) * (1.0 if side == 0 else -1.0)
+        size = math.sqrt(soft * soft + hard * hard)
+        if size < 1e-9:
+            soft, hard, size = 0.0, 1.0, 1.0
+        soft, hard = soft / size, hard / size
+        one = np.empty((2, 2), np.complex128)
+        one[0, 0] = t_te * hard * hard + t_tm * soft * soft
+        one[1, 1] = t_te * soft * soft + t_tm * hard * hard
+        one[0, 1] = one[1, 0] = (t_tm - t_te) * soft * hard
+        out = one @ out
+    return out
+
+
+@compiled
 def edge_terms(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, e: int, before: np.ndarray, after: np.ndarray, distance_m: float, wavenumber: float
+    faces: Faces, tables: Tables, e: int, before: np.ndarray, after: np.ndarray, distance_m: float, wavenumber: float
 ) -> np.ndarray:
     """Return the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
+
+    Behind faces that transmit, the field jumps by the part that they do not transmit, which multiplies the shadow terms.
 
     Rows: soft and hard component after the edge; columns: before it. The derivatives are those of metal faces.
 
@@ -243,15 +319,17 @@ def edge_terms(
     if max(phi, phi0) > n * math.pi + 1e-9:
         return out
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
-    q = te.shape[2] // 2
+    te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
+    lost = np.eye(2) - passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
     ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
     ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
-    out[0, 0, 0] = shadow + ss0 * mirror_0 + ssn * mirror_n
-    out[0, 0, 1] = sh0 * mirror_0 + shn * mirror_n
-    out[0, 1, 0] = -out[0, 0, 1]
-    out[0, 1, 1] = shadow + hh0 * mirror_0 + hhn * mirror_n
-    out[1, 0, 0], out[1, 1, 1] = slope - bend, slope + bend
-    out[2, 0, 0], out[2, 1, 1] = -slope - bend, -slope + bend
+    out[0, 0, 0] = shadow * lost[0, 0] + ss0 * mirror_0 + ssn * mirror_n
+    turned = sh0 * mirror_0 + shn * mirror_n
+    out[0, 0, 1] = shadow * lost[0, 1] + turned
+    out[0, 1, 0] = shadow * lost[1, 0] - turned
+    out[0, 1, 1] = shadow * lost[1, 1] + hh0 * mirror_0 + hhn * mirror_n
+    out[1, 0, 0], out[1, 1, 1] = slope * lost[0, 0] - bend, slope * lost[1, 1] + bend
+    out[2, 0, 0], out[2, 1, 1] = -slope * lost[0, 0] - bend, -slope * lost[1, 1] + bend
     return out
 
 
@@ -279,22 +357,22 @@ def edge_point(faces: Faces, e: int, place: float) -> np.ndarray:
 
 @compiled
 def evaluate(
-    begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, te: np.ndarray, tm: np.ndarray, wavenumber: float,
+    begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
     nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
     axis: np.ndarray, least: np.ndarray, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray, arrival: np.ndarray,
 ) -> None:  # fmt: skip
     """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
 
     Args:
-        opaque: (surfaces,) bool. te, tm: reflection tables.
+        opaque: (surfaces,) bool. tables: of the surfaces.
         nudge: (3,) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset, a
             sensor exactly in the plane of a face or exactly opposite a corner would be on both sides.
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
     """
-    points = np.empty((chain.shape[1] + 1, 3))
-    q = te.shape[2]
+    points, points2, points3 = np.empty((3, chain.shape[1] + 1, 3))
+    te, tm, q = tables.te, tables.tm, tables.te.shape[2]
     for n in range(begin, stop):
         s = which[n]
         place, antenna = sensor[pose[n]], axis[pose[n]]
@@ -314,8 +392,15 @@ def evaluate(
             field[:] = transverse(antenna, there)
             field, _ = reflected(faces, te, tm, field, there, first)
             level = field @ transverse(antenna, back).astype(np.complex128) / size
-            if np.abs(level).max() < least[pose[n]] or not is_clear(tree, opaque, source, points, m0, receiver):
+            if np.abs(level).max() < least[pose[n]]:
                 continue
+            panes = panes_on(tree, opaque, source, points, m0, receiver)
+            if panes < 0:
+                continue
+            if panes:
+                field[:] = transverse(antenna, there)
+                field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, receiver)
+                level = field @ transverse(antenna, back).astype(np.complex128) / size
             amplitude[n] = level
             length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
             departure[n], arrival[n] = there, -back
@@ -335,19 +420,27 @@ def evaluate(
             field = np.zeros((q, 3), np.complex128)
             field[:] = transverse(antenna, there)
             field, _ = reflected(faces, te, tm, field, there, first)
-            matrix = edge_terms(faces, te, tm, e1, before, after, s1 * s3 / (s1 + s3), wavenumber)[0]
+            matrix = edge_terms(faces, tables, e1, before, after, s1 * s3 / (s1 + s3), wavenumber)[0]
             field = _passed(field, matrix, soft_and_hard(faces.along[e1], before), soft_and_hard(faces.along[e1], after))
             field, _ = reflected(faces, te, tm, field, after, last)
             level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
             if np.abs(level).max() < least[pose[n]]:
                 continue
             touched = edge_point(faces, e1, z)
-            if not reflect_points(faces, source, first, touched, points) or not is_clear(tree, opaque, source, points, m0, touched):
+            if not reflect_points(faces, source, first, touched, points):
                 continue
-            if not reflect_points(faces, receiver, last[::-1], touched, points) or not is_clear(
-                tree, opaque, receiver, points, m2, touched
-            ):
+            panes = panes_on(tree, opaque, source, points, m0, touched)
+            if panes < 0 or not reflect_points(faces, receiver, last[::-1], touched, points2):
                 continue
+            more = panes_on(tree, opaque, receiver, points2, m2, touched)
+            if more < 0:
+                continue
+            if panes + more:
+                field[:] = transverse(antenna, there)
+                field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched)
+                field = _passed(field, matrix, soft_and_hard(faces.along[e1], before), soft_and_hard(faces.along[e1], after))
+                field = travelled(faces, tree, opaque, tables, field, after, last, touched, points2, -1, receiver)
+                level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
             amplitude[n] = level
             length[n, 0] = distance(image(faces, place, first, 1.0), x)
             length[n, 2] = distance(x, image(faces, place, last[::-1], 1.0))
@@ -377,14 +470,14 @@ def evaluate(
         before, middle, after = (x1 - mirrored) / s1, (x2 - x1) / s2, (receiver2 - x2) / s3
         middle2, after2 = image(faces, middle, between, 0.0), image(faces, after, between, 0.0)
         there, back = image(faces, before, first[::-1], 0.0), image(faces, after2, last, 0.0)
-        matrix1 = edge_terms(faces, te, tm, e1, before, middle, s1 * s2 / (s1 + s2), wavenumber)
+        matrix1 = edge_terms(faces, tables, e1, before, middle, s1 * s2 / (s1 + s2), wavenumber)
         # curvature of the wave from the first edge, in the plane of ray and second edge
         frame = soft_and_hard(along1, middle)
         second = soft_and_hard(along2, middle)
         turn = dot(frame[0], second[0]) ** 2
         rho = 1 / (turn / (s1 + s2) + (1 - turn) / s2)
         parameter = s3 * (rho + s3) * s2 * (s1 + s2) / (rho * (s2 + s3) * (s1 + s2 + s3))
-        matrix2 = edge_terms(faces, te, tm, e2, middle2, after2, parameter, wavenumber)
+        matrix2 = edge_terms(faces, tables, e2, middle2, after2, parameter, wavenumber)
         field = np.zeros((q, 3), np.complex128)
         field[:] = transverse(antenna, there)
         field, _ = reflected(faces, te, tm, field, there, first)
@@ -401,22 +494,36 @@ def evaluate(
         gradient = dot(rise, other) / size / s2 if size > 0 else 0.0
         sine2 = math.sqrt(max(1 - dot(faces.along[e2], middle2) ** 2, SMALL_SINE * SMALL_SINE))
         field = _passed(plain, matrix2[0], enters2, leaves2)
-        field += _passed(slope, matrix2[2], enters2, leaves2) * (gradient / (1j * wavenumber * sine2))
+        bend = gradient / (1j * wavenumber * sine2)
+        field += _passed(slope, matrix2[2], enters2, leaves2) * bend
         field, _ = reflected(faces, te, tm, field, after2, last)
         spreading = math.sqrt(rho / (s3 * (rho + s3))) / math.sqrt(s1 * s2 * (s1 + s2))
-        level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
         if m1 == 0 and share_face(faces, e1, e2):
-            level *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
+            spreading *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
+        level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
         if np.abs(level).max() < least[pose[n]]:
             continue
         touched1 = edge_point(faces, e1, place1)
         touched2 = edge_point(faces, e2, place2)
-        if not reflect_points(faces, source, first, touched1, points) or not is_clear(tree, opaque, source, points, m0, touched1):
+        if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
             continue
-        if not reflect_points(faces, touched1, between, touched2, points) or not is_clear(tree, opaque, touched1, points, m1, touched2):
+        if not reflect_points(faces, receiver, last[::-1], touched2, points3):
             continue
-        if not reflect_points(faces, receiver, last[::-1], touched2, points) or not is_clear(tree, opaque, receiver, points, m2, touched2):
+        panes = panes_on(tree, opaque, source, points, m0, touched1)
+        more = panes_on(tree, opaque, touched1, points2, m1, touched2) if panes >= 0 else -1
+        most = panes_on(tree, opaque, receiver, points3, m2, touched2) if more >= 0 else -1
+        if most < 0:
             continue
+        if panes + more + most:
+            field[:] = transverse(antenna, there)
+            field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched1)
+            plain, slope = _passed(field, matrix1[0], enters, frame), _passed(field, matrix1[1], enters, frame)
+            plain = travelled(faces, tree, opaque, tables, plain, middle, between, touched1, points2, 1, touched2)
+            slope = travelled(faces, tree, opaque, tables, slope, middle, between, touched1, points2, 1, touched2)
+            field = _passed(plain, matrix2[0], enters2, leaves2)
+            field += _passed(slope, matrix2[2], enters2, leaves2) * bend
+            field = travelled(faces, tree, opaque, tables, field, after2, last, touched2, points3, -1, receiver)
+            level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
         amplitude[n] = level
         exact = image(faces, image(faces, place, last[::-1], 1.0), back_chain, 1.0)
         length[n, 0], length[n, 1] = distance(image(faces, place, first, 1.0), x1), s2

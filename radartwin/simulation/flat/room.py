@@ -72,7 +72,7 @@ class FlatRoom:
     def _sequences(self, place: np.ndarray, max_bounces: int, prune: float) -> search.Sequences:
         largest = np.maximum(np.abs(self.table.te).max(axis=(1, 2)), np.abs(self.table.tm).max(axis=(1, 2)))
         loudness = largest[self.faces.surface]
-        opaque = np.ones(len(largest), bool)
+        opaque = self.table.opaque
         source = place + 1.5 * NUDGE / self._wavenumber
         found = search.beams(self.faces, self.blocking, opaque, loudness, source, max_bounces, 0.0)
         loudest = float((found.strength[1:] / np.linalg.norm(found.image[1:] - place, axis=1)).max(initial=0.0))
@@ -88,9 +88,10 @@ class FlatRoom:
         n, sensor, axis = len(pose), np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2])
         amplitude, length = np.zeros((n, len(frequencies)), complex), np.zeros((n, 3))
         departure, arrival = np.zeros((n, 3)), np.zeros((n, 3))
-        opaque = np.ones(len(self.table.te), bool)
+        opaque = self.table.opaque
+        tables = field.Tables(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
         shared_out(
-            field.evaluate, n, self.faces, self.blocking, opaque, self.table.te, self.table.tm, self._wavenumber, NUDGE / self._wavenumber,
+            field.evaluate, n, self.faces, self.blocking, opaque, tables, self._wavenumber, NUDGE / self._wavenumber,
             every.count, every.chain, every.edge, pose, which, sensor, axis, least, amplitude, length, departure, arrival, pieces=16,
         )  # fmt: skip
         found = np.flatnonzero(length[:, 0] > 0)
