@@ -54,10 +54,22 @@ _mark | int(np.ceil(u[n].max())) + MARGIN + 1 | int(np.ceil(u[n].max())) - MARGI
 
 simulation/curved/shell: physics/test_shells
 find_shells | 1j * wavenumber | -1j * wavenumber | a wall's thickness shifts the phase the wrong way
-find_shells | material.layers[::-1] | () | a wall has no layers from inside
+find_shells | layered(material).layers[::-1] | () | a wall has no layers from inside
 
 simulation/curved/transit: physics/test_shells
-Walls._passed | te_re * s_im + te_im * s_re | te_re * s_im - te_im * s_re | a wall advances the phase instead of delaying it
+passed | te_re * s_im + te_im * s_re | te_re * s_im - te_im * s_re | a wall advances the phase instead of delaying it
+
+simulation/reflection_table: physics/test_crossing
+_evaluate | 2j * np.pi | 0j * np.pi | the transmission of a sheet contains the phase of the air that it replaces
+
+simulation/flat/crossing: physics/test_crossing
+cross_panes | abs(place[j] - place[i]) < SAME_M | False | the common side of two triangles counts as two panes
+_fill | range(ways) | range(1) | an echo crosses a pane once, not there and back
+delayed | 2j * np.pi * at_hz | 0j * at_hz | the delay of a pane turns the phase twice
+
+simulation/flat/field: physics/test_crossing
+edge_terms | shadow * lost[1, 1] | shadow | the edge of a pane casts the shadow of an opaque sheet
+travelled | max(crossed(tree, at, to, opaque, found), 0) | 0 | panes do not weaken the paths of rooms
 
 simulation/diffuse: physics/test_diffuse
 scattered_power | 4 * np.pi * distance | 8 * np.pi * distance | scattered power is 6 dB low

@@ -279,3 +279,24 @@ def test_diffuse_points_behind_a_pane_have_the_squared_transmission_and_its_dela
         turn = np.exp(2j * np.pi * f / C * (behind.length_m - alone.length_m))
         assert np.abs(behind.amplitude[:, 0] / alone.amplitude[:, 0] * turn / exact.conj() - 1).max() < limit
     assert not len(found(Layered([], backing="glass"))[0])
+
+
+@pytest.mark.parametrize("material", [Layered(PANES["glass 6 mm"]), "concrete"])
+def test_a_simulated_plate_behind_a_wall_of_glass_is_heard(material):
+    """With ray tubes in all directions, the echo of a plate behind a pane of the room is lower by the two-way transmission. Behind
+    concrete, the plate returns nothing.
+    """
+    radar = rt.Radar.iwr1843(element="isotropic")
+    plate = rt.Surface(objects.plate(0.08, 0.08).apply_transform(pose([2.0, 0.0, 0.0], turned(180, 2))), "metal", "plate", role="object")
+    pane = rt.Surface(objects.plate(1.0, 1.0).apply_transform(pose([0.8, 0.0, 0.0], turned(20, 2))), material, "pane", role="room")
+    f = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(256) / radar.sample_rate_hz
+    window = np.hanning(256) * np.exp(-2j * np.pi * np.outer(np.linspace(3.9, 4.1, 201), f) / C)
+    alone, behind = (
+        np.abs(window @ rt.simulate(rt.Scene(things), radar, np.eye(4)[None], rays=100_000).iq[0, 0, 0, 0]).max()
+        for things in ([plate], [pane, plate])
+    )
+    if material == "concrete":
+        assert behind < 1e-3 * alone
+    else:
+        expected = np.mean([abs(transmitted(PANES["glass 6 mm"], np.cos(np.radians(20)), one)[0]) ** 2 for one in f])
+        assert 20 * np.log10(behind / alone / expected) == pytest.approx(0, abs=0.5)
