@@ -60,10 +60,11 @@ def _value(key: str, text: str) -> Any:
 def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Row]) -> str:
     """Return the page docs/choosing.md as Markdown: the template, filled from the rows of the three tables named in the arguments."""
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
+    machines = " and of ".join(dict.fromkeys(row["machine"].replace("; ", ", ") for row in measured))
     origin = (
         "`python -m analysis.figures.choosing` writes this page from the committed tables `speed_accuracy.csv`, `stability.csv` and "
-        "`complexity.csv` in `docs/results/`. Run times are processor seconds of "
-        f"{measured[0]['machine'].replace('; ', ', ')}. Compare only ratios of run times, because the load of the machine changes seconds."
+        f"`complexity.csv` in `docs/results/`. Run times are processor seconds of {machines}. "
+        "Compare only ratios of run times, because the load of the machine changes seconds."
     )
     settings = dict.fromkeys(row["setting"] for row in measured if row["family"] == OURS)
     parts = {

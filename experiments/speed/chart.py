@@ -151,7 +151,7 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
         "Profiles count within 40 dB of their peak.",
         "(n x): time relative to the default.",
         "Without a label: other settings; the table lists all.",
-        *measured[0]["machine"].split("; "),
+        *(textwrap.fill(machine, 52) for machine in dict.fromkeys(row["machine"] for row in measured)),
     ]
     panel.text(0, 0.0, "\n".join(lines), fontsize=5.5, color="0.35", va="bottom", transform=panel.transAxes)
 

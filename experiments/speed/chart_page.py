@@ -38,7 +38,7 @@ def page(rows: Sequence[Row]) -> str:
     views = {f"{cost} {error}": _view(series, cost, error) for cost in COSTS for error in ERRORS}
     figure.update_layout(height=(2 + len(series)) * PANEL_HEIGHT_PX // COLUMNS)
     parts = {
-        "MACHINE": html.escape(measured[0]["machine"] if measured else "no machine"),
+        "MACHINE": html.escape(" and ".join(dict.fromkeys(row["machine"] for row in measured)) or "no machine"),
         "COSTS": _options(COSTS), "ERRORS": _options(ERRORS),
         "VIEWS": json.dumps(views).replace("<", "\\u003c"),
         "PLOT": figure.to_html(full_html=False, include_plotlyjs=True, div_id=PLOT_ID, config={"responsive": True, "displaylogo": False}),

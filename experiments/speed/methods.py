@@ -78,16 +78,16 @@ def _targets(full: bool) -> list[Method]:
 
 
 def _room(problem: Problem, full: bool) -> list[Method]:
-    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]  # the reference has five bounces
-    if problem.exact:
+    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]
+    if problem.name == "empty room":
         rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
         return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
-    mine += [ours("object and room uncoupled", coupling=False), ours("planar elements", "planar")]
-    if full or problem.resting:
-        mine.append(ours("0.25 tubes per square wavelength", rays_per_wavelength2=0.25))
+    mine.append(ours("planar elements", "planar"))
+    if problem.resting:
+        densities = (0.25, 4.0) if full else (0.25,)
+        mine += [ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
+        mine.append(ours("object and room uncoupled", coupling=False))
     if full:
-        mine += [ours("4 tubes per square wavelength", rays_per_wavelength2=4.0), ours("no diffuse cloud", diffuse=False)]
-    if full and problem.resting:
         mine.append(ours("room by tubes, by the width rule", room="tubes"))
     return mine
 

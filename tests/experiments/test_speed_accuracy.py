@@ -16,7 +16,7 @@ from analysis.figures import choosing
 from experiments.speed import bench, chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
 from experiments.stability.sweeps import SWEEPS
-from experiments.validation.oracles import traced
+from experiments.validation.oracles import fullwave, furnished_motions, traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import corner_faces, cylinder_rcs
 from radartwin.config.compose import compose
@@ -172,6 +172,29 @@ def test_exact_images_match_the_reference_of_the_bare_office() -> None:
     images = Method(methods.IMAGES, "all", "")
     found = signal_error.compare([(images.iq(part, 1, part.radar), problem.reference(part))], part.radar)
     assert found.signal < 0.02
+
+
+@pytest.mark.parametrize("make", [problems.object_in_room, problems.furnished_drive])
+def test_full_wave_references_have_the_frames_of_the_motion(make: Any) -> None:
+    """The stored scene of each frame is the scene of the test problem, moved into the sensor frame."""
+    problem = make(furnished_motions.FRAMES, furnished_motions.FRAMES)
+    stored = json.loads((furnished_motions.FOLDER / "scenes.json").read_text())["scenes"]
+    for part in problem.parts:
+        reference = problem.reference(part)
+        assert reference.shape == (furnished_motions.FRAMES, 1, 1, 1, part.radar.num_samples)
+        for frame in range(furnished_motions.FRAMES):
+            to_sensor = np.linalg.inv(part.sensor[frame if len(part.sensor) > 1 else 0])
+            for surface in part.scene:
+                world = part.motion[surface.name][frame] if surface.name in part.motion else np.eye(4)
+                mesh = surface.mesh.copy().apply_transform(to_sensor @ world)
+                ends = np.reshape(stored[furnished_motions.name(part.name, frame)][surface.name], (-1, 2))
+                distance = np.linalg.norm(mesh.vertices[:, None, :2] - ends[None], axis=2)
+                assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-6
+
+
+def test_full_wave_radar_samples_the_stored_frequencies() -> None:
+    frequency, _ = fullwave.field(furnished_motions.FOLDER, furnished_motions.name("box", 0))
+    assert traced.frequencies(problems.FULL_WAVE) == pytest.approx(frequency, rel=1e-8)
 
 
 def test_measuring_returns_time_and_rays_of_each_method() -> None:

@@ -64,15 +64,16 @@ def names(folder: Path) -> list[str]:
     return list(json.loads((folder / "scenes.json").read_text())["scenes"])
 
 
+def extruded(lines: np.ndarray, half_height_m: float = HALF_HEIGHT_M) -> trimesh.Trimesh:
+    """Return the vertical surface over strips (S, 2, 2) from -half_height_m to +half_height_m, without top and bottom."""
+    corners = [[(*p, -half_height_m), (*q, -half_height_m), (*q, half_height_m), (*p, half_height_m)] for p, q in lines]
+    faces = [[4 * i + k for k in three] for i in range(len(lines)) for three in ((0, 1, 2), (0, 2, 3))]
+    return trimesh.Trimesh(np.round(np.concatenate(corners), 5), faces)
+
+
 def scene(folder: Path, name: str) -> Scene:
     """Return the surfaces of a scene in the sensor frame, in metres."""
-    surfaces = []
-    for part, lines in strips(folder, name).items():
-        corners = [[(*p, -HALF_HEIGHT_M), (*q, -HALF_HEIGHT_M), (*q, HALF_HEIGHT_M), (*p, HALF_HEIGHT_M)] for p, q in lines]
-        faces = [[4 * i + k for k in three] for i in range(len(lines)) for three in ((0, 1, 2), (0, 2, 3))]
-        mesh = trimesh.Trimesh(np.round(np.concatenate(corners), 5), faces)
-        surfaces.append(Surface(mesh, "metal", part, role="room"))
-    return Scene(surfaces)
+    return Scene([Surface(extruded(lines), "metal", part, role="room") for part, lines in strips(folder, name).items()])
 
 
 def field(folder: Path, name: str) -> tuple[np.ndarray, np.ndarray]:
