@@ -38,7 +38,7 @@ from radartwin.simulation import geometry, reflection_table
 from radartwin.simulation.backends import sionna
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
-from radartwin.simulation.flat import panel_room
+from radartwin.simulation.backends.static_scene import small_faces
 from radartwin.simulation.paths import Paths
 from radartwin.store.products import Store
 
@@ -176,7 +176,7 @@ def _of_answer(answer: dict[str, np.ndarray], small: np.ndarray, pose: np.ndarra
 def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
     """Return a mask (N,) of the paths that reflect at a surface for which RadarTwin's tracer uses ray tubes."""
     built = geometry.build([s.mesh for s in scene])
-    surfaces = np.unique(built.surface[panel_room.small_faces(scene.surfaces, built)])
+    surfaces = np.unique(built.surface[small_faces(scene.surfaces, built)])
     return np.any(np.isin(mesh.surface[face], surfaces) & (face >= 0), axis=1)
 
 

@@ -21,15 +21,12 @@ from experiments.validation.oracles import fullwave, furnished
 from experiments.validation.oracles.case import Case, Finding, Untestable
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure, save
 from radartwin.scene.scene import Scene
-from radartwin.simulation import geometry, reflection_table
-from radartwin.simulation.flat import faces, room
+from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.signal.synthesis import received
+from radartwin.simulation.simulate import trace_paths
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-MAX_BOUNCES = 4
-PRUNE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -46,11 +43,8 @@ class Score:
 def simulated(scene: Scene) -> tuple[np.ndarray, int]:
     """Return the samples (N,) of the first channel and chirp of a radar at the origin, and the number of paths."""
     radar = furnished.radar()
-    high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
-    table = reflection_table.build([(s.material, s.roughness_m) for s in scene], radar.start_frequency_hz, high)
-    built = room.build(faces.find(geometry.build([s.mesh for s in scene]))[0], np.zeros((0, 3, 3)), np.zeros(0, int), table)
-    parts = built.paths(np.eye(4)[None], np.zeros((1, 3)), radar, MAX_BOUNCES, PRUNE)
-    return received(parts, radar, 1, elements="exact", oscillator=None)[0, 0, 0, 0], sum(len(part.pose) for part in parts)
+    parts, poses = trace_paths(scene, radar, np.eye(4)[None], None, TraceSettings())
+    return received(parts, radar, len(poses))[0, 0, 0, 0], sum(len(part.pose) for part in parts)
 
 
 @cache

@@ -48,7 +48,7 @@ from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import reflection_table, shadows
+from radartwin.simulation import reflection_table, visibility
 from radartwin.simulation.checks import check_whole
 from radartwin.simulation.curved.hits import Occluder
 from radartwin.simulation.flat import crossing, obstacles
@@ -220,7 +220,7 @@ def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_p
         if movers:
             frames = slice(1) if poses_module.at_rest(sensor_poses, *(mover.poses for mover in movers)) else slice(None)
             obstacles = [_obstacle(mover, np.eye(4)[None], frames) for mover in movers]
-            parts.append(shadows.negated(still, sensor_poses[frames], obstacles))
+            parts.append(visibility.negated(still, sensor_poses[frames], obstacles))
     bodies = [*movers] if static is None else [static, *movers]
     for mover in movers:
         parts.append(mover_paths(mover, [body for body in bodies if body is not mover], radar, sensor_poses))
@@ -244,7 +244,7 @@ def mover_paths(mover: Body, others: Sequence[Body], radar: Radar, sensor_poses:
     sensor, velocity = poses_module.relative(sensor_poses[frames], mover.poses[frames], radar.frame_rate_hz)
     obstacles = [_obstacle(body, mover.poses, frames) for body in others]
     found = paths(cloud(mover.surfaces, mover.geometry), strengths(mover.surfaces, radar), mover.geometry, radar, sensor, velocity)
-    return found.where(~shadows.hidden(found, sensor, obstacles))
+    return found.where(~visibility.hidden(found, sensor, obstacles))
 
 
 def _obstacle(body: Body, poses: np.ndarray, frames: slice) -> Occluder:
@@ -302,10 +302,10 @@ def _block(
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, direction, power, start = _returns(
         CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm, strength.width,
-        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic", shadows.lift(geometry),
+        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic", visibility.lift(geometry),
     )  # fmt: skip
     towards = np.einsum("in,nij->nj", direction, poses[pose, :3, :3])
-    free = shadows.visible(geometry, start, -direction, distance)
+    free = visibility.visible(geometry, start, -direction, distance)
     passed = free.astype(complex)
     if tree is not None:
         rows = np.flatnonzero(~free)

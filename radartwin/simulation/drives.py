@@ -20,7 +20,8 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.backends.mitsuba import MitsubaBackend, StaticScene, Surroundings, target
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene, target
+from radartwin.simulation.backends.static_scene import Surroundings
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
@@ -34,7 +35,6 @@ BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, bec
 # with the room).
 CLUTTER_PRUNE = 1e-2
 THING_PRUNE = 3e-3  # the same for an object under test; a third of this threshold changes the object's signal by 0.006
-SCOUT_SHARE = 0.3  # threshold of the sequence search over the final one, because a sequence weak at one place may be strong at the next
 TOGETHER = 8  # number of places traced at once; limits memory
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
@@ -162,7 +162,7 @@ class Drives:
         self._things, self._small = (
             MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=tubes)) for tubes in (OVER_ROOM, CLUTTER_OVER_ROOM)
         )
-        self._still = StaticScene.build(list(surfaces), radar) if len(surfaces) else None
+        self._still = static_scene(list(surfaces), radar) if len(surfaces) else None
 
     def room(self, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
@@ -173,23 +173,21 @@ class Drives:
         if (poses == poses[0]).all():
             return [*self._backend.cached_static_paths(self._still, self._radar, poses[:1]), *rough]
         rate = self._radar.frame_rate_hz
-        velocity = poses_module.relative(poses, None, rate)[1]
-        bounces = self._backend.settings.max_bounces
-        images = self._still.room.paths(poses, velocity, self._radar, bounces, PRUNE, self._scouted)
-        return [images, *self._clutter.seen(poses, rate), *rough]
+        images = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, PRUNE, self._searched)
+        return [*(replace(part, points=None) for part in images), *self._clutter.seen(poses, rate), *rough]
 
     @cached_property
-    def _scouted(self):
+    def _searched(self):
         assert self._still is not None
-        return self._still.room.scouted(self._places, self._radar, self._backend.settings.max_bounces, SCOUT_SHARE * PRUNE)
+        return self._still.room.searched(self._places, self._radar, self._backend.settings.max_bounces, PRUNE)
 
     @cached_property
     def _clutter(self) -> Track:
         still = self._still
         assert still is not None
         places = self._places
-        singles = still.room.paths(places, np.zeros((len(places), 3)), self._radar, 1, PRUNE)
-        loudest = float(pruning.level(singles, self._radar).max(initial=0.0))
+        walls = still.room_paths(places, self._radar, self._backend.settings.max_bounces, PRUNE, self._searched)
+        loudest = max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
 
         def traced(some: np.ndarray) -> list[Paths]:
             parts = self._small.object_paths(still, self._radar, some, PAIRS * loudest)
@@ -199,7 +197,7 @@ class Drives:
 
     @cached_property
     def _beside(self):
-        return None if self._still is None else self._still.room.beside()
+        return None if self._still is None else self._still.beside()
 
     def over_room(self, surfaces: Sequence[Surface], aside: np.ndarray | None = None) -> Track:
         """Trace the paths that include both a compact resting object and the room, along the track; `aside` as in `moving`."""
@@ -247,7 +245,8 @@ class Drives:
         ball = (np.round(logged / step) * step + 0.0, float(size + np.sqrt(3) / 2 * step + ASIDE_M))
         wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + radius > ball[1]
         occluder = None if self._still is None else self._still.geometry
-        room = self._beside if coupled else None
+        if not coupled:
+            backend = MitsubaBackend(replace(backend.settings, coupling=False))
         return backend.group_paths(
-            group, Surroundings(room, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
+            group, Surroundings(self._beside, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
         )

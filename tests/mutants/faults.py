@@ -78,9 +78,9 @@ _block | -2 | -1 | half the Doppler shift of diffuse echoes
 scattered_share | 1 - coherent**2 | 1 - coherent | roughness removes more power than it scatters
 _on_faces | total / max(count, 1) / 2 | total / max(count, 1) | each scatterer represents twice its area
 _returns | narrow * (low + part * (high - low)) | low + part * (high - low) | a wider lobe keeps its peak
-mover_paths | ~shadows.hidden(found, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
+mover_paths | ~visibility.hidden(found, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
 
-simulation/shadows: physics/test_diffuse
+simulation/visibility: physics/test_diffuse
 visible | ~geometry.scene().ray_test(ray).numpy() | np.ones(len(distance), bool) | walls do not hide scatterers
 negated | -chosen.amplitude | chosen.amplitude | a hidden scatterer echoes twice
 _blocked | obstacle.rotation @ sensor[:, :3, :3] | sensor[:, :3, :3] | obstacles do not turn

@@ -15,7 +15,7 @@ from radartwin.errors import InputError
 from radartwin.materials import permittivity, reflection
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
-from radartwin.simulation import diffuse, geometry, shadows, variant
+from radartwin.simulation import diffuse, geometry, variant, visibility
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.drives import Drives
@@ -388,7 +388,7 @@ def test_hidden_paths_are_examined_in_blocks(monkeypatch):
     wall, plate = bodies((WALL, np.eye(4)[None]), (Surface(rectangle(0.0, (-0.3, -0.2), (0.3, 0.2)), "metal", "plate"), turning(5)))
     sensor = at(*((0, 0, 0),) * 5)
     together = diffuse.of_scene(wall, [plate], ISOTROPIC, sensor)[1]
-    monkeypatch.setattr(shadows, "LANES", 900)
+    monkeypatch.setattr(visibility, "LANES", 900)
     blocks = diffuse.of_scene(wall, [plate], ISOTROPIC, sensor)[1]
     assert len(together) > 100
     assert np.array_equal(blocks.length_m, together.length_m)

@@ -1,18 +1,19 @@
-"""Simulate scenes on Mitsuba 3: mirror images for rooms of flat panels, and ray tubes for small or curved surfaces.
+"""Simulate scenes on Mitsuba 3: flat faces with edges for rooms of flat surfaces, and ray tubes for small or curved surfaces.
 
-- In a room of flat panels, the simulator computes exact mirror images with Fresnel factors (`panel_room`), at any pose and without tubes.
+- In a room of flat surfaces, the simulator computes paths of reflections and edge diffractions exactly (`flat.room`), at any pose.
 - In a room that is not flat, the simulator traces ray tubes (`tube_paths`). If the setting `rays` is given, it does so in every room.
-- In a room of flat panels, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses in
-  a few batches. It traces direct paths and paths that also reflect at the panels (`coupling`).
-- Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surfaces (`diffuse`).
+- In a room of flat surfaces, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses
+  in a few batches. It traces direct paths and paths that also reflect at flat faces (`coupling`).
+- Objects cast shadows on the room's paths and on each other (`flat.shadows`).
+- Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surface (`diffuse`).
 
-If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. It does not model two
-effects: the shadow of a moving object on mirror images of the room, and paths between two groups of surfaces that move differently.
+If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. It does not model paths
+between two groups of surfaces that move differently.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,10 +23,10 @@ from radartwin.simulation import diffuse, pruning, reflection_table, variant
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
+from radartwin.simulation.backends.static_scene import StaticScene, Surroundings, shadows_of_mover
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE, Target
-from radartwin.simulation.flat import coupling, panel_room
-from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.flat import coupling
 from radartwin.simulation.paths import Paths, traced_once
 
 # The simulator drops a path between a small static object and the room if its amplitude is below this factor times the amplitude of the
@@ -33,31 +34,9 @@ from radartwin.simulation.paths import Paths, traced_once
 PAIRS = 1e-2
 
 
-class Surroundings(NamedTuple):
-    """Hold the static surfaces around an object. Both fields are None for an object in free space."""
-
-    room: panel_room.PanelRoom | None  # flat panels at which the paths of the object may also reflect
-    occluder: Geometry | None  # triangles that may block the paths of the object
-
-
-@dataclass(frozen=True)
-class StaticScene:
-    """Hold the static surfaces of a scene with their triangles, flat panels and reflection coefficients."""
-
-    surfaces: list[Surface]
-    geometry: Geometry
-    room: panel_room.PanelRoom
-
-    @staticmethod
-    def build(surfaces: list[Surface], radar: Radar) -> "StaticScene":
-        """Prepare the surfaces for tracing. A Mitsuba variant must be active."""
-        geometry, table = target(surfaces, radar)
-        return StaticScene(surfaces, geometry, panel_room.build(surfaces, geometry, table))
-
-
 @dataclass(frozen=True)
 class MitsubaBackend:
-    """Trace scenes by ray tubes with physical optics and by panel images, on Mitsuba 3."""
+    """Trace scenes by flat faces with edges and by ray tubes with physical optics, on Mitsuba 3."""
 
     settings: TraceSettings = field(default_factory=TraceSettings)
     name: ClassVar[str] = "mitsuba"
@@ -73,11 +52,13 @@ class MitsubaBackend:
         resting = poses_module.at_rest(sensor_poses)
         parts: list[Paths] = []
         surroundings = Surroundings(None, None)
-        still, movers = None, []
+        still, movers, at_rest = None, [], []
         if surfaces:
-            static = StaticScene.build(surfaces, radar)
-            parts += self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
-            surroundings = Surroundings(static.room.beside(), static.geometry)
+            static = static_scene(surfaces, radar)
+            at_rest = self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
+            parts += at_rest
+            if motion:
+                surroundings = Surroundings(static.beside(flat=static.is_flat), static.geometry)
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
         for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
@@ -85,17 +66,19 @@ class MitsubaBackend:
             members = [s for s in scene.surfaces if s.name in names]
             group = target(members, radar)
             parts += self.group_paths(group, surroundings, radar, sensor_poses[frames], poses[frames])
+            if surroundings.room is not None:
+                parts += shadows_of_mover(at_rest, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber)
             movers.append(diffuse.Body(members, group.geometry, poses))
         if self.settings.diffuse:
             parts += diffuse.of_scene(still, movers, radar, sensor_poses)
-        return [part for part in parts if len(part)]
+        return [replace(part, points=None) for part in parts if len(part)]
 
     def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the static surfaces.
 
         The simulator traces these paths once per room. All frames, objects, repetitions and chirp timings then use the cached paths.
         """
-        geometry, table = static.geometry, static.room.table
+        geometry, table = static.geometry, static.table
         spec = {
             "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in static.surfaces],
@@ -112,26 +95,24 @@ class MitsubaBackend:
         return traced_once(spec, arrays, lambda: self._static_paths(static, radar, poses))
 
     def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
-        settings, room = self.settings, static.room
-        if settings.room == "panels" or (settings.room == "auto" and settings.rays is None and room.is_flat(static.surfaces)):
-            velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
-            images = room.paths(poses, velocity, radar, settings.max_bounces, PRUNE)
-            parts = [images, *self.object_paths(static, radar, poses, PAIRS * float(pruning.level(images, radar).max(initial=0.0)))]
-        else:
-            parts = [tube_paths.room_paths(static.surfaces, Target(static.geometry, room.table), settings, radar, poses)]
-        return parts
+        settings = self.settings
+        if settings.room == "panels" or (settings.room == "auto" and settings.rays is None and static.is_flat):
+            parts = static.room_paths(poses, radar, settings.max_bounces, PRUNE)
+            loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in parts)
+            return [*parts, *self.object_paths(static, radar, poses, PAIRS * loudest)]
+        return [tube_paths.room_paths(static.surfaces, Target(static.geometry, static.table), settings, radar, poses)]
 
     def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
-        """Trace the small or curved static objects in a room of flat panels, without paths whose amplitude is below `least`."""
-        geometry, room = static.geometry, static.room
+        """Trace the small or curved static objects in a room of flat faces, without paths whose amplitude is below `least`."""
+        geometry = static.geometry
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
         done: list[int] = []  # indices of the objects that are already traced, so that paths between two objects are traced only once
         parts: list[Paths] = []
-        for cluster in tube_paths.clusters(static.surfaces, np.unique(geometry.surface[room.compact])):
-            members = np.isin(geometry.surface, cluster) & room.compact
+        for cluster in tube_paths.clusters(static.surfaces, np.unique(geometry.surface[static.compact])):
+            members = np.isin(geometry.surface, cluster) & static.compact
             objects, others = (geometry_module.subset(geometry, chosen) for chosen in (members, ~members))
-            surroundings = Surroundings(room.beside(cluster, done), others)
-            parts += self.group_paths(Target(objects, room.table), surroundings, radar, poses, unmoved, least)
+            surroundings = Surroundings(static.beside(cluster, done), others)
+            parts += self.group_paths(Target(objects, static.table), surroundings, radar, poses, unmoved, least)
             done += cluster
         return parts
 
@@ -158,17 +139,22 @@ class MitsubaBackend:
         """
         settings, room = self.settings, surroundings.room
         alone = room is None
-        coupled = room if room is not None and room.usable.any() and settings.coupling and settings.max_bounces > 1 else None
+        coupled = room is not None and bool(room.usable.any()) and settings.coupling and settings.max_bounces > 1
         source = (poses_module.inverse(poses[:1]) @ sensor_poses[:1])[:, :3, 3]
         density = settings.coupled_rays_per_wavelength2
         found = coupling.group_paths(
-            coupled, group.geometry, group.table, sensor_poses, poses, radar, max_bounces=settings.max_bounces,
-            cell_m=tube_paths.cell_m(group.geometry, settings, source, radar, alone), occluder=surroundings.occluder, prune=prune,
-            least=least, ball=ball, coupled_cell_m=None if density is None else radar.wavelength_m / float(np.sqrt(density)),
+            room, group.geometry, group.table, sensor_poses, poses, radar, max_bounces=settings.max_bounces,
+            cell_m=tube_paths.cell_m(group.geometry, settings, source, radar, alone), prune=prune, coupled=coupled, least=least,
+            ball=ball, coupled_cell_m=None if density is None else radar.wavelength_m / float(np.sqrt(density)),
         )  # fmt: skip
         if found is not None:
             return found
         return [tube_paths.object_paths(group, settings, sensor_poses, poses, radar, surroundings.occluder, alone)]
+
+
+def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:
+    """Prepare static surfaces for tracing. A Mitsuba variant must be active."""
+    return StaticScene(surfaces, *target(surfaces, radar))
 
 
 def target(surfaces: list[Surface], radar: Radar) -> Target:

@@ -1,14 +1,13 @@
-"""Paths between an object and a room of panels.
+"""Paths between an object and a room of flat faces.
 
-A leg connects sensor and object, directly or by reflections at a sequence of panels. A path consists of a leg to the object and a leg back.
+A leg connects sensor and object, directly or by reflections at a sequence of faces. A path consists of a leg to the object and a leg back.
 For each pair of legs with a strong enough field, the tracer sends ray tubes from the sensor's mirror image of the first leg to the object
 and computes the echo at the sensor's mirror image of the second leg. The ray tubes of all pairs and poses form one grid. A pair of two
 different legs is traced in one direction, because the other direction has the same paths reversed. Each hit is then weighted by the field
-of its two legs, which includes the panels' Fresnel factors, reflections and obstacles. Paths object - panel - object are not modelled.
+of its two legs, which includes reflections, the edges of the faces and shadows. Paths object - face - object are not modelled.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
 from radartwin.simulation.flat import polygons
 from radartwin.simulation.flat.legs import DIRECT, SHARE, Legs
-from radartwin.simulation.flat.panel_room import PanelRoom
+from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import strong_masks
@@ -32,11 +31,10 @@ FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle
 EARLY = 0.3  # early threshold over the final one; weaker hits, with the largest field of their legs, are dropped before legs are evaluated
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
-SHORT_M = 1e-4  # visibility tests of the direct leg end this far before the object
 
 
 def group_paths(
-    room: PanelRoom | None,
+    room: FlatRoom | None,
     built: Geometry,
     table: ReflectionTable,
     sensor_poses: np.ndarray,
@@ -45,35 +43,36 @@ def group_paths(
     *,
     max_bounces: int,
     cell_m: float,
-    occluder: Geometry | None,
     prune: float,
+    coupled: bool = True,
     coupled_cell_m: float | None = None,
     least: float = 0.0,
     ball: tuple[np.ndarray, float] | None = None,
 ) -> list[Paths] | None:
-    """Trace the direct paths of an object and its paths with the room's panels; None if it is too close for a planar grid of tubes.
+    """Trace the direct paths of an object and its paths with the room; None if it is too close for a planar grid of tubes.
 
     Args:
-        room: panels. None: free space. built, table: geometry and reflection of the object in its own frame.
+        room: what reflects and hides. None: free space. built, table: geometry and reflection of the object in its own frame.
         sensor_poses, object_poses: (F, 4, 4) to the world.
-        cell_m: width of a tube on the object. coupled_cell_m: width for paths with the room's panels; None: cell_m.
-        occluder: static geometry that hides the object on direct legs.
+        cell_m: width of a tube on the object. coupled_cell_m: width for paths with the room's faces; None: cell_m.
         prune: drop paths whose amplitude is below this times the strongest path of their pose.
+        coupled: whether to trace paths that reflect at object and room. If False, the room only hides the object.
         least: amplitude below which pairs of legs are dropped.
         ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
     """
     if polygons.of(built, table) is not None:
         table = polygons.with_nodes(table, radar)
     share, most = SHARE, np.inf
+    longest = max_bounces - 1 if coupled else 0
     if room is not None and least > 0:
-        alone = group_paths(  # without occluder, because an object hidden from the sensor may be visible from an image
-            None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, occluder=None, prune=prune
+        alone = group_paths(  # without the room, because an object hidden from the sensor may be visible from an image
+            None, built, table, sensor_poses, object_poses, radar, max_bounces=1, cell_m=cell_m, prune=prune
         )
         if alone is None:
             return None
         loudest = BISTATIC * max((_loudest(part, radar) for part in alone), default=0.0)
         share = max(SHARE, least / loudest) if loudest > 0 else np.inf
-        room = room if share < 1 else None
+        longest = longest if share < 1 else 0
         most = COUPLED / max(1, sum(len(part) for part in alone))
     frames = len(sensor_poses)
     centre = object_poses[:, :3, :3] @ built.centre + object_poses[:, :3, 3]
@@ -86,10 +85,10 @@ def group_paths(
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
     places, place_of = np.unique(np.round(seen, 9), axis=0, return_inverse=True)
     place_of = place_of.ravel()
-    legs = None
+    legs = Legs.of_free_space(len(places), table.frequencies_hz)
     if room is not None:
         find = legs_module.find if ball is None else legs_module.found_once
-        legs = find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, max_bounces - 1, share)
+        legs = find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, longest, share)
     pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share, most)
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]
     out, back = ends
@@ -102,37 +101,30 @@ def group_paths(
                 return None
             found.append(part)
     hits = Hits.concatenate(found)
-    keep = np.ones(len(hits.pose), bool)
-    if legs is not None:
-        keep &= hits.bounce + legs.panels_met(out_leg[hits.pose]) + legs.panels_met(back_leg[hits.pose]) <= max_bounces
-        strength = legs.strength(place_of[pose], out_leg) * legs.strength(place_of[pose], back_leg)
-        keep &= _matters(np.abs(hits.amplitude).max(axis=1, initial=0) * strength[hits.pose], pose[hits.pose], frames, EARLY * prune)
+    reflections = legs.order[out_leg] + legs.order[back_leg]
+    strength = legs.share[place_of[pose], out_leg] * legs.share[place_of[pose], back_leg]
+    keep = hits.bounce + reflections[hits.pose] <= max_bounces
+    keep &= _matters(np.abs(hits.amplitude).max(axis=1, initial=0) * strength[hits.pose], pose[hits.pose], frames, EARLY * prune)
     hits = hits.where(keep)
     row, frame = hits.pose, pose[hits.pose]
     points = [
         _to_world(object_poses[frame], end.place[row] + direction * length[:, None])
         for end, direction, length in ((out, hits.departure, hits.first_m), (back, hits.arrival, hits.length_out_m))
     ]
-    free = np.ones(len(row), bool)
-    if occluder is not None:
-        for leg, point in zip((out_leg, back_leg), points, strict=True):
-            direct = np.flatnonzero(leg[row] == DIRECT)
-            free[direct] &= _free(occluder, sensor_poses[frame[direct], :3, 3], point[direct])
-    order = hits.bounce + (0 if legs is None else legs.panels_met(out_leg[row]) + legs.panels_met(back_leg[row]))
     departure, arrival = (np.einsum("nij,nj->ni", end.turn[row], d) for end, d in ((out, hits.departure), (back, hits.arrival)))
     rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - np.einsum("ni,ni->n", hits.arrival, back.velocity[row])
     parts, firsts, crosses = [], [], []
-    for chosen, over in ((free & straight[row], None), (free & ~straight[row], legs)):
-        chosen = np.flatnonzero(chosen)
+    for over in (False, True):
+        chosen = np.flatnonzero(straight[row] != over)
         amplitude, nodes = hits.amplitude[chosen], table.frequencies_hz
-        if over is not None:
-            nodes = over.frequencies_hz
+        if over or legs.disturbed:
+            nodes = legs.frequencies_hz
             amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
             for leg, point in zip((out_leg, back_leg), points, strict=True):
-                over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
+                legs.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
         parts.append(Paths(
-            frames, frame[chosen], order[chosen], amplitude, nodes, hits.length_in_m[chosen], hits.length_out_m[chosen],
-            departure[chosen], arrival[chosen], rate[chosen],
+            frames, frame[chosen], hits.bounce[chosen] + reflections[row[chosen]], amplitude, nodes, hits.length_in_m[chosen],
+            hits.length_out_m[chosen], departure[chosen], arrival[chosen], rate[chosen],
         ))  # fmt: skip
         firsts.append(hits.first_m[chosen])
         crosses.append((out_leg != back_leg)[row[chosen]])
@@ -188,11 +180,11 @@ class _End:
     turn: np.ndarray
 
     @staticmethod
-    def of(legs: Legs | None, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
+    def of(legs: Legs, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
         """Return the sensor's mirror images of N legs (connections of sensor and object), given by index (N,), at the frames `pose` (N,),
         for sensor poses (F, 4, 4).
         """
-        mirror, shift = (np.tile(np.eye(3), (len(pose), 1, 1)), np.zeros((len(pose), 3))) if legs is None else legs.maps(leg)
+        mirror, shift = legs.mirror[leg], legs.shift[leg]
         at = []
         for sensor_then, objects_then in poses_module.moments(sensor, objects):
             image = np.einsum("nij,nj->ni", mirror, sensor_then[pose, :3, 3]) + shift
@@ -215,19 +207,6 @@ def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) ->
     return (level >= share * largest[frame]) & (level > 0)
 
 
-def _free(geometry: Geometry, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of the lines between points (N, 3) in the world that the geometry does not block."""
-    import mitsuba as mi
-
-    if not len(start):
-        return np.zeros(0, bool)
-    way = stop - start
-    distance = np.linalg.norm(way, axis=1)
-    ray: Any = mi.Ray3f(mi.Point3f(*start.astype(np.float32).T), mi.Vector3f(*(way / distance[:, None]).astype(np.float32).T))
-    ray.maxt = mi.Float((distance - SHORT_M).astype(np.float32))
-    return ~geometry.scene().ray_test(ray).numpy()
-
-
 def _loudest(part: Paths, radar: Radar) -> float:
     """Return the largest sum of a pose's paths, with the element gain, over all poses and frequency nodes."""
     gain = element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
@@ -244,26 +223,23 @@ def _least_of_strongest(values: np.ndarray, most: float) -> float:
 
 
 def _pairs(
-    legs: Legs | None, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
+    legs: Legs, place_of: np.ndarray, frames: int, max_bounces: int, least: float, most: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (frame, leg to the object, leg back to the sensor) of the pairs of legs to trace, with only one of each pair and its reverse.
 
     The result contains the pair of two direct legs for every frame. The function drops pairs of legs that are weaker than `least` times
-    this direct pair. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as strong as
-    the weakest of these.
+    this pair if undisturbed. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as
+    strong as the weakest of these.
     """
     rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
-    if legs is not None and max_bounces > 1:
-        order = np.append(legs.order, 0)
+    if len(legs.order) > 1 and max_bounces > 1:
         of_place = []
         for share in legs.share:
-            strength = np.concatenate([share, [1.0]])
-            worth = np.flatnonzero(strength * strength.max() >= least)
-            product = strength[worth][:, None] * strength[worth][None]
-            allowed = (product >= least) & (order[worth][:, None] + order[worth][None] < max_bounces)
+            worth = np.flatnonzero(share * share.max() >= least)
+            product = share[worth][:, None] * share[worth][None]
+            allowed = (product >= least) & (legs.order[worth][:, None] + legs.order[worth][None] < max_bounces)
             i, j = np.nonzero(allowed & (product >= _least_of_strongest(product[allowed], most)))
-            names = np.where(worth == len(share), DIRECT, worth)
-            of_place.append([(a, b) for a, b in zip(names[i].tolist(), names[j].tolist(), strict=True) if a <= b and b != DIRECT])
+            of_place.append([(a, b) for a, b in zip(worth[i].tolist(), worth[j].tolist(), strict=True) if a <= b and b != DIRECT])
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]
     out = np.array(rows, int).reshape(-1, 3)
     out = out[np.argsort(out[:, 0], kind="stable")]

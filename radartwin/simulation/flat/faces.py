@@ -7,6 +7,7 @@ every open sector is one wedge. A free edge is a wedge of 360 degrees. Seams of 
 diffract nothing, because images are exact there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -23,6 +24,9 @@ FLAT_RAD = 2e-3  # largest angle between triangles that count as coplanar
 SAME_M = 1e-5  # largest distance of points that coincide, and of a point from its plane
 SHORTEST_M = 1e-3  # shorter pieces of an edge are ignored
 SAME_RAD = 1e-3  # largest difference of equal angles
+# An inner corner of 180/m degrees diffracts nothing if the relative error of its angle is below this. At other corners, both orders of
+# reflection can exist, or none, and only the wave of the corner makes their sum smooth.
+EXACT = 1e-7
 
 
 class Faces(NamedTuple):
@@ -51,6 +55,20 @@ class Faces(NamedTuple):
     up: np.ndarray
     opening: np.ndarray
     sides: np.ndarray
+
+    @staticmethod
+    def concatenate(parts: "Sequence[Faces]") -> "Faces":
+        """Join faces and number them together."""
+        most = max(part.outline.shape[1] for part in parts)
+        faces = np.cumsum([0, *(len(part.offset) for part in parts)])
+        triangles = np.cumsum([0, *(len(part.triangle) for part in parts)])
+        joined = {
+            name: np.concatenate([getattr(part, name) for part in parts]) for name in Faces._fields if name not in ("first", "outline")
+        }
+        joined["first"] = np.concatenate([np.zeros(1, int), *(part.first[1:] + low for part, low in zip(parts, triangles, strict=False))])
+        joined["outline"] = np.concatenate([np.pad(p.outline, ((0, 0), (0, most - p.outline.shape[1]), (0, 0))) for p in parts])
+        joined["sides"] = np.concatenate([part.sides + low for part, low in zip(parts, faces, strict=False)])
+        return Faces(**joined)
 
 
 @dataclass
@@ -271,7 +289,7 @@ def _sectors(along: np.ndarray, sides: list[_Side]) -> list[tuple[np.ndarray, np
         if sides[i].outward @ up < -0.5 or sides[j].outward @ np.cross(along, sides[j].direction) > 0.5:
             continue  # the sector is inside a solid
         order_of_images = round(1 / opening)
-        if order_of_images >= 1 and abs(opening * order_of_images - 1) < 1e-3 and (order_of_images > 1 or sides[i].face == sides[j].face):
+        if order_of_images >= 1 and abs(opening * order_of_images - 1) < EXACT and (order_of_images > 1 or sides[i].face == sides[j].face):
             continue
         found.append((sides[i].direction, up, opening, (sides[i].face, sides[j].face)))
     return found

@@ -26,6 +26,7 @@ ROUNDS = 40  # largest number of steps to find the two points of a double diffra
 OUTSIDE = 0.02  # a diffraction whose weight for the ends of its edge is below this does not exist
 INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an edge
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
+NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests of existence, in units of 1/k
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
 
 
@@ -65,7 +66,7 @@ def image(faces: Faces, point: np.ndarray, chain: np.ndarray, plane: float) -> n
 
 
 @innermost
-def _contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
+def contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
     """Return whether a point of the plane of face `p` lies in one of the face's triangles."""
     for t in range(faces.first[p], faces.first[p + 1]):
         inside = True
@@ -105,7 +106,7 @@ def reflect_points(faces: Faces, source: np.ndarray, chain: np.ndarray, end: np.
         share = above / (above - below)
         for k in range(3):
             target[k] += share * (images[i, k] - target[k])
-        if not _contains(faces, p, target[0], target[1], target[2]):
+        if not contains(faces, p, target[0], target[1], target[2]):
             return False
         points[i] = target
     return True
@@ -275,6 +276,9 @@ def passing_matrix(faces: Faces, tables: Tables, e: int, q: int, phi: float, phi
     the same sheet, which counts once. Ref: W. Burnside, K. Burgener, IEEE Trans. AP 31 (1983) 104.
     """
     out = np.eye(2, dtype=np.complex128)
+    for side in range(2):
+        if tables.through_te[faces.surface[faces.sides[e, side]], -1, q] == 0:  # an opaque face has zeros at all angles
+            return 0 * out
     middle = 0.5 * (phi + phi0 + math.pi)
     if math.cos(middle - phi) < 0:
         middle += math.pi
@@ -360,6 +364,7 @@ def evaluate(
     begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
     nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
     axis: np.ndarray, least: np.ndarray, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray, arrival: np.ndarray,
+    met: np.ndarray,
 ) -> None:  # fmt: skip
     """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
 
@@ -370,6 +375,7 @@ def evaluate(
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
+        met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
     """
     points, points2, points3 = np.empty((3, chain.shape[1] + 1, 3))
     te, tm, q = tables.te, tables.tm, tables.te.shape[2]
@@ -386,6 +392,8 @@ def evaluate(
                 continue
             exact = image(faces, place, first, 1.0)
             size = distance(exact, place)
+            if size < 1e-6:  # four reflections in a corner of 90 degrees map the sensor to itself
+                continue
             back = (place - exact) / size
             there = image(faces, back, first[::-1], 0.0)
             field = np.zeros((q, 3), np.complex128)
@@ -401,6 +409,7 @@ def evaluate(
                 field[:] = transverse(antenna, there)
                 field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, receiver)
                 level = field @ transverse(antenna, back).astype(np.complex128) / size
+            met[n, :m0] = points[:m0]
             amplitude[n] = level
             length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
             departure[n], arrival[n] = there, -back
@@ -441,6 +450,9 @@ def evaluate(
                 field = _passed(field, matrix, soft_and_hard(faces.along[e1], before), soft_and_hard(faces.along[e1], after))
                 field = travelled(faces, tree, opaque, tables, field, after, last, touched, points2, -1, receiver)
                 level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
+            met[n, :m0], met[n, m0] = points[:m0], touched
+            for i in range(m2):
+                met[n, m0 + 1 + i] = points2[m2 - 1 - i]
             amplitude[n] = level
             length[n, 0] = distance(image(faces, place, first, 1.0), x)
             length[n, 2] = distance(x, image(faces, place, last[::-1], 1.0))
@@ -524,6 +536,10 @@ def evaluate(
             field += _passed(slope, matrix2[2], enters2, leaves2) * bend
             field = travelled(faces, tree, opaque, tables, field, after2, last, touched2, points3, -1, receiver)
             level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
+        met[n, :m0], met[n, m0], met[n, m0 + 1 + m1] = points[:m0], touched1, touched2
+        met[n, m0 + 1 : m0 + 1 + m1] = points2[:m1]
+        for i in range(m2):
+            met[n, m0 + m1 + 2 + i] = points3[m2 - 1 - i]
         amplitude[n] = level
         exact = image(faces, image(faces, place, last[::-1], 1.0), back_chain, 1.0)
         length[n, 0], length[n, 1] = distance(image(faces, place, first, 1.0), x1), s2

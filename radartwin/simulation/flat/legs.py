@@ -1,48 +1,52 @@
-"""Legs: connections of sensor and object by reflections at panels of a room, with the field of each leg around the object.
+"""Legs: connections of sensor and object, direct or by reflections at faces of a room, with the field of each leg around the object.
 
-Sequences of reflecting panels with the same mirror image of the sensor form one leg, because the sum of their fields is smooth although
-each field is not. Examples are the two orders of reflection at two walls that meet, and the pieces of a single wall. A leg is evaluated at
-the corners of a cube around the object, and on a finer grid where the field is not linear between the corners.
+The field of a leg is that of the sensor's image, times a factor for each mirror and for each part of the line. The factor of a mirror is
+that of an opening in its outline (`kirchhoff`), the factor of a part of the line is that of the bodies beside it (`shadows`). Sequences of
+faces with the same image of the sensor form one leg, because the sum of their fields is smooth although each field is not. An example are
+the two orders of reflection at two walls that meet. A leg is evaluated at the corners of a cube around the object, and on a finer grid
+where the field is not linear between the corners.
 """
 
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from radartwin.compiled import compiled
-from radartwin.simulation.flat import images
-from radartwin.simulation.flat.panel_room import PanelRoom, key_places
+from radartwin.compiled import compiled, shared_out
+from radartwin.simulation.flat.faces import Faces
+from radartwin.simulation.flat.field import NUDGE, Tables, contains, dot, image, norm, transverse, travelled
+from radartwin.simulation.flat.kirchhoff import edge_part
+from radartwin.simulation.flat.obstacles import Hierarchy
+from radartwin.simulation.flat.room import FlatRoom, key_places
+from radartwin.simulation.flat.shadows import REACH, Outlines, factor
 from radartwin.simulation.reflection_table import lagrange_basis
 
-DIRECT = -1
-SHARE = 0.02  # pairs of legs with a field below this times the direct leg's field are dropped, and therefore also such legs
-LONGEST = 2  # largest number of panels per leg
-PRUNE = 5e-3  # threshold in the search for legs, relative to the strongest path to the object
+DIRECT = 0
+SHARE = 0.02  # pairs of legs with a field below this times the undisturbed direct field are dropped, and therefore also such legs
+LONGEST = 2  # largest number of reflections of a leg
 MARGIN = 0.3  # factor on SHARE at the object's centre, because the edge of a leg's shadow may cross the object
-REACH = 8.0  # Fresnel coordinate beyond which obstacles are ignored (error: at most 0.03 of a leg's field)
 LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
-COARSE = 0.02  # the same limit relative to the direct leg's field; the larger limit applies
+COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
-ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last panel
-POINTS_AT_ONCE = 100_000
+ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
+UNDISTURBED = 1e-3  # largest change of a direct leg's field that needs no weight
+WEAK = 1e-4  # a leg whose mirrors reflect less than this has no field
 KEPT = 64  # number of cache entries, each for a few places
-_kept: "OrderedDict[tuple, tuple[PanelRoom, Legs]]" = OrderedDict()  # an entry also holds the room, so that no other room gets its id
+_kept: "OrderedDict[tuple, tuple[FlatRoom, Legs]]" = OrderedDict()  # an entry also holds the room, so that no other room gets its id
 
 
 @dataclass(frozen=True)
 class Legs:
-    """Hold the fields of G legs for U pairs of sensor position and object position (places). A leg connects sensor and object by
-    reflections at wall panels.
+    """Hold the fields of G legs for U pairs of a sensor position and an object position (places). Leg DIRECT has no reflection.
 
     Attributes:
-        order: (G,) number of panels. mirror, shift: (G, 3, 3), (G, 3); the image of a point x is mirror x + shift.
-        low, size: lowest corner (U, 3) and edge length in metres of the cube around the object, for each pair of sensor position and
-            object position.
+        order: (G,) number of reflections. mirror, shift: (G, 3, 3), (G, 3); the image of a point x is mirror x + shift.
+        low, size: lowest corner (U, 3) and edge length in metres of the cube around the object, for each place.
         frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex field} on a grid over the cube, along the projected axis of the
-            image and including the Fresnel factor, for exp(+j k L).
-        share: (U, G) largest ratio of a leg's field to the direct leg's field, both divided by path length.
+            image, relative to the field of an undisturbed line from the image, for exp(+j k L).
+        share: (U, G) largest ratio of a leg's field to the undisturbed direct field, both divided by path length.
     """
 
     order: np.ndarray
@@ -54,29 +58,30 @@ class Legs:
     carried: Mapping[tuple[int, int], np.ndarray]
     share: np.ndarray
 
-    def maps(self, leg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the image maps (mirror (N, 3, 3) and shift (N, 3)) of legs (N,), which may be DIRECT."""
-        mirror, shift = np.concatenate([self.mirror, np.eye(3)[None]]), np.concatenate([self.shift, np.zeros((1, 3))])
-        return mirror[leg], shift[leg]
+    @staticmethod
+    def of_free_space(places: int, frequencies_hz: np.ndarray) -> "Legs":
+        """Return undisturbed direct legs for a number of places."""
+        ones = np.ones((2, 2, 2, len(frequencies_hz)), complex)
+        carried = {(u, DIRECT): ones for u in range(places)}
+        zero = np.zeros((places, 3))
+        return Legs(np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), zero, 1.0, frequencies_hz, carried, np.ones((places, 1)))
 
-    def panels_met(self, leg: np.ndarray) -> np.ndarray:
-        """Return the number of panels (N,) of legs (N,); 0 for the direct leg."""
-        return np.append(self.order, 0)[leg]
-
-    def strength(self, place: np.ndarray, leg: np.ndarray) -> np.ndarray:
-        """Return the attribute `share` (N,) of N pairs of a place and a leg: the largest ratio of the leg's field to the direct leg's
-        field. The ratio is 1 for the direct leg.
-        """
-        return np.concatenate([self.share, np.ones((len(self.share), 1))], axis=1)[place, leg]
+    @cached_property
+    def disturbed(self) -> bool:
+        """Return whether a direct leg differs from an undisturbed line."""
+        return any(np.abs(values - 1).max() > UNDISTURBED for (_, leg), values in self.carried.items() if leg == DIRECT)
 
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
-        """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world. The direct leg has field 1."""
-        over = np.flatnonzero(leg != DIRECT)
-        code = place[over] * len(self.order) + leg[over]
+        """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
+        code = place * len(self.order) + leg
         order = np.argsort(code, kind="stable")
-        for mine in np.split(over[order], np.flatnonzero(np.diff(code[order])) + 1) if len(over) else ():
-            u = int(place[mine[0]])
-            _weigh(self.carried[u, int(leg[mine[0]])], (point[mine] - self.low[u]) / self.size, mine, amplitude)
+        for mine in np.split(order, np.flatnonzero(np.diff(code[order])) + 1) if len(code) else ():
+            u, g = int(place[mine[0]]), int(leg[mine[0]])
+            values = self.carried.get((u, g))
+            if values is None:
+                amplitude[mine] = 0
+            else:
+                _weigh(values, (point[mine] - self.low[u]) / self.size, mine, amplitude)
 
 
 @compiled
@@ -99,70 +104,67 @@ def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.nd
 
 
 def find(
-    room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
+    room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
 ) -> Legs:
-    """Find the strong connections (legs) of sensor and object by reflections at wall panels, and compute their fields.
+    """Find the strong connections (legs) of sensor and object, and compute their fields.
 
     Args:
         places: (U, 6) positions of sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
         radius: of the ball about the object's centre that contains it. frequencies_hz: nodes of the object's reflection table.
-        longest: largest number of panels at which a leg reflects. least: legs whose field is below this times the direct leg's field are
-            dropped.
+        longest: largest number of reflections of a leg; 0 gives the direct leg only.
+        least: legs whose field is below this times the undisturbed direct field are dropped.
     """
     sensor, centre = places[:, :3], places[:, 3:]
-    keys, near = key_places(places)
-    chains = room.chains(sensor[keys], centre[keys], axes[keys], min(LONGEST, longest), PRUNE * least / SHARE)
-    known = sorted(set().union(*chains))
-    prepared = images.prepare(room.panels, room.things, known, sensor, np.concatenate([centre - radius, centre + radius]))
-    of_key = np.array([np.isin(prepared.chain, [i for i, chain in enumerate(known) if chain in found]) for found in chains])
-    place, which = np.nonzero(np.array([of_key[nearest].any(axis=0) for nearest in near]))
     direct = np.linalg.norm(centre - sensor, axis=1)
-    nodes = max(room.table.frequencies_hz, frequencies_hz, key=len)
-
-    maps = np.concatenate([prepared.order[:, None], prepared.mirror.reshape(-1, 9), prepared.shift], axis=1)
-    first, group = np.unique(np.round(maps, 6), axis=0, return_index=True, return_inverse=True)[1:]
+    chains, place, which = _chains(room, sensor, centre, radius, min(LONGEST, longest), least)
+    order = np.count_nonzero(chains >= 0, axis=1)
+    maps = np.array([_map(room.faces, chain[:m]) for chain, m in zip(chains, order, strict=True)])
+    # the direct leg is first, because its number of reflections is zero
+    first, group = np.unique(np.round(np.column_stack([order, maps.reshape(-1, 12)]), 6), axis=0, return_index=True, return_inverse=True)[
+        1:
+    ]
     group = group.ravel()
-    order, mirror, shift = prepared.order[first], prepared.mirror[first], prepared.shift[first]
-    view = _View(room, prepared, sensor, axes)
-    middle = view.carried(place, which, centre[place])
-    # sum of the sequences' fields per place and leg
-    codes, code = np.unique(place * max(len(first), 1) + group[which], return_inverse=True)
-    at_centre = _summed(middle, code, len(codes))
-    u, g = codes // max(len(first), 1), codes % max(len(first), 1)
+    order_of, mirror, shift = order[first], maps[first][:, :, :3], maps[first][:, :, 3]
+    nodes = max(room.table.frequencies_hz, frequencies_hz, key=len)
+    basis = lagrange_basis(room.table.frequencies_hz, nodes)
+
+    codes, code = np.unique(place * len(first) + group[which], return_inverse=True)
+    code = code.ravel()
+    u, g = codes // len(first), codes % len(first)
     length = np.linalg.norm(np.einsum("nij,nj->ni", mirror[g], sensor[u]) + shift[g] - centre[u], axis=1)
-    loudest = np.zeros(len(codes))
-    np.maximum.at(loudest, code, np.abs(middle).max(axis=1, initial=0))
-    wanted = loudest * direct[u] / np.maximum(length, 1e-9) >= MARGIN * least
+    bound = np.zeros(len(codes))
+    np.maximum.at(bound, code, room.loudness_of(chains)[which])
+    wanted = bound * direct[u] >= MARGIN * least * np.maximum(length - radius, 1e-9)
     carried: dict[tuple[int, int], np.ndarray] = {}
     fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
-    basis = lagrange_basis(room.table.frequencies_hz, nodes)
     for side in (2, fine):
-        rows = np.flatnonzero(wanted[code])
         steps = np.stack(np.meshgrid(*[np.linspace(-radius, radius, side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        steps = np.concatenate([np.zeros((1, 3)), steps])
+        rows = np.flatnonzero(wanted[code])
         kept, index = np.unique(code[rows], return_inverse=True)
-        total = np.zeros((len(kept), len(steps), len(room.table.frequencies_hz)), complex)
-        chunk = max(1, POINTS_AT_ONCE // len(steps))
-        for start in range(0, len(rows), chunk):
-            some = rows[start : start + chunk]
-            points = (centre[place[some]][:, None] + steps).reshape(-1, 3)
-            value = view.carried(np.repeat(place[some], len(steps)), np.repeat(which[some], len(steps)), points)
-            np.add.at(total, index[start : start + chunk], value.reshape(len(some), len(steps), -1))
-        for row, k in enumerate(kept):
-            carried[int(u[k]), int(g[k])] = (total[row] @ basis).reshape(side, side, side, -1)
-        size = np.abs(at_centre[kept]).max(axis=1)
-        bound = np.maximum(LINEAR * size, COARSE * length[kept] / direct[u[kept]])
-        bent = np.abs(total.mean(axis=1) - at_centre[kept]).max(axis=1, initial=0) > bound
-        bent |= np.abs(total - at_centre[kept][:, None]).max(axis=(1, 2), initial=0) > np.maximum(size, bound)
+        points = (centre[place[rows]][:, None] + steps).reshape(-1, 3)
+        again = np.repeat(rows, len(steps))
+        value = room_fields(room, chains, which[again], sensor, axes, place[again], points).reshape(len(rows), len(steps), -1)
+        total = np.zeros((len(kept), len(steps), value.shape[2]), complex)
+        np.add.at(total, index.ravel(), value)
+        size = np.abs(total).max(axis=(1, 2), initial=0)
+        strong = (size * direct[u[kept]] >= least * np.maximum(length[kept] - radius, 1e-9)) | (g[kept] == DIRECT)
+        for row in np.flatnonzero(strong):
+            carried[int(u[kept[row]]), int(g[kept[row]])] = (total[row, 1:] @ basis).reshape(side, side, side, -1)
+        middle = np.abs(total[:, 0]).max(axis=1, initial=0)
+        limit = np.maximum(LINEAR * middle, COARSE * length[kept] / direct[u[kept]])
+        bent = np.abs(total[:, 1:].mean(axis=1) - total[:, 0]).max(axis=1, initial=0) > limit
+        bent |= np.abs(total[:, 1:] - total[:, :1]).max(axis=(1, 2), initial=0) > np.maximum(middle, limit)
         wanted[:] = False
-        wanted[kept[bent]] = True
+        wanted[kept[strong & bent]] = True
     share = np.zeros((len(places), len(first)))
     for (i, leg), values in carried.items():
-        image = mirror[leg] @ sensor[i] + shift[leg]
-        share[i, leg] = np.abs(values).max() * direct[i] / max(float(np.linalg.norm(centre[i] - image)) - radius, radius)
-    return Legs(order, mirror, shift, centre - radius, 2 * radius, nodes, carried, share)
+        at = mirror[leg] @ sensor[i] + shift[leg]
+        share[i, leg] = np.abs(values).max() * direct[i] / max(float(np.linalg.norm(centre[i] - at)) - radius * (leg != DIRECT), radius)
+    return Legs(order_of, mirror, shift, centre - radius, 2 * radius, nodes, carried, share)
 
 
-def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
+def found_once(room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
     """Call `find`, with a cache of the last KEPT calls."""
     key = (id(room), places.tobytes(), axes.tobytes(), radius, frequencies_hz.tobytes(), *how)
     if key not in _kept:
@@ -173,37 +175,128 @@ def found_once(room: PanelRoom, places: np.ndarray, axes: np.ndarray, radius: fl
     return _kept[key][1]
 
 
-def _summed(values: np.ndarray, index: np.ndarray, count: int) -> np.ndarray:
-    """Sum values (N, Q) by index (N,) to an array (count, Q)."""
-    total = np.zeros((count, values.shape[1]), complex)
-    np.add.at(total, index.ravel(), values)
-    return total
+def _chains(
+    room: FlatRoom, sensor: np.ndarray, centre: np.ndarray, radius: float, longest: int, least: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return sequences of faces (K, longest), -1 beyond the last, and the pairs (N,), (N,) of a place and a sequence to evaluate.
 
-
-@dataclass(frozen=True)
-class _View:
-    """Compute the fields of paths that start at the sensor positions (U, 3) with the antenna axes (U, 3) and reflect at sequences of
-    panels.
+    The sequences are those whose beams exist at the key places near the sensor. The first sequence is empty.
     """
+    keys, near = key_places(sensor)
+    found = [room.chains(sensor[k], longest) for k in keys]
+    chains, index = np.unique(np.concatenate(found), axis=0, return_inverse=True)
+    of_key = np.split(index.ravel(), np.cumsum([len(chain) for chain in found])[:-1])
+    rows = []
+    for place, mine in enumerate(near):
+        which = np.unique(np.concatenate([of_key[k] for k in mine]))
+        close = room.reaches(chains[which], sensor[place], centre[place], radius)
+        rows.append(np.stack([np.full(close.sum(), place), which[close]]))
+    place, which = np.concatenate(rows, axis=1)
+    return chains, place, which
 
-    room: PanelRoom
-    prepared: images.Sequences
-    sensor: np.ndarray
-    axes: np.ndarray
 
-    def carried(self, place: np.ndarray, which: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return the fields (N, Q) of N paths along the polarisation of the image's antenna. Path n starts at a sensor position (index
-        (N,)), reflects at a sequence of panels (index (N,)), and ends at a point (N, 3).
-        """
-        room, prepared, source, axis = self.room, self.prepared, self.sensor[place], self.axes[place]
-        # The field of a panel ends at its plane, so values above and below cannot be interpolated. Points behind the plane have the value
-        # on the plane, which is small beyond the panel's edges.
-        last = prepared.panel[which, prepared.order[which] - 1]
-        side = prepared.side[which, prepared.order[which] - 1]
-        height = side * (np.einsum("ni,ni->n", points, room.panels.normal[last]) - room.panels.offset[last])
-        points = points + (np.maximum(ABOVE_M - height, 0) * side)[:, None] * room.panels.normal[last]
-        at = images.evaluate(room.panels, room.things, prepared, room.table, which, source, axis, points, reach=REACH)
-        way = points - np.einsum("nij,nj->ni", prepared.mirror[which], source) - prepared.shift[which]
-        way /= np.linalg.norm(way, axis=1, keepdims=True)
-        unit = images.across(np.einsum("nij,nj->ni", prepared.mirror[which], axis), way)
-        return np.einsum("nk,nqk->nq", unit, at.field).conj() * at.factor[:, None]
+def _map(faces: Faces, chain: np.ndarray) -> np.ndarray:
+    """Return the map (3, 4) of a point to its image in the faces of a chain, in this order."""
+    out = np.eye(3, 4)
+    for p in chain:
+        normal = faces.normal[p]
+        out = out - 2 * np.outer(normal, normal @ out)
+        out[:, 3] += 2 * faces.offset[p] * normal
+    return out
+
+
+def room_fields(
+    room: FlatRoom, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray, place: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Return the fields (N, Q) of N lines over sequences of faces, relative to undisturbed lines from the sensor's images.
+
+    Args:
+        chains: (K, C) faces, -1 beyond the last. which: (N,) sequence of each line. sensor, axes: (U, 3). place: (N,) index of the sensor.
+        points: (N, 3) other ends of the lines.
+    """
+    out = np.zeros((len(which), len(room.table.frequencies_hz)), complex)
+    shared_out(
+        _evaluate, len(which), room.faces, room.borders, room.outlines, room.blocking, room.opaque, room.tables,
+        room.wavenumber, NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which),
+        np.ascontiguousarray(sensor), np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points), out,
+    )  # fmt: skip
+    return out
+
+
+@compiled
+def _evaluate(
+    begin: int, stop: int, faces: Faces, borders: tuple, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray,
+    tables: Tables, wavenumber: float, nudge: np.ndarray, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray,
+    place: np.ndarray, points: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the fields of lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
+    longest, q = chains.shape[1], tables.te.shape[2]
+    images, met = np.empty((longest + 1, 3)), np.empty((longest + 2, 3))
+    for n in range(begin, stop):
+        m = 0
+        while m < longest and chains[which[n], m] >= 0:
+            m += 1
+        chain = chains[which[n], :m]
+        images[0] = sensor[place[n]] + nudge
+        for i in range(m):
+            p = chain[i]
+            images[i + 1] = images[i] - 2 * (dot(images[i], faces.normal[p]) - faces.offset[p]) * faces.normal[p]
+        end = points[n].copy()
+        if m:  # behind the last face, the field is that just above it, so that it can be interpolated
+            p = chain[m - 1]
+            side = 1.0 if dot(images[m - 1], faces.normal[p]) > faces.offset[p] else -1.0
+            height = side * (dot(end, faces.normal[p]) - faces.offset[p])
+            if height < ABOVE_M:
+                end += (ABOVE_M - height) * side * faces.normal[p]
+        met[0], met[m + 1] = images[0], end
+        target = end.copy()
+        total = 1.0 + 0j
+        for i in range(m - 1, -1, -1):
+            p = chain[i]
+            above = dot(target, faces.normal[p]) - faces.offset[p]
+            below = dot(images[i + 1], faces.normal[p]) - faces.offset[p]
+            if above * below >= 0 or min(abs(above), abs(below)) < 1e-9:
+                total = 0j
+                break
+            # the source's image behind face p and the end before it, mirrored back over the later faces
+            back = image(faces, end, chain[i + 1 :][::-1], 1.0)
+            at = images[i + 1] + below / (below - above) * (target - images[i + 1])
+            met[i + 1] = at
+            inside = 1.0 if contains(faces, p, at[0], at[1], at[2]) else 0.0
+            total *= _mirror(faces, borders, p, at, inside, images[i + 1], back, wavenumber)
+            if abs(total) < WEAK:
+                total = 0j
+                break
+            target = at
+        if total == 0:
+            continue
+        for i in range(m + 1):
+            total *= factor(outlines, tree, opaque, met[i], met[i + 1], wavenumber, chain[i - 1] if i else -1, chain[i] if i < m else -1)
+            if abs(total) < WEAK:
+                break
+        if abs(total) < WEAK:
+            continue
+        way = end - images[m]
+        way /= norm(way)
+        there = image(faces, way, chain[::-1], 0.0)
+        field = np.zeros((q, 3), np.complex128)
+        field[:] = transverse(axes[place[n]], there)
+        field = travelled(faces, tree, opaque, tables, field, there, chain, met[0], met[1 : m + 1], 1, end)
+        unit = transverse(image(faces, axes[place[n]], chain, 0.0), way)
+        for k in range(q):
+            level = field[k, 0] * unit[0] + field[k, 1] * unit[1] + field[k, 2] * unit[2]
+            out[n, k] = level.conjugate() * total
+
+
+@compiled
+def _mirror(
+    faces: Faces, borders: tuple, p: int, at: np.ndarray, inside: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float
+) -> complex:
+    """Return the factor of face `p` as a mirror for exp(+j k L). `at` is the point of reflection, `source` the image behind the face."""
+    first, edge, into = borders
+    total = complex(inside, 0.0)
+    for i in range(first[p], first[p + 1]):
+        e = edge[i]
+        part = edge_part(faces.start[e], faces.along[e], faces.length[e], source, receiver, wavenumber, 4 * REACH)
+        total -= part if dot(at - faces.start[e], into[i]) >= 0 else -part
+    return total

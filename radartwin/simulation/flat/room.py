@@ -1,104 +1,275 @@
-"""Paths of a room of flat faces for all poses at once: reflections and edge diffractions.
+"""Rooms of flat faces: paths of reflections and edge diffractions for all poses at once, and what is needed to connect objects to the room.
 
-Sequences of faces and edges are searched at a few key places along the motion of the sensor. Each pose then evaluates the sequences of the
-key places near this pose, exactly and at its own place.
+Sequences of faces and edges are searched at a few key places along the motion of the sensor, and those with a strong path are kept at test
+places. Each pose then evaluates the sequences of the test places near it, exactly and at its own place.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from radartwin.compiled import shared_out
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
-from radartwin.simulation.flat import field, obstacles, search
+from radartwin.simulation.flat import field, obstacles, search, shadows
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import strong_masks
+from radartwin.simulation.pruning import level, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable
 
-AROUND = 3  # largest number of reflections of a path with edges
-KEY_SPACING_M = 0.1  # distance between key places
-NEAR = 1.5  # in units of KEY_SPACING_M; a pose uses the sequences of all key places within this distance
-NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests of existence, in units of 1/k
-EARLY = 0.3  # threshold of the search over the threshold of paths
+KEY_SPACING_M = 0.2  # distance between key places
+TEST_SPACING_M = 0.04  # distance between test places
+HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
+NEAR = 1.5  # a place uses the sequences of all key or test places within this distance, in units of their spacing
+EARLY = 0.3  # threshold at test places over the threshold of paths
+AHEAD = 0.1  # the same at key places, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
+BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
+
+
+@dataclass(frozen=True)
+class Searched:
+    """Hold the strong sequences at T test places (T, 6), which are points of `_points`: the indices `of_test` of each in `sequences`."""
+
+    places: np.ndarray
+    sequences: search.Sequences
+    of_test: Sequence[np.ndarray]
 
 
 @dataclass(frozen=True)
 class FlatRoom:
-    """Hold the faces of static surfaces, everything that blocks, and the reflection of the surfaces."""
+    """Hold flat faces and everything that hides.
+
+    Attributes:
+        faces: flat faces. usable: (P,) whether paths may reflect at a face.
+        blocking: all triangles that block. outlines: their edges, for shadows on legs.
+        table: reflection of the surfaces.
+    """
 
     faces: Faces
+    usable: np.ndarray
     blocking: obstacles.Hierarchy
+    outlines: shadows.Outlines
     table: ReflectionTable
 
-    def paths(self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> list[Paths]:
+    @cached_property
+    def wavenumber(self) -> float:
+        """Return the wavenumber at the middle of the sweep, in rad/m."""
+        return 2 * np.pi * float(self.table.frequencies_hz.mean()) / SPEED_OF_LIGHT
+
+    @cached_property
+    def opaque(self) -> np.ndarray:
+        """Return whether each surface blocks (S,)."""
+        return self.table.opaque
+
+    @cached_property
+    def tables(self) -> field.Tables:
+        """Return the coefficients of the surfaces."""
+        return field.Tables(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
+
+    @cached_property
+    def _middle(self) -> field.Tables:
+        """Return the coefficients of the surfaces in the middle of the sweep."""
+        return field.Tables(*(np.ascontiguousarray(values[:, :, values.shape[2] // 2, None]) for values in self.tables))
+
+    @cached_property
+    def loudness(self) -> np.ndarray:
+        """Return the largest reflection coefficient (P,) of each face, and zero for a face that paths may not use."""
+        largest = np.maximum(np.abs(self.table.te).max(axis=(1, 2)), np.abs(self.table.tm).max(axis=(1, 2)))
+        return np.where(self.usable, largest[self.faces.surface], 0.0)
+
+    @cached_property
+    def borders(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the edges of the faces: the range (P + 1,) of each face, the edges (B,), and the directions (B, 3) into the face."""
+        faces, turn = self.faces, np.pi * self.faces.opening[:, None]
+        other = np.cos(turn) * faces.into + np.sin(turn) * faces.up
+        two = faces.sides[:, 0] != faces.sides[:, 1]
+        owner = np.concatenate([faces.sides[:, 0], faces.sides[two, 1]])
+        order = np.argsort(owner, kind="stable")
+        edge = np.concatenate([np.arange(len(two)), np.flatnonzero(two)])[order]
+        into = np.concatenate([faces.into, other[two]])[order]
+        return np.searchsorted(owner[order], np.arange(len(faces.offset) + 1)), edge, np.ascontiguousarray(into)
+
+    @cached_property
+    def balls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the centre (P, 3) and the radius (P,) of a ball around each face."""
+        used = np.arange(self.faces.outline.shape[1]) < self.faces.corners[:, None]
+        low = np.where(used[..., None], self.faces.outline, np.inf).min(axis=1, initial=np.inf)
+        high = np.where(used[..., None], self.faces.outline, -np.inf).max(axis=1, initial=-np.inf)
+        centre = (low + high) / 2
+        away = np.linalg.norm(self.faces.outline - centre[:, None], axis=2)
+        return centre, np.where(used, away, 0.0).max(axis=1, initial=0.0)
+
+    def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
+        """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
+        return self._beams(sensor, longest, 0.0).chain
+
+    def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
+        """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
+        good = np.ones(len(chains), bool)
+        at = np.repeat(sensor[None], len(chains), axis=0)
+        normal, offset = self.faces.normal[chains], self.faces.offset[chains]
+        images = [at]
+        for i in range(chains.shape[1]):
+            height = np.einsum("ki,ki->k", at, normal[:, i]) - offset[:, i]
+            at = np.where((chains[:, i] >= 0)[:, None], at - 2 * height[:, None] * normal[:, i], at)
+            images.append(at)
+        target, reach = np.repeat(centre[None], len(chains), axis=0), np.full(len(chains), radius)
+        balls, sizes = self.balls
+        for i in reversed(range(chains.shape[1])):
+            used = chains[:, i] >= 0
+            below = np.einsum("ki,ki->k", images[i + 1], normal[:, i]) - offset[:, i]
+            above = np.einsum("ki,ki->k", target, normal[:, i]) - offset[:, i]
+            opposite = (below * above < 0) | (np.abs(above) <= reach)
+            share = np.abs(below) / np.maximum(np.abs(below) + np.abs(above), 1e-9)
+            point = images[i + 1] + share[:, None] * (target - images[i + 1])
+            close = np.linalg.norm(point - balls[chains[:, i]], axis=1) <= sizes[chains[:, i]] + reach + BESIDE_M
+            good &= ~used | (opposite & close)
+            target = np.where(used[:, None], point, target)
+        return good
+
+    def loudness_of(self, chains: np.ndarray) -> np.ndarray:
+        """Return the product (K,) of the largest reflection coefficients of sequences of faces (K, C)."""
+        return np.where(chains >= 0, self.loudness[chains], 1.0).prod(axis=1)
+
+    def paths(
+        self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None
+    ) -> list[Paths]:
         """Return the paths without and with edges.
 
         Args:
             poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s.
             max_bounces: largest number of reflections.
             prune: drop paths whose amplitude, with the element gain, is below this times the pose's strongest path.
+            searched: the sequences that `searched` has found for these places; None searches for them.
         """
-        place = poses[:, :3, 3]
-        keys, near = _key_places(place)
-        every, of_key = search.Sequences.union([self._sequences(place[k], max_bounces, prune) for k in keys])
-        edges = every.edge[:, 0] >= 0
+        searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
+        every, near = searched.sequences, _near(_points(poses), searched.places, TEST_SPACING_M)
         active = np.zeros((len(poses), len(every)), bool)
         for pose, chosen in enumerate(near):
-            for k in chosen:
-                active[pose, of_key[k]] = True
-        parts = []
+            for t in chosen:
+                active[pose, searched.of_test[t]] = True
         least = np.zeros(len(poses))
-        for kind in (~edges, edges):
-            pose, which = np.nonzero(active & kind)
-            part = self._evaluated(every, pose, which, poses, velocity, least)
-            np.maximum.at(least, part.pose, EARLY * prune * np.abs(part.amplitude).max(axis=1, initial=0) * self._scale)
+        parts = []
+        for kind in _kinds(every):
+            part = self._evaluated(every, active & kind, poses, velocity, least)
+            np.maximum.at(least, part.pose, self._least(radar, prune) * level(part, radar))
             parts.append(part)
         masks = strong_masks(parts, radar, prune)
         return [part.where(mask) for part, mask in zip(parts, masks, strict=True)]
 
-    @property
-    def _scale(self) -> float:
-        """Return the field of a unit source at one metre over the received amplitude."""
-        return 4 * np.pi * float(self.table.frequencies_hz.mean()) / SPEED_OF_LIGHT
+    def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
+        """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion."""
+        points = _points(poses)
+        keys, tests = _spaced(points, KEY_SPACING_M), _spaced(points, TEST_SPACING_M)
+        every, of_key = search.Sequences.union([self._sequences(poses[k], radar, max_bounces, prune) for k in keys])
+        near = _near(points[tests], points[keys], KEY_SPACING_M)
+        of_test, used = [], np.zeros(len(every), bool)
+        for test, chosen in zip(tests, near, strict=True):
+            active, levels = np.zeros(len(every), bool), np.zeros(len(every))
+            for k in chosen:
+                active[of_key[k]] = True
+            for kind in _kinds(every):
+                which = np.flatnonzero(active & kind)
+                found, strength = self._levels(every, which, poses[test], radar, self._least(radar, prune) * levels.max(initial=0.0))
+                levels[which[found]] = strength
+            strong = np.flatnonzero(levels > EARLY * prune * levels.max(initial=0.0))
+            of_test.append(strong)
+            used[strong] = True
+        number = np.cumsum(used) - 1
+        return Searched(points[tests], every.where(used), [number[strong] for strong in of_test])
 
-    @property
-    def _wavenumber(self) -> float:
-        return 2 * np.pi * float(self.table.frequencies_hz.mean()) / SPEED_OF_LIGHT
+    def _least(self, radar: Radar, prune: float) -> float:
+        """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""
+        return EARLY * prune * 2 * self.wavenumber / float(element_gain(radar.element, [1.0, 0.0, 0.0])) ** 2
 
-    def _sequences(self, place: np.ndarray, max_bounces: int, prune: float) -> search.Sequences:
-        largest = np.maximum(np.abs(self.table.te).max(axis=(1, 2)), np.abs(self.table.tm).max(axis=(1, 2)))
-        loudness = largest[self.faces.surface]
-        opaque = self.table.opaque
-        source = place + 1.5 * NUDGE / self._wavenumber
-        found = search.beams(self.faces, self.blocking, opaque, loudness, source, max_bounces, 0.0)
-        loudest = float((found.strength[1:] / np.linalg.norm(found.image[1:] - place, axis=1)).max(initial=0.0))
-        around = min(AROUND, max_bounces)
-        arrivals = search.reached(self.faces, self.blocking, opaque, source, found, around)
-        return search.sequences(self.faces, found, arrivals, loudness, self._wavenumber, around, EARLY * prune * loudest)
+    def _levels(
+        self, every: search.Sequences, which: np.ndarray, pose: np.ndarray, radar: Radar, least: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return which sequences (N,) have a path at a pose (4, 4), and the levels of these paths in the middle of the sweep."""
+        none = np.zeros(len(which), int)
+        found, (amplitude, _, departure, arrival, _) = self._fields(every, none, which, pose[None], np.full(1, least), self._middle)
+        gain = element_gain(radar.element, departure[found] @ pose[:3, :3]) * element_gain(radar.element, arrival[found] @ pose[:3, :3])
+        return found, np.abs(amplitude[found]).max(axis=1, initial=0.0) * gain / (2 * self.wavenumber)
 
-    def _evaluated(
+    def _beams(self, place: np.ndarray, longest: int, least: float) -> search.Beams:
+        source = place + 1.5 * field.NUDGE / self.wavenumber
+        return search.beams(self.faces, self.blocking, self.opaque, self.loudness, source, longest, least)
+
+    def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> search.Sequences:
+        """Return the sequences with a path as strong as AHEAD times `prune` times the strongest path, at a pose (4, 4)."""
+        place = pose[:3, 3]
+        found = self._beams(place, max_bounces, 0.0)
+        none = np.zeros((0, 2), int)
+        alone = search.sequences(self.faces, found, none, np.zeros(0), self.loudness, self.wavenumber, max_bounces, 0.0)
+        peak = float(element_gain(radar.element, [1.0, 0.0, 0.0]))
+        strongest = self._levels(alone, np.arange(len(alone)), pose, radar, 0.0)[1].max(initial=0.0) / peak**2
+        source = place + 1.5 * field.NUDGE / self.wavenumber
+        arrivals = search.reached(self.faces, self.blocking, self.opaque, source, found, max_bounces)
+        strength = found.strength[arrivals[:, 1]] * self._gains(found, arrivals, pose, radar) / peak
+        least = prune * 2 * self.wavenumber * strongest
+        every = search.sequences(self.faces, found, arrivals, strength, self.loudness, self.wavenumber, max_bounces, least)
+        there, levels = self._levels(
+            every, np.arange(len(every)), pose, radar, AHEAD / EARLY * self._least(radar, prune) * strongest * peak**2
+        )
+        return every.where(there[levels > AHEAD * prune * levels.max(initial=0.0)])
+
+    def _gains(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
+        """Return the largest element gain (M,) with which the beams of arrivals (edge, beam) at a pose reach both ends or the middle."""
+        edge, beam = arrivals.T
+        gain = np.zeros(len(arrivals))
+        for share in (0.0, 0.5, 1.0):
+            way = self.faces.start[edge] + share * self.faces.length[edge, None] * self.faces.along[edge] - found.image[beam]
+            for i in reversed(range(found.chain.shape[1])):
+                normal = self.faces.normal[found.chain[beam, i]]
+                back = way - 2 * np.einsum("ij,ij->i", way, normal)[:, None] * normal
+                way = np.where((i < found.order[beam])[:, None], back, way)
+            gain = np.maximum(gain, element_gain(radar.element, way @ pose[:3, :3]))
+        return gain
+
+    def _fields(
+        self,
+        every: search.Sequences,
+        pose: np.ndarray,
+        which: np.ndarray,
+        poses: np.ndarray,
+        least: np.ndarray,
+        tables: field.Tables,
+    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+        """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all."""
+        n, q, points = len(pose), tables.te.shape[2], every.chain.shape[1] + 2
+        values = (
+            np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
+        )  # fmt: skip
+        shared_out(
+            field.evaluate, n, self.faces, self.blocking, self.opaque, tables, self.wavenumber,
+            field.NUDGE / self.wavenumber, every.count, every.chain, every.edge, pose, which, np.ascontiguousarray(poses[:, :3, 3]),
+            np.ascontiguousarray(poses[:, :3, 2]), least, *values, pieces=16,
+        )  # fmt: skip
+        return np.flatnonzero(values[1][:, 0] > 0), values
+
+    def _evaluated(self, every: search.Sequences, active: np.ndarray, poses: np.ndarray, velocity: np.ndarray, least: np.ndarray) -> Paths:
+        """Return the paths of the active pairs (F, K) of a pose and a sequence whose field is at least `least` (F,)."""
+        together = max(1, PAIRS_AT_ONCE // max(1, int(active.sum(axis=1).max(initial=0))))
+        parts = []
+        for low in range(0, len(poses), together):
+            pose, which = np.nonzero(active[low : low + together])
+            parts.append(self._some(every, pose + low, which, poses, velocity, least))
+        return parts[0] if len(parts) == 1 else Paths.concatenate(parts)
+
+    def _some(
         self, every: search.Sequences, pose: np.ndarray, which: np.ndarray, poses: np.ndarray, velocity: np.ndarray, least: np.ndarray
     ) -> Paths:
         """Return the paths of pairs (N,) of a pose and a sequence, with both directions of reversible sequences."""
-        frequencies = self.table.frequencies_hz
-        n, sensor, axis = len(pose), np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2])
-        amplitude, length = np.zeros((n, len(frequencies)), complex), np.zeros((n, 3))
-        departure, arrival = np.zeros((n, 3)), np.zeros((n, 3))
-        opaque = self.table.opaque
-        tables = field.Tables(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
-        shared_out(
-            field.evaluate, n, self.faces, self.blocking, opaque, tables, self._wavenumber, NUDGE / self._wavenumber,
-            every.count, every.chain, every.edge, pose, which, sensor, axis, least, amplitude, length, departure, arrival, pieces=16,
-        )  # fmt: skip
-        found = np.flatnonzero(length[:, 0] > 0)
+        found, (amplitude, length, departure, arrival, met) = self._fields(every, pose, which, poses, least, self.tables)
         both = found[every.reversible[which[found]]]
         there, back = length[:, 0] + length[:, 1] / 2, length[:, 2] + length[:, 1] / 2
         row = np.concatenate([found, both])
         one = np.arange(len(row)) < len(found)
+        row, one = (values[np.argsort(pose[row], kind="stable")] for values in (row, one))
         starts, ends = np.where(one[:, None], departure[row], arrival[row]), np.where(one[:, None], arrival[row], departure[row])
         rotation = poses[pose[row], :3, :3]
         edges = every.edge[which[row]] >= 0
@@ -106,13 +277,13 @@ class FlatRoom:
         if not edges.any():
             mirror = np.swapaxes(rotation, 1, 2) @ self._mirrors(every)[which[row]] @ rotation
         total = every.count[which[row]].sum(axis=1) + edges.sum(axis=1)
-        paths = Paths(
+        frequencies = self.table.frequencies_hz
+        return Paths(
             len(poses), pose[row], total, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies,
             np.where(one, there[row], back[row]), np.where(one, back[row], there[row]),
             np.einsum("nij,ni->nj", rotation, starts), np.einsum("nij,ni->nj", rotation, ends),
-            -np.einsum("ni,ni->n", starts + ends, velocity[pose[row]]), mirror,
+            -np.einsum("ni,ni->n", starts + ends, velocity[pose[row]]), mirror, met[row],
         )  # fmt: skip
-        return paths.where(np.argsort(paths.pose, kind="stable"))
 
     def _mirrors(self, every: search.Sequences) -> np.ndarray:
         """Return the mirror maps (K, 3, 3) of sequences without edges."""
@@ -124,18 +295,33 @@ class FlatRoom:
         return mirrors
 
 
-def build(faces: Faces, corners: np.ndarray, surface: np.ndarray, table: ReflectionTable) -> FlatRoom:
-    """Build a room of faces; triangles (T, 3, 3) of surfaces (T,) that belong to no face only block paths."""
-    triangles = np.concatenate([faces.triangle, corners])
-    labels = np.concatenate([np.repeat(faces.surface, np.diff(faces.first)), surface])
-    return FlatRoom(faces, obstacles.build(triangles, labels), table)
+def _kinds(every: search.Sequences) -> tuple[np.ndarray, np.ndarray]:
+    """Return which sequences have no edges, and which have edges. Reflections come first, because they set the threshold of the others."""
+    edges = every.edge[:, 0] >= 0
+    return ~edges, edges
 
 
-def _key_places(points: np.ndarray) -> tuple[np.ndarray, Sequence[np.ndarray]]:
-    """Return the indices (K,) of key places along points (F, 3), and for every point the key places near it."""
-    keys = [0]
+def _points(poses: np.ndarray) -> np.ndarray:
+    """Return the positions of poses (F, 4, 4) and their headings in units of HEADING_M, (F, 6)."""
+    return np.concatenate([poses[:, :3, 3], HEADING_M * poses[:, :3, 0]], axis=1)
+
+
+def _spaced(points: np.ndarray, spacing_m: float) -> np.ndarray:
+    """Return indices (K,) of points (F, D) such that every point is within `spacing_m` of one of them."""
+    kept = [0]
     for i, point in enumerate(points):
-        if np.linalg.norm(points[keys] - point, axis=1).min() > KEY_SPACING_M:
-            keys.append(i)
-    away = np.linalg.norm(points[:, None] - points[keys][None], axis=2)
-    return np.array(keys), [np.flatnonzero(row <= max(NEAR * KEY_SPACING_M, row.min())) for row in away]
+        if np.linalg.norm(points[kept] - point, axis=1).min() > spacing_m:
+            kept.append(i)
+    return np.array(kept)
+
+
+def _near(points: np.ndarray, places: np.ndarray, spacing_m: float) -> list[np.ndarray]:
+    """Return for each of the points (F, D) the indices of the places (K, D) whose sequences it uses."""
+    away = np.linalg.norm(points[:, None] - places[None], axis=2)
+    return [np.flatnonzero(row <= max(NEAR * spacing_m, row.min())) for row in away]
+
+
+def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the indices (K,) of key places along points (F, 3), and for every point the key places near it."""
+    keys = _spaced(points, KEY_SPACING_M)
+    return keys, _near(points, points[keys], KEY_SPACING_M)

@@ -6,19 +6,22 @@ the faces of the beam. Reached twice, out and back, it gives a path with one dif
 one face, give a path with two diffractions.
 """
 
+import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from radartwin.compiled import compiled
+from radartwin.compiled import compiled, cores, innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import angle, distance, dot, edge_point, is_clear, keller, reflect_points, share_face
+from radartwin.simulation.flat.field import angle, dot, edge_point, is_clear, reflect_points
 from radartwin.simulation.flat.obstacles import Hierarchy
 
-CORNERS = 24  # largest number of corners of a beam
+SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
+FEW = 3  # number of steps to estimate the two points of a double diffraction
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
 
 
@@ -27,7 +30,7 @@ class Beams:
     """Hold N beams, ordered by their number of reflections; the first is the sensor itself.
 
     Attributes:
-        chain: (N, C) faces. order: (N,) number of reflections. image: (N, 3) of the sensor. polygon: (N, CORNERS, 3), corners: (N,).
+        chain: (N, C) faces. order: (N,) number of reflections. image: (N, 3) of the sensor. polygon: (N, M, 3), corners: (N,).
         strength: (N,) product of the largest reflection coefficients.
     """
 
@@ -46,12 +49,12 @@ def _clip(polygon: np.ndarray, count: int, normal: np.ndarray, offset: float, ou
     before = dot(polygon[previous], normal) - offset
     for i in range(count):
         here = dot(polygon[i], normal) - offset
-        if (here >= 0) != (before >= 0) and kept < CORNERS:
+        if (here >= 0) != (before >= 0) and kept < len(out):
             share = before / (before - here)
             for k in range(3):
                 out[kept, k] = polygon[previous, k] + share * (polygon[i, k] - polygon[previous, k])
             kept += 1
-        if here >= 0 and kept < CORNERS:
+        if here >= 0 and kept < len(out):
             for k in range(3):
                 out[kept, k] = polygon[i, k]
             kept += 1
@@ -87,7 +90,8 @@ def _grown(
     chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, strength: np.ndarray, used: int,
 ) -> int:  # fmt: skip
     """Append the beams that follow beams start:stop; returns the number of beams, or -1 if the arrays are too short."""
-    limits, one, two = np.empty((CORNERS, 3)), np.empty((CORNERS, 3)), np.empty((CORNERS, 3))
+    most = polygon.shape[1]
+    limits, one, two = np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3))
     points = np.empty((chain.shape[1] + 1, 3))
     for b in range(start, stop):
         m = order[b]
@@ -97,7 +101,7 @@ def _grown(
             facing = -1.0 if dot(image[b], faces.normal[last]) > faces.offset[last] else 1.0
         for p in range(len(faces.offset)):
             height = dot(image[b], faces.normal[p]) - faces.offset[p]
-            if p == last or abs(height) < 1e-6 or strength[b] * loudness[p] < least * abs(height):
+            if p == last or abs(height) < 1e-6 or loudness[p] == 0 or strength[b] * loudness[p] < least * abs(height):
                 continue
             count = faces.corners[p]
             for i in range(count):
@@ -112,23 +116,16 @@ def _grown(
                     one, two = two, one
             if count == 0 or _area(one, count) < TINY_M2:
                 continue
-            nearest = np.inf
             middle = np.zeros(3)
             for i in range(count):
                 middle += one[i] / count
-            nearest = abs(height)
-            if strength[b] * loudness[p] < least * nearest:
-                continue
             lit = False
-            for i in range(-1, count):
-                for share in (0.5, 0.9):
-                    x = middle.copy()
-                    if i >= 0:
-                        x = middle + share * (one[i] - middle)
-                    if reflect_points(faces, source, chain[b, :m], x, points) and is_clear(tree, opaque, source, points, m, x):
-                        lit = True
-                        break
-                if lit:
+            for i in range(-1, 2 * count):  # the middle, and two points on the way to each corner
+                x = middle
+                if i >= 0:
+                    x = middle + (0.5 if i < count else 0.9) * (one[i % count] - middle)
+                if reflect_points(faces, source, chain[b, :m], x, points) and is_clear(tree, opaque, source, points, m, x):
+                    lit = True
                     break
             if not lit:
                 continue
@@ -152,7 +149,7 @@ def beams(faces: Faces, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarra
     room = 4096
     while True:
         chain, order = np.full((room, max(longest, 1)), -1), np.zeros(room, np.int64)
-        image, polygon, corners = np.zeros((room, 3)), np.zeros((room, CORNERS, 3)), np.zeros(room, np.int64)
+        image, polygon, corners = np.zeros((room, 3)), np.zeros((room, faces.outline.shape[1] + SPARE, 3)), np.zeros(room, np.int64)
         strength = np.zeros(room)
         image[0], strength[0] = source, 1.0
         start, used = 0, 1
@@ -173,7 +170,7 @@ def _reach(
     image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (edge, beam) of all edges that a beam reaches; returns their number, or -1 if `out` is too short."""
-    limits, points = np.empty((CORNERS, 3)), np.empty((chain.shape[1] + 1, 3))
+    limits, points = np.empty((polygon.shape[1], 3)), np.empty((chain.shape[1] + 1, 3))
     used = 0
     for b in range(len(order)):
         m = order[b]
@@ -218,9 +215,9 @@ def _reach(
     return used
 
 
-def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, found: Beams, around: int) -> np.ndarray:
-    """Return (edge, beam) of all edges that beams of at most `around` reflections reach, (M, 2), ordered by edge."""
-    few = found.order <= around
+def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, found: Beams, longest: int) -> np.ndarray:
+    """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge."""
+    few = found.order < longest
     room = 4096
     while True:
         out = np.zeros((room, 2), np.int64)
@@ -233,90 +230,152 @@ def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarra
         room *= 4
 
 
-@compiled
-def _share(wavenumber: float, source: np.ndarray, edge: np.ndarray, end: np.ndarray) -> float:
-    """Return about the part of the field from source to end that an edge diffracts: 1/2 at its shadow boundary, less away from it."""
-    straight = np.sqrt((source[0] - end[0]) ** 2 + (source[1] - end[1]) ** 2 + (source[2] - end[2]) ** 2)
-    u = np.sqrt(2 * wavenumber / np.pi * max(distance(source, edge) + distance(edge, end) - straight, 0.0))
-    return min(0.5, 0.225 / max(u, 1e-9))
+Vector = tuple[float, float, float]  # points of the innermost loops are tuples, because small arrays are slow to create
 
 
-@compiled
-def _share_with_mirrors(faces: Faces, e: int, wavenumber: float, source: np.ndarray, edge: np.ndarray, end: np.ndarray) -> float:
-    """Return the sum of `_share` for a source and for its images in both faces of edge `e`."""
-    total = _share(wavenumber, source, edge, end)
-    for side in range(2):
-        p = faces.sides[e, side]
-        height = dot(source, faces.normal[p]) - faces.offset[p]
-        total += _share(wavenumber, source - 2 * height * faces.normal[p], edge, end)
+@innermost
+def _row(values: np.ndarray, i: int) -> Vector:
+    return values[i, 0], values[i, 1], values[i, 2]
+
+
+@innermost
+def _product(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@innermost
+def _apart(a: Vector, b: Vector) -> float:
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@innermost
+def _along(start: Vector, along: Vector, place: float) -> Vector:
+    return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
+
+
+@innermost
+def _mirrored(faces: Faces, p: int, x: Vector, plane: float) -> Vector:
+    """Return the image of a point in face `p`, or of a direction with plane=0."""
+    normal = _row(faces.normal, p)
+    height = 2 * (_product(x, normal) - plane * faces.offset[p])
+    return x[0] - height * normal[0], x[1] - height * normal[1], x[2] - height * normal[2]
+
+
+@innermost
+def _place(start: Vector, along: Vector, source: Vector, end: Vector) -> float:
+    """Return the place along a line where the path from source over the line to end is shortest."""
+    z_s = (source[0] - start[0]) * along[0] + (source[1] - start[1]) * along[1] + (source[2] - start[2]) * along[2]
+    z_e = (end[0] - start[0]) * along[0] + (end[1] - start[1]) * along[1] + (end[2] - start[2]) * along[2]
+    h_s, h_e = _apart(source, _along(start, along, z_s)), _apart(end, _along(start, along, z_e))
+    return (z_s * h_e + z_e * h_s) / max(h_s + h_e, 1e-12)
+
+
+@innermost
+def _far(wavenumber: float, excess: float) -> float:
+    """Return about the strength of an edge wave at an excess length over the undisturbed line, at most 1/2."""
+    return min(0.5, 0.225 / max(math.sqrt(2 * wavenumber / math.pi * max(excess, 0.0)), 1e-9))
+
+
+@innermost
+def _taper(start: Vector, along: Vector, length: float, wavenumber: float, place: float, source: Vector, end: Vector) -> float:
+    """Return about the weight of an edge for a point of diffraction at `place`: 1 on the edge, less beyond its ends."""
+    if 0 <= place <= length:
+        return 1.0
+    near, x = _along(start, along, 0.0 if place < 0 else length), _along(start, along, place)
+    return 2 * _far(wavenumber, _apart(source, near) + _apart(near, end) - _apart(source, x) - _apart(x, end))
+
+
+@innermost
+def _share(faces: Faces, e: int, wavenumber: float, source: Vector, x: Vector, end: Vector) -> float:
+    """Return about the part of the field from source to end that edge `e` diffracts at x, and reflects at its faces: at most 3/2."""
+    total, length = 0.0, _apart(source, x) + _apart(x, end)
+    for side in range(-1, 2):
+        at = source if side < 0 else _mirrored(faces, faces.sides[e, side], source, 1.0)
+        total += _far(wavenumber, length - _apart(at, end))
     return total
 
 
-@compiled
-def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: np.ndarray, end: np.ndarray) -> bool:
+@innermost
+def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: Vector, end: Vector) -> bool:
     """Return whether two points lie on the same side of face `p` and the reflected line between them can meet it."""
-    a, b = dot(start, faces.normal[p]) - faces.offset[p], dot(end, faces.normal[p]) - faces.offset[p]
+    normal, middle = _row(faces.normal, p), _row(centre, p)
+    a, b = _product(start, normal) - faces.offset[p], _product(end, normal) - faces.offset[p]
     if a * b <= 1e-12:
         return False
     a, b = abs(a), abs(b)
-    away = 0.0
-    for k in range(3):
-        away += ((start[k] * b + end[k] * a) / (a + b) - centre[p, k]) ** 2
-    return away < radius[p] ** 2
+    x = (start[0] * b + end[0] * a) / (a + b), (start[1] * b + end[1] * a) / (a + b), (start[2] * b + end[2] * a) / (a + b)
+    return _apart(x, middle) < radius[p]
 
 
 @compiled
 def _doubles(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, wavenumber: float, least: float, over: int,
-    first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, around: int, out: np.ndarray,
+    first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, piece: int, pieces: int, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number or -1."""
+    """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number or -1.
+
+    The first edge is one of piece, piece + pieces, piece + 2 pieces, ...
+    """
     used, edges = 0, len(faces.length)
-    middle = faces.start + 0.5 * faces.length.reshape(-1, 1) * faces.along
-    for e in range(edges):
-        if first[e] == first[e + 1]:
-            continue
-        for f in range(e, edges):
-            if first[f] == first[f + 1] or (over == 0 and (e == f or not share_face(faces, e, f))):
+    best = np.zeros(edges)
+    for f in range(edges):
+        for b in range(first[f], first[f + 1]):
+            best[f] = max(best[f], strength[b])
+    for e in range(piece, edges, pieces):
+        start1, along1 = _row(faces.start, e), _row(faces.along, e)
+        middle1 = _along(start1, along1, 0.5 * faces.length[e])
+        for f in range(e if best[e] > 0 else edges, edges):
+            spare = longest - max(own[e], own[f])
+            if best[f] == 0 or spare < 0 or (over == 0 and e == f):
                 continue
+            middle2 = _along(_row(faces.start, f), _row(faces.along, f), 0.5 * faces.length[f])
             for p in range(len(faces.offset) if over else 1):
-                start2, along2 = faces.start[f].copy(), faces.along[f].copy()
+                start2, along2, gain = _row(faces.start, f), _row(faces.along, f), 1.0
                 if over:
+                    gain = loudness[p]
                     if p == faces.sides[e, 0] or p == faces.sides[e, 1] or p == faces.sides[f, 0] or p == faces.sides[f, 1]:
                         continue
-                    if not _crosses(faces, p, centre, radius, middle[e], middle[f]):
+                    if gain == 0 or not _crosses(faces, p, centre, radius, middle1, middle2):
                         continue
-                    start2 -= 2 * (dot(start2, faces.normal[p]) - faces.offset[p]) * faces.normal[p]
-                    along2 -= 2 * dot(along2, faces.normal[p]) * faces.normal[p]
-                gain = loudness[p] if over else 1.0
+                    start2, along2 = _mirrored(faces, p, start2, 1.0), _mirrored(faces, p, along2, 0.0)
                 for a in range(first[e], first[e + 1]):
-                    if order[a] + over > around:
+                    at_a = _row(image, a)
+                    if order[a] + over > spare or gain * strength[a] * best[f] < least * _apart(at_a, middle1) * 0.4:
                         continue
-                    z2 = min(max(dot(image[a] - start2, along2), 0.0), faces.length[f])
-                    x2 = start2 + z2 * along2
-                    z1 = min(max(keller(faces.start[e], faces.along[e], image[a], x2), 0.0), faces.length[e])
-                    x1 = faces.start[e] + z1 * faces.along[e]
-                    share1 = _share_with_mirrors(faces, e, wavenumber, image[a], x1, x2)
-                    base = gain * strength[a] * share1
-                    length = distance(image[a], x1) + distance(x1, x2)
-                    if base < least * length:
+                    z2 = min(max(_place(start2, along2, at_a, at_a), 0.0), faces.length[f])
+                    x2 = _along(start2, along2, z2)
+                    z1 = min(max(_place(start1, along1, at_a, x2), 0.0), faces.length[e])
+                    x1 = _along(start1, along1, z1)
+                    base = gain * strength[a] * _share(faces, e, wavenumber, at_a, x1, x2)
+                    length = _apart(at_a, x1) + _apart(x1, x2)
+                    if 1.5 * base * best[f] < least * length:
                         continue
                     for b in range(first[f] if e != f else a, first[f + 1]):
-                        if order[a] + order[b] + over > around:
+                        if order[a] + order[b] + over > spare or 1.5 * base * strength[b] < least * length:
                             continue
-                        at = image[b]
+                        at_b = _row(image, b)
                         if over:
-                            at = at - 2 * (dot(at, faces.normal[p]) - faces.offset[p]) * faces.normal[p]
-                        if base * strength[b] < least * (length + distance(at, x2)):
+                            at_b = _mirrored(faces, p, at_b, 1.0)
+                        if 1.5 * base * strength[b] < least * (length + _apart(at_b, x2)):
                             continue
-                        share2 = _share(wavenumber, at, x2, x1)
-                        for side in range(2):
-                            o = faces.sides[f, side]
-                            mirrored = image[b] - 2 * (dot(image[b], faces.normal[o]) - faces.offset[o]) * faces.normal[o]
-                            if over:
-                                mirrored = mirrored - 2 * (dot(mirrored, faces.normal[p]) - faces.offset[p]) * faces.normal[p]
-                            share2 += _share(wavenumber, mirrored, x2, x1)
-                        if base * strength[b] * share2 < least * (length + distance(at, x2)):
+                        y1, y2 = x1, x2
+                        for _ in range(FEW):
+                            z2 = _place(start2, along2, y1, at_b)
+                            y2 = _along(start2, along2, z2)
+                            z1 = _place(start1, along1, at_a, y2)
+                            y1 = _along(start1, along1, z1)
+                        worth = gain * strength[a] * strength[b] / (_apart(at_a, y1) + _apart(y1, y2) + _apart(y2, at_b))
+                        worth *= _taper(start1, along1, faces.length[e], wavenumber, z1, at_a, y2)
+                        worth *= _taper(start2, along2, faces.length[f], wavenumber, z2, y1, at_b)
+                        if 2.25 * worth < least:
+                            continue
+                        worth *= _share(faces, e, wavenumber, at_a, y1, y2)
+                        if 1.5 * worth < least:
+                            continue
+                        # the second edge is mirrored in face p, and so are its faces: compare with the line before the mirror
+                        if over:
+                            y1, y2, at_b = _mirrored(faces, p, y1, 1.0), _mirrored(faces, p, y2, 1.0), _row(image, b)
+                        if worth * _share(faces, f, wavenumber, at_b, y2, y1) < least:
                             continue
                         if used == len(out):
                             return -1
@@ -344,6 +403,10 @@ class Sequences:
     def __len__(self) -> int:
         return len(self.count)
 
+    def where(self, keep: np.ndarray) -> "Sequences":
+        """Return the sequences that a mask or indices select."""
+        return Sequences(self.count[keep], self.edge[keep], self.chain[keep], self.reversible[keep])
+
     @staticmethod
     def union(parts: "list[Sequences]") -> "tuple[Sequences, list[np.ndarray]]":
         """Return the different sequences of several lists, and for each list the indices of its sequences."""
@@ -363,21 +426,21 @@ class Sequences:
 @compiled
 def _singles(
     faces: Faces, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray,
-    around: int, out: np.ndarray,
+    longest: int, own: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (arrival, -1, arrival) of single diffractions that can be as strong as `least`; returns their number or -1."""
     used = 0
     for e in range(len(faces.length)):
         for a in range(first[e], first[e + 1]):
             for b in range(a, first[e + 1]):
-                if order[a] + order[b] > around:
+                if order[a] + order[b] + own[e] > longest:
                     continue
-                z = keller(faces.start[e], faces.along[e], image[a], image[b])
-                x = faces.start[e] + min(max(z, 0.0), faces.length[e]) * faces.along[e]
-                length = distance(image[a], x) + distance(x, image[b])
-                if strength[a] * strength[b] < least * length:
-                    continue
-                if strength[a] * strength[b] * _share_with_mirrors(faces, e, wavenumber, image[a], x, image[b]) < least * length:
+                start, along, at_a, at_b = _row(faces.start, e), _row(faces.along, e), _row(image, a), _row(image, b)
+                z = _place(start, along, at_a, at_b)
+                x = _along(start, along, z)
+                worth = strength[a] * strength[b] / (_apart(at_a, x) + _apart(x, at_b))
+                worth *= _taper(start, along, faces.length[e], wavenumber, z, at_a, at_b)
+                if 1.5 * worth < least or worth * _share(faces, e, wavenumber, at_a, x, at_b) < least:
                     continue
                 if used == len(out):
                     return -1
@@ -407,27 +470,47 @@ def _joined(
 
 
 def sequences(
-    faces: Faces, found: Beams, arrivals: np.ndarray, loudness: np.ndarray, wavenumber: float, around: int, least: float
+    faces: Faces,
+    found: Beams,
+    arrivals: np.ndarray,
+    strength: np.ndarray,
+    loudness: np.ndarray,
+    wavenumber: float,
+    longest: int,
+    least: float,
 ) -> Sequences:
-    """Join beams and reached edges to sequences that start and end at the sensor and can be as strong as `least`."""
+    """Join beams and reached edges to sequences that start and end at the sensor and can be as strong as `least`.
+
+    Args:
+        arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
+        loudness: (P,) largest reflection coefficient of each face. longest: largest number of reflections.
+    """
     first = np.searchsorted(arrivals[:, 0], np.arange(len(faces.length) + 1))
     beam = arrivals[:, 1]
-    order, image, strength = found.order[beam], found.image[beam], found.strength[beam]
+    order, image = found.order[beam], found.image[beam]
     centre = np.array([faces.outline[p, :n].mean(axis=0) for p, n in enumerate(faces.corners)]).reshape(-1, 3)
     radius = np.array([np.linalg.norm(faces.outline[p, :n] - centre[p], axis=1).max() for p, n in enumerate(faces.corners)])
-    width = max(found.chain.shape[1], around, 1)
+    width = max(found.chain.shape[1], longest, 1)
     only = found.order > 0
     chain = np.pad(found.chain, ((0, 0), (0, width - found.chain.shape[1])), constant_values=-1)
     none = np.zeros(int(only.sum()), int)
     parts = [(
         np.stack([found.order[only], none, none], axis=1), np.full((len(none), 2), -1), chain[only], np.zeros(len(none), bool)
     )]  # fmt: skip
-    for double, search in (
-        (False, lambda out: _singles(faces, wavenumber, least, first, order, image, strength, around, out)),
-        (True, lambda out: _doubles(faces, centre, radius, loudness, wavenumber, least, 0, first, order, image, strength, around, out)),
-        (True, lambda out: _doubles(faces, centre, radius, loudness, wavenumber, least, 1, first, order, image, strength, around, out)),
+    fixed = (faces, centre, radius, loudness, wavenumber, least)
+    # At its boundaries, an edge wave joins reflections at the faces of the edge, which count like other reflections: one, or several at an
+    # inner corner. Otherwise a wave would join a path that is left out.
+    own = np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
+    reached_by = (first, order, image, strength, longest, own)
+    for double, search, pieces in (
+        (False, lambda i, n, out: _singles(faces, wavenumber, least, *reached_by, out), 1),
+        (True, lambda i, n, out: _doubles(*fixed, 0, *reached_by, i, n, out), 1),
+        (True, lambda i, n, out: _doubles(*fixed, 1, *reached_by, i, n, out), 2 * cores()),
     ):
-        rows = _listed(search)
+        with ThreadPoolExecutor(cores()) as pool:
+            listed = list(pool.map(lambda i, search=search, n=pieces: _listed(search, i, n), range(pieces)))
+        rows = np.concatenate(listed)
+        rows = rows[np.lexsort(rows.T[::-1])]
         k = len(rows)
         part = np.zeros((k, 3), np.int64), np.zeros((k, 2), np.int64), np.full((k, width), -1), np.zeros(k, bool)
         _joined(rows, found.chain[beam], order, arrivals[:, 0], double, *part)
@@ -435,9 +518,9 @@ def sequences(
     return Sequences(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _listed(search: Callable[[np.ndarray], int]) -> np.ndarray:
-    """Return the rows (K, 3) that a search writes. The search returns -1 if the array is too short."""
+def _listed(search: Callable[[int, int, np.ndarray], int], piece: int, pieces: int) -> np.ndarray:
+    """Return the rows (K, 3) that a piece of a search writes. The search returns -1 if the array is too short."""
     room = 65536
-    while (used := search(out := np.zeros((room, 3), np.int64))) < 0:
+    while (used := search(piece, pieces, out := np.zeros((room, 3), np.int64))) < 0:
         room *= 4
     return out[:used]

@@ -1,0 +1,192 @@
+"""The static surfaces of a scene, prepared for tracing: which faces reflect as flat faces, which are traced by tubes, and what hides.
+
+Large flat surfaces form a room of flat faces, whose paths reflect and are diffracted at edges. Objects up to OBJECT_EXTENT_M, and surfaces
+that are curved, are traced by tubes. On paths of the room, they act as obstacles whose outlines cast smooth shadows. A room whose large
+surfaces are not flat is traced by tubes as a whole.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from radartwin.compiled import shared_out
+from radartwin.radar.chirp import Radar
+from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
+from radartwin.simulation import geometry as geometry_module
+from radartwin.simulation import poses as poses_module
+from radartwin.simulation.flat import faces as faces_module
+from radartwin.simulation.flat import obstacles, shadows
+from radartwin.simulation.flat.room import FlatRoom, Searched
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.reflection_table import ReflectionTable
+
+FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
+MAX_FACES = 1500  # rooms with more flat faces are traced by tubes, with a warning
+SHADED = 1e-3  # a shadow that changes a path by less than this share is left out
+
+
+class RoomWarning(UserWarning):
+    """Warn that a room of flat faces is traced by tubes because it has too many faces."""
+
+
+class Surroundings(NamedTuple):
+    """Hold the static surfaces around an object. Both fields are None for an object in free space."""
+
+    room: FlatRoom | None  # faces at which the paths of the object may also reflect, and everything that hides the object
+    occluder: Geometry | None  # triangles that may block the paths of an object that is too close for a planar grid of tubes
+
+
+class Bodies(NamedTuple):
+    """Hold what hides lines: the outlines and the triangles of bodies in one frame."""
+
+    outlines: shadows.Outlines
+    blocking: obstacles.Hierarchy
+    opaque: np.ndarray
+
+    @staticmethod
+    def of(geometry: Geometry, opaque: np.ndarray) -> "Bodies":
+        """Prepare the triangles of a geometry; `opaque`: (S,) whether each surface blocks."""
+        return Bodies(shadows.of_mesh(geometry), obstacles.build(geometry.corners, geometry.surface), opaque)
+
+    def factors(self, sensor: np.ndarray, points: np.ndarray, wavenumber: float) -> np.ndarray:
+        """Return the factors (N,) of closed paths from sensors (N, 3) over points (N, V, 3), nan beyond the last."""
+        out = np.ones(len(points), complex)
+        shared_out(
+            shadows.cast, len(out), self.outlines, self.blocking, self.opaque, np.ascontiguousarray(sensor), np.ascontiguousarray(points),
+            wavenumber, out,
+        )  # fmt: skip
+        return out
+
+
+@dataclass(frozen=True)
+class StaticScene:
+    """Hold the static surfaces of a scene with their triangles and reflection coefficients."""
+
+    surfaces: list[Surface]
+    geometry: Geometry
+    table: ReflectionTable
+
+    @cached_property
+    def small(self) -> np.ndarray:
+        """Return a mask (F,) of the triangles of objects up to OBJECT_EXTENT_M long, and of curved objects of any size."""
+        return small_faces(self.surfaces, self.geometry)
+
+    @cached_property
+    def _large(self) -> tuple[faces_module.Faces, np.ndarray]:
+        """Return the flat faces of the large surfaces, and a mask (F,) of all triangles that belong to them."""
+        found, flat = faces_module.find(geometry_module.subset(self.geometry, ~self.small))
+        mask = np.zeros(len(self.small), bool)
+        mask[np.flatnonzero(~self.small)[flat]] = True
+        return found, mask
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Return whether flat faces make up FLAT_SHARE of the area of the large surfaces, and are at most MAX_FACES."""
+        found, flat = self._large
+        edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
+        area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
+        if len(found.offset) == 0 or area[flat].sum() < FLAT_SHARE * area[~self.small].sum():
+            return False
+        if len(found.offset) > MAX_FACES:
+            warnings.warn(
+                f"the room has {len(found.offset)} flat faces, over MAX_FACES = {MAX_FACES}; it is traced by ray tubes, without edges",
+                RoomWarning, stacklevel=2,
+            )  # fmt: skip
+            return False
+        return True
+
+    @cached_property
+    def compact(self) -> np.ndarray:
+        """Return a mask (F,) of the triangles to trace by tubes in a flat room: small objects, and triangles that belong to no face."""
+        return ~self._large[1]
+
+    @cached_property
+    def room(self) -> FlatRoom:
+        """Return the flat faces of the large surfaces as a room without small objects."""
+        found, flat = self._large
+        walls = geometry_module.subset(self.geometry, flat)
+        usable = np.ones(len(found.offset), bool)
+        return FlatRoom(found, usable, obstacles.build(walls.corners, walls.surface), shadows.of_faces(found), self.table)
+
+    @cached_property
+    def _objects(self) -> faces_module.Faces:
+        """Return the flat faces of the small objects."""
+        return faces_module.find(geometry_module.subset(self.geometry, self.compact))[0]
+
+    @cached_property
+    def _bodies(self) -> Bodies | None:
+        """Return the small objects as bodies that hide, or None if there are none."""
+        return Bodies.of(geometry_module.subset(self.geometry, self.compact), self.room.opaque) if self.compact.any() else None
+
+    def beside(self, own: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
+        """Return the room for tracing paths with an object of the surfaces `own`, which do not hide it.
+
+        Args:
+            own: surfaces of the object. done: other objects whose paths with this object are already traced; they only hide.
+            flat: whether paths may reflect at faces.
+        """
+        room, objects = self.room, self._objects
+        mine = self.compact & np.isin(self.geometry.surface, list(own))
+        others = geometry_module.subset(self.geometry, self.compact & ~mine)
+        every = geometry_module.subset(self.geometry, ~mine)
+        usable = np.concatenate([room.usable, ~np.isin(objects.surface, [*own, *done])]) & flat
+        outlines = shadows.Outlines.concatenate([room.outlines, shadows.of_mesh(others)] if flat else [shadows.of_mesh(others)])
+        joined = faces_module.Faces.concatenate([room.faces, objects])
+        return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), outlines, self.table)
+
+    def room_paths(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None) -> list[Paths]:
+        """Return the paths of the flat room without and with edges, in the shadow of the small objects; arguments as in `FlatRoom`."""
+        velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
+        parts = self.room.paths(poses, velocity, radar, max_bounces, prune, searched)
+        if self._bodies is None:
+            return parts
+        shaded = []
+        for part in parts:
+            assert part.points is not None
+            factor = self._bodies.factors(poses[part.pose, :3, 3], part.points, self.room.wavenumber)
+            shaded.append(replace(part, amplitude=part.amplitude * factor[:, None]))
+        return shaded
+
+
+def shadows_of_mover(
+    parts: Sequence[Paths], geometry: Geometry, sensor_poses: np.ndarray, poses: np.ndarray, wavenumber: float
+) -> list[Paths]:
+    """Return the paths to add to static paths for the shadow of a moving body: changed paths with the amplitude of the change.
+
+    Args:
+        parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
+        geometry: triangles of the body in its own frame. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
+        wavenumber: rad/m.
+    """
+    body = Bodies.of(geometry, np.ones(int(geometry.surface.max(initial=0)) + 1, bool))
+    inverse, frames = poses_module.inverse(poses), len(poses)
+    out = []
+    for part in parts:
+        if part.points is None:
+            continue
+        rows, frame_of, change = [], [], []
+        for frame in range(frames):
+            row = np.arange(len(part)) if part.poses == 1 else np.flatnonzero(part.pose == frame)
+            points = part.points[row] @ inverse[frame, :3, :3].T + inverse[frame, :3, 3]
+            at = inverse[frame, :3, :3] @ sensor_poses[min(frame, len(sensor_poses) - 1), :3, 3] + inverse[frame, :3, 3]
+            factor = body.factors(np.repeat(at[None], len(row), axis=0), points, wavenumber) - 1
+            kept = np.abs(factor) > SHADED
+            rows.append(row[kept])
+            frame_of.append(np.full(int(kept.sum()), frame))
+            change.append(factor[kept])
+        row = np.concatenate(rows)
+        chosen = part.where(row)
+        amplitude = chosen.amplitude * np.concatenate(change)[:, None]
+        out.append(replace(chosen, poses=frames, pose=np.concatenate(frame_of), amplitude=amplitude, points=None))
+    return out
+
+
+def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
+    """Return a mask (F,) of the faces of objects up to OBJECT_EXTENT_M long, and of curved objects of any size."""
+    small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
+    return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
