@@ -310,7 +310,8 @@ def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start
 @compiled
 def _doubles(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, wavenumber: float, least: float, over: int,
-    first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, piece: int, pieces: int, out: np.ndarray,
+    first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, piece: int, pieces: int,
+    out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number or -1.
 
