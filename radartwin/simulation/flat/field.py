@@ -424,6 +424,9 @@ def evaluate(
             s1, s3 = distance(mirrored, x), distance(x, returned)
             if min(s1, s3) < 1e-6:
                 continue
+            touched = edge_point(faces, e1, z)
+            if not reflect_points(faces, source, first, touched, points) or not reflect_points(faces, receiver, last[::-1], touched, points2):
+                continue
             before, after = (x - mirrored) / s1, (returned - x) / s3
             there, back = image(faces, before, first[::-1], 0.0), image(faces, after, last, 0.0)
             field = np.zeros((q, 3), np.complex128)
@@ -435,11 +438,8 @@ def evaluate(
             level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
             if np.abs(level).max() < least[pose[n]]:
                 continue
-            touched = edge_point(faces, e1, z)
-            if not reflect_points(faces, source, first, touched, points):
-                continue
             panes = panes_on(tree, opaque, source, points, m0, touched)
-            if panes < 0 or not reflect_points(faces, receiver, last[::-1], touched, points2):
+            if panes < 0:
                 continue
             more = panes_on(tree, opaque, receiver, points2, m2, touched)
             if more < 0:
@@ -479,6 +479,12 @@ def evaluate(
         weight *= ends_weight(start2, along2, faces.length[e2], place2, x1, receiver2, wavenumber)
         if abs(weight) < OUTSIDE:
             continue
+        touched1 = edge_point(faces, e1, place1)
+        touched2 = edge_point(faces, e2, place2)
+        if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
+            continue
+        if not reflect_points(faces, receiver, last[::-1], touched2, points3):
+            continue
         before, middle, after = (x1 - mirrored) / s1, (x2 - x1) / s2, (receiver2 - x2) / s3
         middle2, after2 = image(faces, middle, between, 0.0), image(faces, after, between, 0.0)
         there, back = image(faces, before, first[::-1], 0.0), image(faces, after2, last, 0.0)
@@ -514,12 +520,6 @@ def evaluate(
             spreading *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
         level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
         if np.abs(level).max() < least[pose[n]]:
-            continue
-        touched1 = edge_point(faces, e1, place1)
-        touched2 = edge_point(faces, e2, place2)
-        if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
-            continue
-        if not reflect_points(faces, receiver, last[::-1], touched2, points3):
             continue
         panes = panes_on(tree, opaque, source, points, m0, touched1)
         more = panes_on(tree, opaque, touched1, points2, m1, touched2) if panes >= 0 else -1

@@ -103,6 +103,11 @@ class FlatRoom:
         away = np.linalg.norm(self.faces.outline - centre[:, None], axis=2)
         return centre, np.where(used, away, 0.0).max(axis=1, initial=0.0)
 
+    @cached_property
+    def links(self) -> np.ndarray:
+        """Return the pairs of edges that see each other, as `search.links`."""
+        return search.links(self.faces, self.blocking, self.opaque, self.loudness)
+
     def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
         return self._beams(sensor, longest, 0.0).chain
@@ -204,14 +209,14 @@ class FlatRoom:
         place = pose[:3, 3]
         found = self._beams(place, max_bounces, 0.0)
         none = np.zeros((0, 2), int)
-        alone = search.sequences(self.faces, found, none, np.zeros(0), self.loudness, self.wavenumber, max_bounces, 0.0)
+        alone = search.sequences(self.faces, found, none, np.zeros(0), self.links[:0], self.loudness, self.wavenumber, max_bounces, 0.0)
         peak = float(element_gain(radar.element, [1.0, 0.0, 0.0]))
         strongest = self._levels(alone, np.arange(len(alone)), pose, radar, 0.0)[1].max(initial=0.0) / peak**2
         source = place + 1.5 * field.NUDGE / self.wavenumber
         arrivals = search.reached(self.faces, self.blocking, self.opaque, source, found, max_bounces)
         strength = found.strength[arrivals[:, 1]] * self._gains(found, arrivals, pose, radar) / peak
         least = prune * 2 * self.wavenumber * strongest
-        every = search.sequences(self.faces, found, arrivals, strength, self.loudness, self.wavenumber, max_bounces, least)
+        every = search.sequences(self.faces, found, arrivals, strength, self.links, self.loudness, self.wavenumber, max_bounces, least)
         there, levels = self._levels(
             every, np.arange(len(every)), pose, radar, AHEAD / EARLY * self._least(radar, prune) * strongest * peak**2
         )
