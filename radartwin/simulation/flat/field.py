@@ -425,7 +425,9 @@ def evaluate(
             if min(s1, s3) < 1e-6:
                 continue
             touched = edge_point(faces, e1, z)
-            if not reflect_points(faces, source, first, touched, points) or not reflect_points(faces, receiver, last[::-1], touched, points2):
+            if not reflect_points(faces, source, first, touched, points):
+                continue
+            if not reflect_points(faces, receiver, last[::-1], touched, points2):
                 continue
             before, after = (x - mirrored) / s1, (returned - x) / s3
             there, back = image(faces, before, first[::-1], 0.0), image(faces, after, last, 0.0)

@@ -24,7 +24,7 @@ SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its
 FEW = 3  # number of steps to estimate the two points of a double diffraction
 # The estimate of a double diffraction is mostly too large, so weak ones are dropped at this multiple of the threshold. In the furnished
 # laboratory, this leaves out 34 of 1,168 paths, which are together 1 % of the strongest path.
-WORTH = 16.0
+WORTH = 2.0
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
 
