@@ -35,6 +35,7 @@ class Paths:
         mirror: (N, 3, 3) reflection matrices of mirror paths in the sensor frame, or None if each hit is a fixed point of its surface.
             A mirror path is a straight line from the transmitter's mirror image to the receiver. Its length between a transmit element
             at position t and a receive element at position r is |L arrival + mirror t - r|, where L is length_in_m + length_out_m.
+        gain: (N, T R) factor on the amplitude for each pair of a transmit and a receive element, receivers fastest; None: 1 for all.
         points: (N, V, 3) points in the world at which each path is reflected or diffracted, nan beyond the last; None if not stored.
     """
 
@@ -49,6 +50,7 @@ class Paths:
     arrival: np.ndarray
     rate_mps: np.ndarray
     mirror: np.ndarray | None = None
+    gain: np.ndarray | None = None
     points: np.ndarray | None = None
 
     def __len__(self) -> int:

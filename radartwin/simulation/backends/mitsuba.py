@@ -85,6 +85,7 @@ class MitsubaBackend:
             # Static paths depend only on these properties of the radar and on the reflection table. They depend on the frame rate only if
             # the radar moves.
             "element": radar.element,
+            "antennas_m": (radar.tx_positions_m, radar.rx_positions_m),
             "wavelength_m": radar.wavelength_m,
             "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
         }

@@ -27,6 +27,7 @@ NEAR = 1.5  # a place uses the sequences of all key or test places within this d
 EARLY = 0.3  # threshold at test places over the threshold of paths
 AHEAD = 0.1  # the same at key places, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
+UNEVEN = 0.05  # relative difference of the fields at the outermost channels above which all channels are computed
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
 
 
@@ -160,7 +161,7 @@ class FlatRoom:
         least = np.zeros(len(poses))
         parts = []
         for kind in _kinds(every):
-            part = self._evaluated(every, active & kind, poses, velocity, least)
+            part = self._evaluated(every, active & kind, poses, velocity, radar, least)
             np.maximum.at(least, part.pose, self._least(radar, prune) * level(part, radar))
             parts.append(part)
         masks = strong_masks(parts, radar, prune)
@@ -168,8 +169,12 @@ class FlatRoom:
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
         """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion."""
+        if len(_spaced(_points(poses), TEST_SPACING_M)) == 1:  # other sequences can exist at the two ends of the array of a resting sensor
+            poses = np.concatenate([_shifted(poses[:1], channel) for channel in _outermost(radar)])
+            keys = tests = np.arange(len(poses))
+        else:
+            keys, tests = (_spaced(_points(poses), spacing) for spacing in (KEY_SPACING_M, TEST_SPACING_M))
         points = _points(poses)
-        keys, tests = _spaced(points, KEY_SPACING_M), _spaced(points, TEST_SPACING_M)
         every, of_key = search.Sequences.union([self._sequences(poses[k], radar, max_bounces, prune) for k in keys])
         near = _near(points[tests], points[keys], KEY_SPACING_M)
         of_test, used = [], np.zeros(len(every), bool)
@@ -198,7 +203,7 @@ class FlatRoom:
         none = np.zeros(len(which), int)
         found, (amplitude, _, departure, arrival, _) = self._fields(every, none, which, pose[None], np.full(1, least), self._middle)
         gain = element_gain(radar.element, departure[found] @ pose[:3, :3]) * element_gain(radar.element, arrival[found] @ pose[:3, :3])
-        return found, np.abs(amplitude[found]).max(axis=1, initial=0.0) * gain / (2 * self.wavenumber)
+        return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
     def _beams(self, place: np.ndarray, longest: int, least: float) -> search.Beams:
         source = place + 1.5 * field.NUDGE / self.wavenumber
@@ -256,38 +261,72 @@ class FlatRoom:
         )  # fmt: skip
         return np.flatnonzero(values[1][:, 0] > 0), values
 
-    def _evaluated(self, every: search.Sequences, active: np.ndarray, poses: np.ndarray, velocity: np.ndarray, least: np.ndarray) -> Paths:
+    def _evaluated(
+        self, every: search.Sequences, active: np.ndarray, poses: np.ndarray, velocity: np.ndarray, radar: Radar, least: np.ndarray
+    ) -> Paths:
         """Return the paths of the active pairs (F, K) of a pose and a sequence whose field is at least `least` (F,)."""
         together = max(1, PAIRS_AT_ONCE // max(1, int(active.sum(axis=1).max(initial=0))))
         parts = []
         for low in range(0, len(poses), together):
             pose, which = np.nonzero(active[low : low + together])
-            parts.append(self._some(every, pose + low, which, poses, velocity, least))
+            parts.append(self._some(every, pose + low, which, poses, velocity, radar, least))
         return parts[0] if len(parts) == 1 else Paths.concatenate(parts)
 
     def _some(
-        self, every: search.Sequences, pose: np.ndarray, which: np.ndarray, poses: np.ndarray, velocity: np.ndarray, least: np.ndarray
-    ) -> Paths:
-        """Return the paths of pairs (N,) of a pose and a sequence, with both directions of reversible sequences."""
-        found, (amplitude, length, departure, arrival, met) = self._fields(every, pose, which, poses, least, self.tables)
-        both = found[every.reversible[which[found]]]
-        there, back = length[:, 0] + length[:, 1] / 2, length[:, 2] + length[:, 1] / 2
-        row = np.concatenate([found, both])
-        one = np.arange(len(row)) < len(found)
+        self, every: search.Sequences, pose: np.ndarray, which: np.ndarray, poses: np.ndarray, velocity: np.ndarray, radar: Radar,
+        least: np.ndarray,
+    ) -> Paths:  # fmt: skip
+        """Return the paths of pairs (N,) of a pose and a sequence, with both directions of reversible sequences.
+
+        The fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they are computed at all
+        channels. The place of a channel is the middle between its two elements.
+        """
+        channels = _channels(radar)
+        outermost = _outermost(radar)
+        ends = [self._fields(every, pose, which, _shifted(poses, channel), least, self.tables) for channel in outermost]
+        middle = len(self.table.frequencies_hz) // 2
+        levels = np.abs([values[0][:, middle] for _, values in ends])
+        there = np.flatnonzero((levels > 0).any(axis=0))
+        best = levels[:, there].argmax(axis=0)
+        amplitude, length, departure, arrival, met = (np.stack([one[1][k] for one in ends])[best, there] for k in range(5))
+        change = np.abs(ends[0][1][0][there, middle] - ends[1][1][0][there, middle])
+        uneven = np.flatnonzero((change > UNEVEN * levels.max(axis=0)[there]) & (len(channels) > 1))
+        gain = np.ones((len(there), len(channels)), complex)
+        some = there[uneven]
+        for c, channel in enumerate(channels):
+            one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self.tables)[1][0]
+            gain[uneven, c] = one[:, middle] / amplitude[uneven, middle]
+        offset = np.array(outermost)[best]
+        pose, which = pose[there], which[there]
+        # both directions of a path that is listed once; the reverse has the same gain
+        both = np.flatnonzero(every.reversible[which])
+        row = np.concatenate([np.arange(len(which)), both])
+        one = np.arange(len(row)) < len(which)
         row, one = (values[np.argsort(pose[row], kind="stable")] for values in (row, one))
-        starts, ends = np.where(one[:, None], departure[row], arrival[row]), np.where(one[:, None], arrival[row], departure[row])
-        rotation = poses[pose[row], :3, :3]
+        frequencies, rotation = self.table.frequencies_hz, poses[pose[row], :3, :3]
         edges = every.edge[which[row]] >= 0
+        size = np.stack([length[:, 0] + length[:, 1] / 2, length[:, 2] + length[:, 1] / 2])
+        ways = [np.einsum("nij,ni->nj", rotation, way[row]) for way in (departure, arrival)]
+        sizes = [size[0][row], size[1][row]]
         mirror = None
         if not edges.any():
             mirror = np.swapaxes(rotation, 1, 2) @ self._mirrors(every)[which[row]] @ rotation
-        total = every.count[which[row]].sum(axis=1) + edges.sum(axis=1)
-        frequencies = self.table.frequencies_hz
+            total = sizes[0] + sizes[1]
+            moved = [np.einsum("nij,nj->ni", m, offset[row]) for m in (np.swapaxes(mirror, 1, 2), mirror)]
+            ways = [total[:, None] * way + offset[row] - shift for way, shift in zip(ways, moved, strict=True)]
+            sizes = [np.linalg.norm(ways[0], axis=1) / 2] * 2
+        else:
+            ways = [distance[:, None] * way + offset[row] for way, distance in zip(ways, sizes, strict=True)]
+            sizes = [np.linalg.norm(way, axis=1) for way in ways]
+        ways = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in ways]
+        swapped = ~one[:, None]
+        departs, arrives = np.where(swapped, ways[1], ways[0]), np.where(swapped, ways[0], ways[1])
+        inwards, outwards = np.where(one, sizes[0], sizes[1]), np.where(one, sizes[1], sizes[0])
+        turned = np.einsum("nji,nj->ni", rotation, velocity[pose[row]])
+        points = every.count[which[row]].sum(axis=1) + edges.sum(axis=1)
         return Paths(
-            len(poses), pose[row], total, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies,
-            np.where(one, there[row], back[row]), np.where(one, back[row], there[row]),
-            np.einsum("nij,ni->nj", rotation, starts), np.einsum("nij,ni->nj", rotation, ends),
-            -np.einsum("ni,ni->n", starts + ends, velocity[pose[row]]), mirror, met[row],
+            len(poses), pose[row], points, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies, inwards,
+            outwards, departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror, gain[row].conj(), met[row],
         )  # fmt: skip
 
     def _mirrors(self, every: search.Sequences) -> np.ndarray:
@@ -298,6 +337,26 @@ class FlatRoom:
             used = (every.edge[:, 0] < 0) & (i < every.count[:, 0])
             mirrors[used] = flips[every.chain[used, i]] @ mirrors[used]
         return mirrors
+
+
+def _channels(radar: Radar) -> np.ndarray:
+    """Return the middles (T R, 3) between transmit and receive elements, receivers fastest."""
+    return (radar.tx_positions[:, None] + radar.rx_positions[None]).reshape(-1, 3) / 2
+
+
+def _outermost(radar: Radar) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two channels (3,), (3,) that are farthest apart."""
+    channels = _channels(radar)
+    away = np.linalg.norm(channels[:, None] - channels[None], axis=2)
+    first, last = np.unravel_index(away.argmax(), away.shape)
+    return channels[first], channels[last]
+
+
+def _shifted(poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Return poses (F, 4, 4) moved by an offset (3,) in their own frame."""
+    out = poses.copy()
+    out[:, :3, 3] += poses[:, :3, :3] @ offset
+    return out
 
 
 def _kinds(every: search.Sequences) -> tuple[np.ndarray, np.ndarray]:

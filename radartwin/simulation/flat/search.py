@@ -22,9 +22,6 @@ from radartwin.simulation.flat.obstacles import Hierarchy
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
 FEW = 3  # number of steps to estimate the two points of a double diffraction
-# The estimate of a double diffraction is mostly too large, so weak ones are dropped at this multiple of the threshold. In the furnished
-# laboratory, this leaves out 34 of 1,168 paths, which are together 1 % of the strongest path.
-WORTH = 2.0
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
 
@@ -549,10 +546,9 @@ def sequences(
     # inner corner. Otherwise a wave would join a path that is left out.
     own = np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
     known = (first, order, image, strength, longest, own)
-    strong = WORTH * least
     once = _listed(lambda piece, pieces, out: _singles(faces, wavenumber, least, *known, out), 1)
     twice = _listed(
-        lambda piece, pieces, out: _doubles(faces, linked, loudness, wavenumber, strong, *known, piece, pieces, out), 4 * cores()
+        lambda piece, pieces, out: _doubles(faces, linked, loudness, wavenumber, least, *known, piece, pieces, out), 4 * cores()
     )
     for double, rows in ((False, once), (True, twice)):
         k = len(rows)

@@ -23,7 +23,8 @@ _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel funct
 class PathArrays(NamedTuple):
     """Hold the N paths of all tasks; a task is a group of consecutive paths of one frame.
 
-    The first five arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path.
+    The first six arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path, and
+    `gain` the shape (0, 0) if all channels have the same amplitude.
     """
 
     length_in: Any
@@ -31,6 +32,7 @@ class PathArrays(NamedTuple):
     departure: Any
     arrival: Any
     mirror: Any
+    gain: Any
     drift: Any  # (N,) change of each path's length from the start to the middle of the frame, in metres
     motion: Any  # (N,) argument of the Bessel functions that represent the phase caused by each path's motion, in radians
     amplitude: Any  # (N, Q) coefficients of Q Chebyshev polynomials that represent each path's amplitude over frequency
@@ -206,7 +208,7 @@ def _spread(first, last, starts, paths, elements, scale, grid, room):
     weight_re, weight_im, orders, taps, used = room.weight_re, room.weight_im, room.orders, room.taps, room.used
     rows = len(weight_re)
     cells = grid_re.shape[2] - PAD
-    mirrored = len(mirror) > 0
+    mirrored, gains = len(mirror) > 0, len(paths.gain) > 0
     rx_m, rx_re, rx_im = room.received[0], room.received[1], room.received[2]
     for task in range(first, last):
         for p in range(starts[task], starts[task + 1]):
@@ -238,6 +240,9 @@ def _spread(first, last, starts, paths, elements, scale, grid, room):
                         for i in range(TAPS):
                             taps[i] = taps[i] * offset + kernel[d, i]
                     turn_re, turn_im = tx_re * rx_re[r] - tx_im * rx_im[r], tx_re * rx_im[r] + tx_im * rx_re[r]
+                    if gains:
+                        g = paths.gain[p, t * len(rx) + r]
+                        turn_re, turn_im = turn_re * g.real - turn_im * g.imag, turn_re * g.imag + turn_im * g.real
                     row = (t * len(rx) + r) * rows
                     for j in range(count):
                         b = used[j]

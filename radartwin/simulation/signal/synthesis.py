@@ -152,7 +152,8 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
     arrays = gridding.PathArrays(
         np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
         np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
-        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float), drift, motion, amplitude,
+        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float),
+        np.zeros((0, 0), complex) if paths.gain is None else np.ascontiguousarray(paths.gain, complex), drift, motion, amplitude,
     )  # fmt: skip
     scale = gridding.GridScale(
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
@@ -314,10 +315,10 @@ def received(
 
 
 def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
-    """Group the `Paths` objects that `Paths.concatenate` can join: those with equal frequency nodes, and either with or without mirrors."""
-    groups: dict[tuple[bytes, bool], list[Paths]] = {}
+    """Group the `Paths` objects that `Paths.concatenate` can join: those with equal frequency nodes and the same kinds of arrays."""
+    groups: dict[tuple[bytes, bool, bool], list[Paths]] = {}
     for part in parts:
-        groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None), []).append(part)
+        groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None, part.gain is None), []).append(part)
     return list(groups.values())
 
 
