@@ -32,7 +32,7 @@ def seen(
         poses: (F, 4, 4) or (1, 4, 4) poses of the target, target frame to world frame. Either the radar or the target moves.
         disc: surfaces of the disc on which the target stands, at rest in the world. For a moving radar, the disc and the target shadow
             each other.
-        apart: other objects at rest (posts, motors, cables); paths of these objects that also reflect at room panels are ignored.
+        apart: other objects at rest (posts, motors, cables); paths of these objects that also reflect at faces of the room are ignored.
         aside: (3,) offset in metres of the target's true position from its logged position, for a moving radar.
     """  # fmt: skip
     parts: list[Paths] = []

@@ -271,7 +271,7 @@ SWEEPS = (
     Sweep("rays", "rays on an object (10 cm trihedral, 1 m)", "rays a frame", "numerical", (65536, 16384, 4096, 1024, 256, 64), _rays,
           "too few tubes to tell faces apart; a camera's pixels miss the corner"),
     Sweep("room rays", "rays in a room (bare office, tubes)", "rays a frame", "numerical", (3e5, 1e5, 3e4, 1e4, 1e3), _room_rays,
-          "tubes wider than the rule; the default's panel images launch rays only to find panels"),
+          "tubes wider than the rule; the default traces flat rooms by faces with edges and launches no rays"),
     Sweep("grid", "place of the grid (sphere moved sideways)", "mm", "numerical", (0.0, 0.5, 1.0, 1.5, 2.0, 2.5), _shift,
           "regular tubes tile the wavefront wherever they lie; points of a camera do not"),
     Sweep("facets", "sides of a can's mesh", "sides", "numerical", (128, 64, 32, 16, 12, 8, 6), _facets,

@@ -1,4 +1,4 @@
-"""Compare the specular panel paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
+"""Compare the specular paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
 Sionna RT and the image sources treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel
 zone. The image sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the
@@ -49,7 +49,7 @@ TABLE = Table(
     name="backend_crosscheck",
     title="The same paths by three methods",
     caption="Specular paths of up to four bounces in the procedural rooms, down to 40 dB below the strongest path. Three methods are "
-    "compared with this tracer's panel images: image sources of the room's six planes, Sionna RT with transmitter and receiver "
+    "compared with this tracer's mirror paths: image sources of the room's six planes, Sionna RT with transmitter and receiver "
     "at one point, and Sionna RT with the receiver 3 cm aside. At one point Sionna RT misses the echoes of corners; with the "
     "receiver aside it finds one of the sequences in which a path can hit the walls of a corner. Paths are matched by length and by "
     "both directions. Levels are judged where the first Fresnel zone is clear, because an infinite mirror is wrong where an edge "
@@ -128,7 +128,7 @@ def pose_in(room: str, place: int, seed: int) -> np.ndarray:
 
 
 def ours(scene: Scene, pose: np.ndarray) -> PathSet:
-    """Return the paths of RadarTwin's panel images, that is, the tracer's paths that contain mirror reflections."""
+    """Return RadarTwin's paths of mirror reflections at flat faces, without edges."""
     parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
     return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
 

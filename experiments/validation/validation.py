@@ -141,7 +141,7 @@ def _near_figure(full: bool) -> Figure:
 def _room_figure(full: bool) -> Figure:
     """Draw the range profile of the squash court by image sources and by RadarTwin's tracer."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN, height_in=2.4)
-    methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "panel images")]
+    methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "flat faces")]
     exact = np.zeros(1)
     for number, (method, rays, label) in enumerate(methods if full else methods[::2]):
         axis, exact, ours = rooms.compared("court", "constant", method, rays).profiles()

@@ -28,15 +28,15 @@ class SimulatorConfig:
 
 @dataclass
 class MitsubaSimulator(SimulatorConfig):
-    """The simulator that computes physical optics with Mitsuba 3."""
+    """The simulator with flat faces and edges, polygons, and ray tubes on Mitsuba 3."""
 
     backend: str = "mitsuba"
-    room: str = choice("auto", "panels", "tubes")  # panels: mirror images at flat walls | tubes: ray tubes | auto: panels where flat
+    room: str = choice("auto", "panels", "tubes")  # panels: flat faces with edges | tubes: ray tubes | auto: panels where flat
     parts: str = choice("whole", "large", "none")  # simulated surfaces of the room: all | all but small objects | none
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # number of rays per frame; null: computed from the width of the ray tubes
     rays_per_wavelength2: float = positive(1.0)  # number of rays per squared wavelength on the surface of objects
-    coupling: bool = True  # whether to compute paths between objects and room, with sensors mirrored at the walls
+    coupling: bool = True  # whether to compute paths that reflect at objects and at flat faces of the room
     diffuse: bool = True  # whether to compute the scatter of rough surfaces, from random points that stay fixed in the room
 
     def settings(self) -> dict[str, Any]:

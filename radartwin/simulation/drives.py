@@ -1,11 +1,11 @@
 """Paths of many drives along one track, on which the sensor moves past a resting object in a resting room.
 
 Repeated drives along one nominal drive differ by centimetres, which changes the phase of echoes by radians. The drives can therefore not
-share traced paths unchanged, but they share two results. First, the sequences of wall panels at which strong paths reflect are searched
-once for the track. The paths of these panel sequences are then computed exactly at every pose of every drive. Second, the paths of
-clutter, and the paths between an object and the room, are traced only at sensor positions with a spacing of 4 cm along the track (places).
-For each other sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes; lengths, directions and rates
-of change are exact for the first and last points of the path. Panel images and direct echoes of a target are not moved but traced at every
+share traced paths unchanged, but they share two results. First, the sequences of faces and edges that give strong paths are searched once
+for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter, and the
+paths between an object and the room, are traced only at sensor positions with a spacing of 4 cm along the track (places). For each other
+sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes; lengths, directions and rates of change are
+exact for the first and last points of the path. Paths of the flat room and direct echoes of a target are not moved but traced at every
 pose, because the phase between edge waves and specular echo changes within millimetres (error: 0.23 of the signal).
 """
 
@@ -150,7 +150,7 @@ class Drives:
         surfaces: static surfaces of the room; empty for free space.
         radar: waveform, frame rate and element pattern.
         nominal: (F, 4, 4) sensor poses of the straight nominal drive.
-        settings: of the tracer. `rays` must be None, and the room is traced by panels.
+        settings: of the tracer. `rays` must be None, and the room is traced by flat faces.
         offset: shift of the traced sensor positions along the track, as a fraction of their spacing. Different offsets give independent
             tracing errors.
     """
@@ -219,8 +219,8 @@ class Drives:
         Args:
             coupled: whether to include paths between the object and the room. The diffuse paths of the object are always included. The
                 object does not hide diffuse paths of the room, because `room` does not know the object.
-            aside: (3,) metres from the nominal to the actual object position. Legs that reflect at room panels are searched for a ball
-                around the nominal position, so that all objects placed there share these legs.
+            aside: (3,) metres from the nominal to the actual object position. Legs that reflect at faces of the room are searched for a
+                ball around the nominal position, so that all objects placed there share these legs.
         """
         found = self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
         if not self._backend.settings.diffuse:

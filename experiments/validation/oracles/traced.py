@@ -20,7 +20,7 @@ from radartwin.simulation.simulate import trace_paths
 ORIGIN = ((0.0, 0.0, 0.0),)
 ARRAY = rt.Radar.iwr1843(element="isotropic")
 MONOSTATIC = replace(ARRAY, tx_positions_m=ORIGIN, rx_positions_m=ORIGIN, num_chirps=1)
-METHODS = {"tubes": "tubes alone", "panels": "panel images"}
+METHODS = {"tubes": "tubes alone", "panels": "flat faces"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:

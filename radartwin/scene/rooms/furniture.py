@@ -2,8 +2,7 @@
 
 Boxes never touch, because the ray tracer starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other.
 Table legs end 5 mm below the table top, and all furniture stands at a distance of 1 cm (`GAP`) from floor and walls. Every box is at least
-12 mm thick. If a surface had a face narrower than 10 mm, the ray tracer would not treat the face as a flat panel and would trace the whole
-surface with wavelength-scale ray tubes.
+12 mm thick, because the ray tracer traces faces narrower than 10 mm by ray tubes instead of flat faces with edges.
 """
 
 from __future__ import annotations
@@ -113,8 +112,7 @@ def planter(name: str, x: float, y: float, side: float = 0.5, height: float = 0.
 def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
     """Build a shrub on the point `base` (3,) as an eight-sided body that is widest at a third of its height.
 
-    All edges of the shrub have angles of 30 degrees or more, so that the ray tracer treats its faces as flat panels, like those of all
-    furniture.
+    All edges of the shrub have angles of 30 degrees or more, so that the ray tracer treats its faces as flat, like those of all furniture.
     """
     azimuth = np.pi / 4 * np.arange(8) + np.pi / 8
     around = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(8)], axis=1)

@@ -16,9 +16,9 @@ class TraceSettings:
             `tube_paths.WIDTH_RULE` set the number of tubes for a room.
         rays_per_wavelength2: number of ray tubes per square wavelength on objects. Opaque objects of flat faces need no tubes.
         variant: Mitsuba variant that traces the tubes: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
-        room: "panels" computes mirror images of the room's flat panels, and "tubes" traces the room by ray tubes. "auto" chooses "panels"
-            if the room consists of flat panels and `rays` is None, and "tubes" otherwise.
-        coupling: whether to trace paths that reflect at an object and at the flat panels of the room.
+        room: "panels" computes reflections and edge diffractions at the flat faces of the room (`flat.room`). "tubes" traces the room by
+            ray tubes. "auto" chooses "panels" if the room consists of flat faces and `rays` is None, and "tubes" otherwise.
+        coupling: whether to trace paths that reflect at an object and at the flat faces of the room.
         diffuse: whether rough surfaces scatter diffusely.
         coupled_rays_per_wavelength2: number of ray tubes per square wavelength on objects, for paths that reflect at object and room. Such
             paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`.

@@ -1,1 +1,1 @@
-"""Image sources for rooms of flat panels."""
+"""Echoes of flat faces with edges: rooms, objects of flat faces, shadows and panes."""

@@ -167,7 +167,7 @@ def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: n
 
 @dataclass(frozen=True)
 class _End:
-    """Hold the sensor's mirror images of N legs (connections of sensor and object by reflections at panels), in the object's frame.
+    """Hold the sensor's mirror images of N legs (connections of sensor and object by reflections at faces), in the object's frame.
 
     Attributes:
         place, velocity: (N, 3) position and velocity (m/s) of the image. axis: (N, 3) axis of its antenna.
