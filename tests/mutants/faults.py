@@ -91,13 +91,34 @@ _series | n * log_g - g[i] | n * log_g | the limit of small roughness for every 
 _series | t[i] / n | t[i] | all orders have the lobe of the first order
 scattered_lobe | np.exp(_collected(roughness_m, correlation_m, wavenumber)(np.arccos(cosine))) | 1.0 | the lobe does not conserve energy
 
-simulation/flat/images: physics/test_images
-prepare | 2 * panels.offset[p] * panels.normal[p] | panels.offset[p] * panels.normal[p] | an image has half its distance
-_sides | all(h.max() > aperture.BEHIND for h in height) | any(h.max() > aperture.BEHIND for h in height) | panels reflect from behind
+simulation/flat/room: physics/test_flat_rooms
+FlatRoom._some | starts + ends | starts | only the departure has a Doppler shift
+FlatRoom._some | amplitude[row].conj() | amplitude[row] | the phase of reflections has the wrong sign
 
-simulation/flat/aperture: physics/test_images
+simulation/flat/search: physics/test_flat_rooms
+_joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the order from the receiver
+
+simulation/flat/field: physics/test_flat_rooms
+keller | z_s * h_r + z_r * h_s | z_s * h_s + z_r * h_r | the point of diffraction is not Keller's
+
+simulation/flat/faces: simulation/test_flat_faces
+_sectors | abs(opening * order_of_images - 1) < EXACT | False | inner corners of 90 degrees diffract
+_without_overlaps | shapely.difference(one.polygon, cover, grid_size=1e-7) | one.polygon | equal planes reflect twice
+
+simulation/flat/wedge: simulation/test_flat_faces
+half_plane | 1 - rest if v >= 0 else rest | rest if v >= 0 else 1 - rest | light and shadow are swapped
+_term | sign * math.pi + beta | sign * math.pi - beta | the boundary is on the wrong side
+
+simulation/flat/kirchhoff: physics/test_shadows
 _tail | complex(-im, re) | complex(im, -re) | the edge wave has the wrong sign
-subtract | total = before | total = max(total, before) | pieces that the shadow misses are cut
+edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) + z_r * math.sqrt(h_r) | the point of least excess is wrong
+
+simulation/flat/shadows: physics/test_shadows
+factor | sign * part | -sign * part | edge waves have the wrong sign
+cast | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
+
+simulation/flat/legs: physics/test_shadows
+_mirror | dot(source - faces.start[e], sector[i]) > 0 | False | outer edges of a corner end its mirrors
 
 simulation/flat/coupling: physics/test_coupling
 group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only
@@ -106,7 +127,7 @@ group_paths | _free(occluder, sensor_poses[frame[direct], :3, 3], point[direct])
 group_paths | over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen]) | over | legs have no amplitudes
 
 simulation/flat/legs: physics/test_coupling
-_View.carried | np.einsum('nk,nqk->nq', unit, at.field).conj() | np.einsum('nk,nqk->nq', unit, at.field) | a leg is not conjugated
+_evaluate | level.conjugate() | level | a leg is not conjugated
 
 simulation/drives: physics/test_drives
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track

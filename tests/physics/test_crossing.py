@@ -11,9 +11,10 @@ from radartwin.scene import objects
 from radartwin.scene.rooms import rectangle
 from radartwin.scene.trajectories.trajectory import pose
 from radartwin.simulation import diffuse, geometry, reflection_table, variant
+from radartwin.simulation.backends.static_scene import StaticScene
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
-from radartwin.simulation.flat import crossing, faces, obstacles, room
+from radartwin.simulation.flat import crossing, obstacles
 
 LOW_HZ, HIGH_HZ = 77e9, 80.44e9
 
@@ -160,9 +161,9 @@ def room_paths(surfaces, poses=None, bounces=1, prune=1e-4):
     poses = np.eye(4)[None] if poses is None else poses
     radar = rt.Radar.iwr1843(element="isotropic")
     table = reflection_table.build([(material, 0.0) for _, material in surfaces], LOW_HZ, HIGH_HZ)
-    found, _ = faces.find(geometry.build([mesh for mesh, _ in surfaces]))
-    built = room.build(found, np.zeros((0, 3, 3)), np.zeros(0, int), table)
-    return built.paths(poses, np.zeros((len(poses), 3)), radar, bounces, prune)
+    things = [rt.Surface(mesh, material, f"thing {i}", role="room") for i, (mesh, material) in enumerate(surfaces)]
+    static = StaticScene(things, geometry.build([mesh for mesh, _ in surfaces]), table)
+    return static.room.paths(poses, np.zeros((len(poses), 3)), radar, bounces, prune)
 
 
 def swept(parts, low_m, high_m, f):

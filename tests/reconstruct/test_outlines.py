@@ -9,6 +9,7 @@ from built_rooms import SIZE, WINDOW, H, L, W, X, Y, Z, block, saved, scan, shee
 from shapely import Polygon
 
 from experiments.scans.segment_score import score_scene
+from radartwin.radar.chirp import Radar
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.reconstruct.outlines import outline
 from radartwin.reconstruct.outlines.assembly import ERROR_M, simplified
@@ -19,8 +20,7 @@ from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.segment import segmented
-from radartwin.simulation import geometry
-from radartwin.simulation.flat import panel_room, panels
+from radartwin.simulation.backends.mitsuba import static_scene
 
 
 def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
@@ -36,16 +36,13 @@ def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
     assert all((inside - s.mesh.triangles_center[0]) @ s.mesh.face_normals[0] > 0 for s in scene)
 
 
-def test_tracer_finds_flat_panels_in_a_reconstructed_room(tmp_path):
+def test_tracer_finds_flat_faces_in_a_reconstructed_room(tmp_path):
+    """Flat faces cover the large surfaces of a reconstructed room, and there are few of them."""
     box = block((0.6, 0.5, 0.8), [1.5, 1.2, 0.4])
     scene = reconstruct(saved(scan([*shell(WINDOW), box], 0.004), tmp_path))
-    surfaces = list(scene)
-    built = geometry.build([s.mesh for s in surfaces])
-    found, small = panels.find(built), panel_room.small_faces(surfaces, built)
-    edges = built.corners[:, 1:] - built.corners[:, :1]
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    assert area[~small & (found.of_face >= 0)].sum() > panel_room.FLAT_SHARE * area[~small].sum()
-    assert len(found) < 150
+    static = static_scene(list(scene), Radar.iwr1843())
+    assert static.is_flat
+    assert len(static.room.faces.offset) < 150
 
 
 def test_planes_become_regular_only_within_the_noise():

@@ -13,12 +13,12 @@ from test_textures import visual
 from radartwin.errors import SceneError
 from radartwin.materials import Layered, roughness_m
 from radartwin.materials.minc import CATEGORIES
+from radartwin.radar.chirp import Radar
 from radartwin.scene import rooms
 from radartwin.scene.checks import inside_solid
 from radartwin.scene.rooms.parts import DETAILS, FINISHES
 from radartwin.scene.scene import Scene
-from radartwin.simulation import geometry
-from radartwin.simulation.flat import panel_room
+from radartwin.simulation.backends.mitsuba import static_scene
 
 CASES = {
     "lab": {},
@@ -105,12 +105,11 @@ def test_category_and_material_of_a_finish_agree():
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_tracer_treats_rooms_as_panels_except_for_clutter(case):
+def test_the_tracer_treats_rooms_as_flat_faces_except_for_clutter(case):
     scene = built(case)
-    merged = geometry.build([s.mesh for s in scene])
-    panels = panel_room.build(scene.surfaces, merged, None)  # type: ignore[arg-type]
-    assert panels.is_flat(scene.surfaces)
-    by_tubes = {scene.surfaces[i].name for i in np.unique(merged.surface[panels.compact])}
+    static = static_scene(scene.surfaces, Radar.iwr1843())
+    assert static.is_flat
+    by_tubes = {scene.surfaces[i].name for i in np.unique(static.geometry.surface[static.compact])}
     assert by_tubes <= set(scene.provenance["clutter"])
 
 

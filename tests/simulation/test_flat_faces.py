@@ -1,15 +1,14 @@
-"""The engine of flat faces: wedge coefficients, faces and edges of meshes, and furnished metal rooms against full-wave fields."""
+"""The wedge coefficients, and the faces and edges that are found in meshes."""
 
 import numpy as np
 import pytest
 import trimesh
+from shapely import Polygon, box, union_all
 
-import radartwin as rt
-from experiments.validation.oracles import fullwave
-from radartwin.simulation import geometry, reflection_table
-from radartwin.simulation.flat import faces, room
+from radartwin.scene import objects
+from radartwin.simulation import geometry
+from radartwin.simulation.flat import faces
 from radartwin.simulation.flat.wedge import coefficients, half_plane
-from radartwin.simulation.signal.synthesis import received
 
 K = 2 * np.pi / 0.0039
 
@@ -53,22 +52,85 @@ def test_equal_planes_count_once():
     assert area.sum() == pytest.approx(4.0)
 
 
-# Limits of the rms difference in dB and of the complex error. In the last scene the radar stands exactly in the plane of a face of a post
-# 3 cm wide, so amplitudes at the centre of the array do not hold for its first channel, which is 3.4 mm beside the centre.
-LIMITS = dict.fromkeys(("strip_20", "strip_45", "strip_70", "corner", "corner_panel", "corner_cabinet", "alcove"), (1.1, 0.05))
-LIMITS |= {"strip_20": (1.1, 0.07), "corner_cabinet_post": (2.9, 0.09), "post_before_wall": (7.5, 0.4)}
+L_FLOOR = [(0, 0), (4, 0), (4, 2), (2, 2), (2, 5), (0, 5)]
+U_FLOOR = [(0, 0), (6, 0), (6, 4), (4, 4), (4, 1), (2, 1), (2, 4), (0, 4)]
+TURNED = trimesh.transformations.rotation_matrix(1.3, [0.7, -1.1, 0.4])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LIMITS)
-def test_furnished_metal_rooms_match_full_wave(shared_data, name):
-    folder = shared_data.parent / "reference" / "fullwave_2d"
-    scene, radar = fullwave.scene(folder, name), rt.Radar.iwr1843(element="isotropic")
-    high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
-    table = reflection_table.build([(s.material, s.roughness_m) for s in scene], radar.start_frequency_hz, high)
-    built = room.build(found(*(s.mesh for s in scene)), np.zeros((0, 3, 3)), np.zeros(0, int), table)
-    parts = built.paths(np.eye(4)[None], np.zeros((1, 3)), radar, 4, 1e-3)
-    iq = received(parts, radar, 1, elements="exact", oscillator=None)
-    difference_db, error = fullwave.score(folder, name, iq[0, 0, 0, 0])
-    assert difference_db < LIMITS[name][0]
-    assert error < LIMITS[name][1]
+def areas(of):
+    """Return the area of each face."""
+    one, two = (of.triangle[:, i] - of.triangle[:, 0] for i in (1, 2))
+    return np.add.reduceat(np.linalg.norm(np.cross(one, two), axis=1) / 2, of.first[:-1])
+
+
+def sheet(polygon, turn):
+    """Return a flat mesh of a polygon in the plane z = 0, turned."""
+    vertices, faces = trimesh.creation.triangulate_polygon(polygon, engine="earcut")
+    return trimesh.Trimesh(np.column_stack([vertices, np.zeros(len(vertices))]), faces, process=False).apply_transform(turn)
+
+
+@pytest.mark.parametrize("turn", [np.eye(4), TURNED], ids=["straight", "turned"])
+@pytest.mark.parametrize("outline", [L_FLOOR, U_FLOOR], ids=["L", "U"])
+def test_floor_that_is_not_convex_is_one_face_with_free_edges(outline, turn):
+    floor = Polygon(outline)
+    of = found(sheet(floor, turn))
+    assert areas(of) == pytest.approx([floor.area])
+    assert of.length.sum() == pytest.approx(floor.length)
+    assert of.opening == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("turn", [np.eye(4), TURNED], ids=["straight", "turned"])
+def test_wall_with_openings_has_their_edges(turn):
+    openings = [(0.5, 0.9, 1.5, 2.1), (2.2, 0.0, 3.1, 2.05), (3.6, 1.0, 4.4, 1.6)]
+    wall = Polygon([(0, 0), (5, 0), (5, 2.8), (0, 2.8)]).difference(union_all([box(*sides) for sides in openings]))
+    of = found(sheet(wall, turn))
+    assert areas(of).sum() == pytest.approx(wall.area)
+    assert of.length.sum() == pytest.approx(wall.length)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_boxes_have_six_faces_at_any_attitude(seed):
+    rng = np.random.default_rng(seed)
+    boxes = []
+    for i in range(8):
+        one = trimesh.creation.box(rng.uniform(0.05, 2.0, 3))
+        turn = trimesh.transformations.rotation_matrix(2 * rng.normal(), rng.normal(size=3))
+        boxes.append(one.apply_transform(turn).apply_translation([5.0 * i, *rng.uniform(-20, 20, 2)]))
+    of = found(*boxes)
+    assert np.bincount(of.surface).tolist() == [6] * 8
+    assert len(of.length) == 12 * 8
+    assert of.opening == pytest.approx(1.5)
+    assert areas(of).sum() == pytest.approx(sum(one.area for one in boxes))
+    middle = np.array([of.triangle[first].mean(axis=0) for first in of.first[:-1]])
+    assert (np.einsum("pi,pi->p", of.normal, middle - np.array([one.centroid for one in boxes])[of.surface]) > 0).all()
+
+
+def test_subdivided_wall_and_triangles_wound_either_way_are_one_face():
+    wall = objects.plate(4.0, 3.0).subdivide().subdivide().subdivide()
+    wound = trimesh.Trimesh(np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], float), [(0, 1, 2), (0, 3, 2)], process=False)
+    for mesh in (wall, wound):
+        of = found(mesh.apply_transform(TURNED))
+        assert areas(of) == pytest.approx([mesh.area])
+        assert len(of.length) == 4
+
+
+def test_doubled_and_empty_triangles_add_nothing():
+    vertices = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0, 0)], float)
+    triangles = [(0, 1, 2), (0, 2, 3), (0, 1, 2), (2, 1, 0), (0, 4, 1), (3, 3, 3)]
+    assert areas(found(trimesh.Trimesh(vertices, triangles, process=False))) == pytest.approx([2.0])
+
+
+def test_cabinet_on_the_floor_has_edges_above_the_floor_only():
+    """Where a cabinet stands on the floor, its edges are inner corners. Below the floor, the two surfaces make a seam of two materials."""
+    floor = sheet(box(-3, -3, 3, 3), np.eye(4))
+    of = found(floor, objects.box([-0.5, -0.3, 0], [0.5, 0.3, 1.0]))
+    low = np.abs(of.start[:, 2]) + np.abs(of.along[:, 2]) < 1e-9
+    assert of.length[low & (of.opening == 2)].sum() == pytest.approx(24.0)  # the border of the floor
+    assert of.opening[low & (of.opening < 2)] == pytest.approx(1.0)
+    assert of.length[~low].sum() == pytest.approx(4 * 1.0 + 2 * (1.0 + 0.6))
+    assert of.opening[~low] == pytest.approx(1.5)
+
+
+def test_curved_surfaces_have_no_faces():
+    assert len(found(objects.sphere(0.3)).offset) == 0
+    assert (np.abs(found(objects.cylinder(0.2, 1.0)).normal[:, 2]) > 0.99).all()

@@ -144,9 +144,9 @@ def find(
         kept, index = np.unique(code[rows], return_inverse=True)
         points = (centre[place[rows]][:, None] + steps).reshape(-1, 3)
         again = np.repeat(rows, len(steps))
-        value = room_fields(room, chains, which[again], sensor, axes, place[again], points).reshape(len(rows), len(steps), -1)
-        total = np.zeros((len(kept), len(steps), value.shape[2]), complex)
-        np.add.at(total, index.ravel(), value)
+        value = room_fields(room, chains, which[again], sensor, axes, place[again], points)
+        total = np.zeros((len(kept), len(steps), value.shape[1]), complex)
+        np.add.at(total, index.ravel(), value.reshape(len(rows), *total.shape[1:]))
         size = np.abs(total).max(axis=(1, 2), initial=0)
         strong = (size * direct[u[kept]] >= least * np.maximum(length[kept] - radius, 1e-9)) | (g[kept] == DIRECT)
         for row in np.flatnonzero(strong):
@@ -293,10 +293,12 @@ def _mirror(
     faces: Faces, borders: tuple, p: int, at: np.ndarray, inside: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float
 ) -> complex:
     """Return the factor of face `p` as a mirror for exp(+j k L). `at` is the point of reflection, `source` the image behind the face."""
-    first, edge, into = borders
+    first, edge, into, sector = borders
     total = complex(inside, 0.0)
     for i in range(first[p], first[p + 1]):
         e = edge[i]
+        if dot(source - faces.start[e], sector[i]) > 0:
+            continue  # the face is lit from its side beyond the sector of this edge
         part = edge_part(faces.start[e], faces.along[e], faces.length[e], source, receiver, wavenumber, 4 * REACH)
         total -= part if dot(at - faces.start[e], into[i]) >= 0 else -part
     return total

@@ -83,8 +83,12 @@ class FlatRoom:
         return np.where(self.usable, largest[self.faces.surface], 0.0)
 
     @cached_property
-    def borders(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the edges of the faces: the range (P + 1,) of each face, the edges (B,), and the directions (B, 3) into the face."""
+    def borders(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the edges of the faces: the range (P + 1,) of each face, the edges (B,), and directions (B, 3), (B, 3) for each.
+
+        The first direction points into the face. The second one points from the face into the open sector of the edge. It is zero for a
+        free edge, whose sector is on both sides.
+        """
         faces, turn = self.faces, np.pi * self.faces.opening[:, None]
         other = np.cos(turn) * faces.into + np.sin(turn) * faces.up
         two = faces.sides[:, 0] != faces.sides[:, 1]
@@ -92,7 +96,8 @@ class FlatRoom:
         order = np.argsort(owner, kind="stable")
         edge = np.concatenate([np.arange(len(two)), np.flatnonzero(two)])[order]
         into = np.concatenate([faces.into, other[two]])[order]
-        return np.searchsorted(owner[order], np.arange(len(faces.offset) + 1)), edge, np.ascontiguousarray(into)
+        side = np.concatenate([two[:, None] * faces.up, (np.sin(turn) * faces.into - np.cos(turn) * faces.up)[two]])[order]
+        return np.searchsorted(owner[order], np.arange(len(faces.offset) + 1)), edge, np.ascontiguousarray(into), np.ascontiguousarray(side)
 
     @cached_property
     def balls(self) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
+from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
 from radartwin.simulation.geometry import Geometry
@@ -213,15 +214,18 @@ def cast(
 ) -> None:  # fmt: skip
     """Write the product of the factors of all lines of the paths `begin` to `stop` - 1 to `out` (N,).
 
+    The paths begin a little beside the sensor, because the factor of a line exactly over an edge is not defined.
+
     Args:
         outlines, tree, opaque: the bodies that cast shadows. sensor: (N, 3) first and last point of each path. points: (N, V, 3) the points
             between, nan beyond the last.
     """
     for n in range(begin, stop):
-        total, at = 1 + 0j, sensor[n]
+        begins = sensor[n] + NUDGE / wavenumber
+        total, at = 1 + 0j, begins
         for i in range(points.shape[1]):
             if math.isnan(points[n, i, 0]):
                 break
             total *= factor(outlines, tree, opaque, at, points[n, i], wavenumber, -1, -1)
             at = points[n, i]
-        out[n] = total * factor(outlines, tree, opaque, at, sensor[n], wavenumber, -1, -1)
+        out[n] = total * factor(outlines, tree, opaque, at, begins, wavenumber, -1, -1)
