@@ -123,7 +123,6 @@ _mirror | dot(source - faces.start[e], sector[i]) > 0 | False | outer edges of a
 simulation/flat/coupling: physics/test_coupling
 group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only
 group_paths | -np.einsum('ni,ni->n', hits.departure, out.velocity[row]) | 0 | only the return has a Doppler shift
-group_paths | _free(occluder, sensor_poses[frame[direct], :3, 3], point[direct]) | True | furniture does not hide objects
 group_paths | over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen]) | over | legs have no amplitudes
 
 simulation/flat/legs: physics/test_coupling

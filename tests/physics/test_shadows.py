@@ -296,7 +296,7 @@ def test_path_exactly_over_an_edge_keeps_a_quarter(axis):
     """One half of the field remains on each of both ways, also if the path hits the edge of a body exactly."""
     low, high = np.array([-0.1, -3, -3.0]), np.array([0.1, 3, 3.0])
     high[axis] = 0.0
-    for mesh in (objects.box(low, high), objects.plate(3.0, 3.0).apply_translation(-1.5 * np.eye(3)[axis])):
+    for mesh in (objects.box(low.tolist(), high.tolist()), objects.plate(3.0, 3.0).apply_translation(-1.5 * np.eye(3)[axis])):
         body = Bodies.of(geometry.build([mesh]), np.ones(1, bool))
         found = body.factors(np.array([[-2.0, 0, 0]]), np.array([[[2.0, 0, 0]]]), K)[0]
         assert found == pytest.approx(0.25, abs=0.03)

@@ -107,7 +107,7 @@ def test_category_and_material_of_a_finish_agree():
 @pytest.mark.parametrize("case", CASES)
 def test_the_tracer_treats_rooms_as_flat_faces_except_for_clutter(case):
     scene = built(case)
-    static = static_scene(scene.surfaces, Radar.iwr1843())
+    static = static_scene(list(scene.surfaces), Radar.iwr1843())
     assert static.is_flat
     by_tubes = {scene.surfaces[i].name for i in np.unique(static.geometry.surface[static.compact])}
     assert by_tubes <= set(scene.provenance["clutter"])
