@@ -92,7 +92,7 @@ _series | t[i] / n | t[i] | all orders have the lobe of the first order
 scattered_lobe | np.exp(_collected(roughness_m, correlation_m, wavenumber)(np.arccos(cosine))) | 1.0 | the lobe does not conserve energy
 
 simulation/flat/room: physics/test_flat_rooms
-FlatRoom._some | starts + ends | starts | only the departure has a Doppler shift
+FlatRoom._some | departs + arrives | departs | only the departure has a Doppler shift
 FlatRoom._some | amplitude[row].conj() | amplitude[row] | the phase of reflections has the wrong sign
 
 simulation/flat/search: physics/test_flat_rooms
@@ -123,7 +123,7 @@ _mirror | dot(source - faces.start[e], sector[i]) > 0 | False | outer edges of a
 simulation/flat/coupling: physics/test_coupling
 group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only
 group_paths | -np.einsum('ni,ni->n', hits.departure, out.velocity[row]) | 0 | only the return has a Doppler shift
-group_paths | over.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen]) | over | legs have no amplitudes
+group_paths | legs.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen]) | legs | legs have no amplitudes
 
 simulation/flat/legs: physics/test_coupling
 _evaluate | level.conjugate() | level | a leg is not conjugated
