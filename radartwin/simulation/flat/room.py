@@ -27,6 +27,9 @@ NEAR = 1.5  # a place uses the sequences of all key or test places within this d
 EARLY = 0.3  # threshold at test places over the threshold of paths
 AHEAD = 0.1  # the same at key places, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
+# A resting sensor in a room of at most this many edges gets paths with two diffractions. The search for them takes time with the square of
+# the number of edges: 20 s in the furnished laboratory, which has 257. Other paths have one diffraction.
+MOST_EDGES = 100
 UNEVEN = 0.05  # relative difference of the fields at the outermost channels above which all channels are computed
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
 
@@ -174,13 +177,15 @@ class FlatRoom:
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
         """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion."""
-        if len(_spaced(_points(poses), TEST_SPACING_M)) == 1:  # other sequences can exist at the two ends of the array of a resting sensor
+        resting = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
+        if resting:  # other sequences can exist at the two ends of the array of a resting sensor
             poses = np.concatenate([_shifted(poses[:1], channel) for channel in _outermost(radar)])
             keys = tests = np.arange(len(poses))
         else:
             keys, tests = (_spaced(_points(poses), spacing) for spacing in (KEY_SPACING_M, TEST_SPACING_M))
         points = _points(poses)
-        every, of_key = search.Sequences.union([self._sequences(poses[k], radar, max_bounces, prune) for k in keys])
+        linked = self.links if resting and len(self.faces.length) <= MOST_EDGES else np.zeros((0, 3), int)
+        every, of_key = search.Sequences.union([self._sequences(poses[k], radar, max_bounces, prune, linked) for k in keys])
         near = _near(points[tests], points[keys], KEY_SPACING_M)
         of_test, used = [], np.zeros(len(every), bool)
         for test, chosen in zip(tests, near, strict=True):
@@ -214,19 +219,19 @@ class FlatRoom:
         source = place + 1.5 * field.NUDGE / self.wavenumber
         return search.beams(self.faces, self.blocking, self.opaque, self.loudness, source, longest, least)
 
-    def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> search.Sequences:
+    def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float, linked: np.ndarray) -> search.Sequences:
         """Return the sequences with a path as strong as AHEAD times `prune` times the strongest path, at a pose (4, 4)."""
         place = pose[:3, 3]
         found = self._beams(place, max_bounces, 0.0)
         none = np.zeros((0, 2), int)
-        alone = search.sequences(self.faces, found, none, np.zeros(0), self.links[:0], self.loudness, self.wavenumber, max_bounces, 0.0)
+        alone = search.sequences(self.faces, found, none, np.zeros(0), linked[:0], self.loudness, self.wavenumber, max_bounces, 0.0)
         peak = float(element_gain(radar.element, [1.0, 0.0, 0.0]))
         strongest = self._levels(alone, np.arange(len(alone)), pose, radar, 0.0)[1].max(initial=0.0) / peak**2
         source = place + 1.5 * field.NUDGE / self.wavenumber
         arrivals = search.reached(self.faces, self.blocking, self.opaque, source, found, max_bounces)
         strength = found.strength[arrivals[:, 1]] * self._gains(found, arrivals, pose, radar) / peak
         least = prune * 2 * self.wavenumber * strongest
-        every = search.sequences(self.faces, found, arrivals, strength, self.links, self.loudness, self.wavenumber, max_bounces, least)
+        every = search.sequences(self.faces, found, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least)
         there, levels = self._levels(
             every, np.arange(len(every)), pose, radar, AHEAD / EARLY * self._least(radar, prune) * strongest * peak**2
         )
@@ -283,22 +288,24 @@ class FlatRoom:
     ) -> Paths:  # fmt: skip
         """Return the paths of pairs (N,) of a pose and a sequence, with both directions of reversible sequences.
 
-        The fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they are computed at all
-        channels. The place of a channel is the middle between its two elements.
+        For a resting sensor, the fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they
+        are computed at all channels. The place of a channel is the middle between its two elements. For a moving sensor, they are computed
+        at the middle of the array only, because the motion averages over such places.
         """
-        channels = _channels(radar)
-        outermost = _outermost(radar)
+        resting = len(poses) == 1
+        channels = _channels(radar) if resting else np.zeros((1, 3))
+        outermost = _outermost(radar) if resting else (np.zeros(3),)
         ends = [self._fields(every, pose, which, _shifted(poses, channel), least, self.tables) for channel in outermost]
         middle = len(self.table.frequencies_hz) // 2
         levels = np.abs([values[0][:, middle] for _, values in ends])
         there = np.flatnonzero((levels > 0).any(axis=0))
         best = levels[:, there].argmax(axis=0)
         amplitude, length, departure, arrival, met = (np.stack([one[1][k] for one in ends])[best, there] for k in range(5))
-        change = np.abs(ends[0][1][0][there, middle] - ends[1][1][0][there, middle])
+        change = np.abs(ends[0][1][0][there, middle] - ends[-1][1][0][there, middle])
         uneven = np.flatnonzero((change > UNEVEN * levels.max(axis=0)[there]) & (len(channels) > 1))
         gain = np.ones((len(there), len(channels)), complex)
         some = there[uneven]
-        for c, channel in enumerate(channels):
+        for c, channel in enumerate(channels if len(some) else channels[:0]):
             one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self.tables)[1][0]
             gain[uneven, c] = one[:, middle] / amplitude[uneven, middle]
         offset = np.array(outermost)[best]
@@ -331,7 +338,8 @@ class FlatRoom:
         points = every.count[which[row]].sum(axis=1) + edges.sum(axis=1)
         return Paths(
             len(poses), pose[row], points, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies, inwards,
-            outwards, departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror, gain[row].conj(), met[row],
+            outwards, departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror,
+            gain[row].conj() if resting else None, met[row],
         )  # fmt: skip
 
     def _mirrors(self, every: search.Sequences) -> np.ndarray:
