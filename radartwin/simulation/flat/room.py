@@ -125,14 +125,14 @@ class FlatRoom:
         """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
         good = np.ones(len(chains), bool)
         at = np.repeat(sensor[None], len(chains), axis=0)
-        normal, offset = self.faces.normal[chains], self.faces.offset[chains]
+        normal, offset = _ended(self.faces.normal)[chains], _ended(self.faces.offset)[chains]
         images = [at]
         for i in range(chains.shape[1]):
             height = np.einsum("ki,ki->k", at, normal[:, i]) - offset[:, i]
             at = np.where((chains[:, i] >= 0)[:, None], at - 2 * height[:, None] * normal[:, i], at)
             images.append(at)
         target, reach = np.repeat(centre[None], len(chains), axis=0), np.full(len(chains), radius)
-        balls, sizes = self.balls
+        balls, sizes = (_ended(values) for values in self.balls)
         for i in reversed(range(chains.shape[1])):
             used = chains[:, i] >= 0
             below = np.einsum("ki,ki->k", images[i + 1], normal[:, i]) - offset[:, i]
@@ -147,7 +147,7 @@ class FlatRoom:
 
     def loudness_of(self, chains: np.ndarray) -> np.ndarray:
         """Return the product (K,) of the largest reflection coefficients of sequences of faces (K, C)."""
-        return np.where(chains >= 0, self.loudness[chains], 1.0).prod(axis=1)
+        return np.where(chains >= 0, _ended(self.loudness)[chains], 1.0).prod(axis=1)
 
     def paths(
         self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None
@@ -370,6 +370,11 @@ def _shifted(poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
     out = poses.copy()
     out[:, :3, 3] += poses[:, :3, :3] @ offset
     return out
+
+
+def _ended(values: np.ndarray) -> np.ndarray:
+    """Return values (P, ...) of faces with a row of zeros for the index -1, which stands for no face."""
+    return np.concatenate([values, np.zeros((1, *values.shape[1:]))])
 
 
 def _kinds(every: search.Sequences) -> tuple[np.ndarray, np.ndarray]:
