@@ -84,7 +84,9 @@ def shadow(mesh, source, receiver):
     """Return the factor of a line beside or behind a metal body. The source is moved as in legs, so that no line hits an edge exactly."""
     body = Bodies.of(geometry.build([mesh]), np.ones(1, bool))
     ends = np.array(source, float) + legs.NUDGE / K, np.array(receiver, float)
-    return shadows.factor(body.outlines, body.blocking, body.opaque, *ends, K, -1, -1)
+    edges = len(body.outlines.length)
+    out = np.empty(edges, complex), np.empty((edges, 3))
+    return shadows.factor(body.outlines, body.blocking, body.opaque, *ends, 0.0, 0.0, K, -1, -1, *out)
 
 
 def half_plane(excess):
@@ -298,7 +300,7 @@ def test_path_exactly_over_an_edge_keeps_a_quarter(axis):
     high[axis] = 0.0
     for mesh in (objects.box(low.tolist(), high.tolist()), objects.plate(3.0, 3.0).apply_translation(-1.5 * np.eye(3)[axis])):
         body = Bodies.of(geometry.build([mesh]), np.ones(1, bool))
-        found = body.factors(np.array([[-2.0, 0, 0]]), np.array([[[2.0, 0, 0]]]), K)[0]
+        found = body.factors(np.array([[-2.0, 0, 0]]), np.array([[[2.0, 0, 0]]]), False, K)[0]
         assert found == pytest.approx(0.25, abs=0.03)
 
 

@@ -53,12 +53,12 @@ class Bodies(NamedTuple):
         """Prepare the triangles of a geometry; `opaque`: (S,) whether each surface blocks."""
         return Bodies(shadows.of_mesh(geometry), obstacles.build(geometry.corners, geometry.surface), opaque)
 
-    def factors(self, sensor: np.ndarray, points: np.ndarray, wavenumber: float) -> np.ndarray:
-        """Return the factors (N,) of closed paths from sensors (N, 3) over points (N, V, 3), nan beyond the last."""
+    def factors(self, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float) -> np.ndarray:
+        """Return the factors (N,) of closed paths; arguments as in `radartwin.simulation.flat.shadows.cast`."""
         out = np.ones(len(points), complex)
         shared_out(
             shadows.cast, len(out), self.outlines, self.blocking, self.opaque, np.ascontiguousarray(sensor), np.ascontiguousarray(points),
-            wavenumber, out,
+            mirrors, wavenumber, out,
         )  # fmt: skip
         return out
 
@@ -148,7 +148,7 @@ class StaticScene:
         shaded = []
         for part in parts:
             assert part.points is not None
-            factor = self._bodies.factors(poses[part.pose, :3, 3], part.points, self.room.wavenumber)
+            factor = self._bodies.factors(poses[part.pose, :3, 3], part.points, part.mirror is not None, self.room.wavenumber)
             shaded.append(replace(part, amplitude=part.amplitude * factor[:, None]))
         return shaded
 
@@ -174,7 +174,7 @@ def shadows_of_mover(
             row = np.arange(len(part)) if part.poses == 1 else np.flatnonzero(part.pose == frame)
             points = part.points[row] @ inverse[frame, :3, :3].T + inverse[frame, :3, 3]
             at = inverse[frame, :3, :3] @ sensor_poses[min(frame, len(sensor_poses) - 1), :3, 3] + inverse[frame, :3, 3]
-            factor = body.factors(np.repeat(at[None], len(row), axis=0), points, wavenumber) - 1
+            factor = body.factors(np.repeat(at[None], len(row), axis=0), points, part.mirror is not None, wavenumber) - 1
             kept = np.abs(factor) > SHADED
             rows.append(row[kept])
             frame_of.append(np.full(int(kept.sum()), frame))

@@ -31,6 +31,7 @@ LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviat
 COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
 ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
+ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
 UNDISTURBED = 1e-3  # largest change of a direct leg's field that needs no weight
 WEAK = 1e-4  # a leg whose mirrors reflect less than this has no field
 KEPT = 64  # number of cache entries, each for a few places
@@ -142,7 +143,9 @@ def find(
         steps = np.concatenate([np.zeros((1, 3)), steps])
         rows = np.flatnonzero(wanted[code])
         kept, index = np.unique(code[rows], return_inverse=True)
-        points = (centre[place[rows]][:, None] + steps).reshape(-1, 3)
+        around = np.ascontiguousarray((centre[:, None] + steps).reshape(-1, 3))
+        _lift(room.faces, room.usable, *room.balls, np.ascontiguousarray(sensor), np.ascontiguousarray(centre), radius, around)
+        points = around.reshape(len(centre), -1, 3)[place[rows]].reshape(-1, 3)
         again = np.repeat(rows, len(steps))
         value = room_fields(room, chains, which[again], sensor, axes, place[again], points)
         total = np.zeros((len(kept), len(steps), value.shape[1]), complex)
@@ -195,6 +198,34 @@ def _chains(
     return chains, place, which
 
 
+@compiled
+def _lift(
+    faces: Faces, usable: np.ndarray, middle: np.ndarray, size: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float,
+    points: np.ndarray,
+) -> None:  # fmt: skip
+    """Move points behind a face at the object to the front of the face in place, because the object does not reach behind it.
+
+    The front is the side of the object's centre, or the sensor's side if the centre is close to the face.
+
+    Args:
+        middle, size: balls around the faces. sensor, centre: (U, 3). points: (U n, 3), n for each place.
+    """
+    each = len(points) // len(centre)
+    for u in range(len(centre)):
+        for p in range(len(faces.offset)):
+            height = dot(centre[u], faces.normal[p]) - faces.offset[p]
+            if not usable[p] or abs(height) > 2 * radius or norm(centre[u] - middle[p]) > size[p] + 2 * radius:
+                continue
+            front = height if abs(height) > ROUNDED * radius else dot(sensor[u], faces.normal[p]) - faces.offset[p]
+            side = 1.0 if front > 0 else -1.0
+            for n in range(u * each, (u + 1) * each):
+                missing = ABOVE_M - side * (dot(points[n], faces.normal[p]) - faces.offset[p])
+                if missing > 0:
+                    moved = points[n] + missing * side * faces.normal[p]
+                    if contains(faces, p, moved[0], moved[1], moved[2]):
+                        points[n] = moved
+
+
 def _map(faces: Faces, chain: np.ndarray) -> np.ndarray:
     """Return the map (3, 4) of a point to its image in the faces of a chain, in this order."""
     out = np.eye(3, 4)
@@ -232,6 +263,7 @@ def _evaluate(
     """Write the fields of lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
     longest, q = chains.shape[1], tables.te.shape[2]
     images, met = np.empty((longest + 1, 3)), np.empty((longest + 2, 3))
+    part, at_edge = np.empty(len(outlines.length), np.complex128), np.empty((len(outlines.length), 3))
     for n in range(begin, stop):
         m = 0
         while m < longest and chains[which[n], m] >= 0:
@@ -270,8 +302,14 @@ def _evaluate(
             target = at
         if total == 0:
             continue
+        before, rest = 0.0, norm(end - images[m])
         for i in range(m + 1):
-            total *= factor(outlines, tree, opaque, met[i], met[i + 1], wavenumber, chain[i - 1] if i else -1, chain[i] if i < m else -1)
+            step = norm(met[i + 1] - met[i])
+            total *= factor(
+                outlines, tree, opaque, met[i], met[i + 1], before, rest - before - step if i < m else 0.0, wavenumber,
+                chain[i - 1] if i else -1, chain[i] if i < m else -1, part, at_edge,
+            )  # fmt: skip
+            before += step
             if abs(total) < WEAK:
                 break
         if abs(total) < WEAK:

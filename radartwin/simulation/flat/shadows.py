@@ -1,9 +1,9 @@
 """Shadows of bodies on straight lines, as factors of the field.
 
 The factor of a line is 1 where it is clear and 0 where a body blocks it, plus the edge waves (`kirchhoff`) of the body's outline as seen
-from the line's start. It is smooth across the border of a shadow. The outline consists of those edges at which the body begins to hide
-what is behind. Flat and curved bodies use the same rule, because a curved mesh has an edge between each two facets. Transmission is not
-part of the factor.
+from the source of the path, which is an image of the sensor behind a mirror. It is smooth across the border of a shadow. The outline
+consists of those edges at which the body begins to hide what is behind. Flat and curved bodies use the same rule, because a curved mesh
+has an edge between each two facets. Transmission is not part of the factor.
 """
 
 import math
@@ -23,6 +23,7 @@ from radartwin.simulation.geometry import Geometry
 REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; such an edge changes a factor by at most 0.04
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
+BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
 FLAT_RAD = 1e-3  # edges between faces whose normals differ less are no edges
 
 
@@ -115,8 +116,8 @@ def _parts(owner: np.ndarray, surface: np.ndarray, edges: Sequence[np.ndarray]) 
 
 
 @innermost
-def _is_near(centre: np.ndarray, radius: float, start: np.ndarray, end: np.ndarray, wavenumber: float) -> bool:
-    """Return whether a ball lies within the Fresnel coordinate REACH of a line."""
+def _is_near(centre: np.ndarray, radius: float, start: np.ndarray, end: np.ndarray, total: float, wavenumber: float) -> bool:
+    """Return whether a ball lies within the Fresnel coordinate REACH of a line, which is part of a path of the length `total`."""
     square, along, away = 0.0, 0.0, 0.0
     for k in range(3):
         square += (end[k] - start[k]) ** 2
@@ -124,28 +125,38 @@ def _is_near(centre: np.ndarray, radius: float, start: np.ndarray, end: np.ndarr
     share = min(max(along / max(square, 1e-12), 0.0), 1.0)
     for k in range(3):
         away += (centre[k] - start[k] - share * (end[k] - start[k])) ** 2
-    # an excess length e over a line of length L reaches at most sqrt(e (2 L + e))/2 to the side
+    # an excess length e over a path of length L reaches at most sqrt(e (2 L + e))/2 to the side
     excess = math.pi * REACH * REACH / (2 * wavenumber)
-    return math.sqrt(away) < radius + 0.5 * math.sqrt(excess * (2 * math.sqrt(square) + excess)) + excess
+    return math.sqrt(away) < radius + 0.5 * math.sqrt(excess * (2 * total + excess)) + excess + BEYOND_M
 
 
 @compiled
-def factor(
-    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, wavenumber: float, mirror_a: int,
-    mirror_b: int,
-) -> complex:  # fmt: skip
-    """Return the factor of a line for exp(+j k L).
+def waves(
+    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
+    wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
+) -> tuple[float, int]:  # fmt: skip
+    """Return 1 if a line is clear and 0 if a body blocks it, and the number of edge waves that bodies add to it, for exp(+j k L).
 
     Args:
         outlines, tree: edges and triangles of all bodies. opaque: (surfaces,) whether a surface blocks.
-        start, end: (3,) ends of the line. mirror_a, mirror_b: faces on which the ends lie, or -1; their own edges do not count.
+        start, end: (3,) ends of the line. before, after: lengths in metres of the path from its source to `start` and from `end` to its
+            receiver, over mirrors at the ends; zero where the line starts at the source or ends at the receiver.
+        mirror_a, mirror_b: faces on which the ends lie, or -1; their own edges do not count.
+        part: (E,) receives the edge waves relative to the undisturbed path. place: (E, 3) receives the points at which they start.
     """
     found = np.empty(MAX_PANES, np.int64)
-    total = complex(1.0 if crossed(tree, start, end, opaque, found) >= 0 else 0.0, 0.0)
+    clear = 1.0 if crossed(tree, start, end, opaque, found) >= 0 else 0.0
+    way = end - start
+    length = math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+    if length < 1e-9:
+        return clear, 0
+    way /= length
+    source, receiver = start - before * way, end + after * way
     x = np.empty(3)
     others = opaque.copy()
+    count = 0
     for c in range(len(outlines.radius)):
-        if not _is_near(outlines.centre[c], outlines.radius[c], start, end, wavenumber):
+        if not _is_near(outlines.centre[c], outlines.radius[c], start, end, before + length + after, wavenumber):
             continue
         for e in range(outlines.first[c], outlines.first[c + 1]):
             own = False
@@ -153,33 +164,49 @@ def factor(
                 own |= outlines.sides[e, side] >= 0 and (outlines.sides[e, side] in (mirror_a, mirror_b))
             if own:
                 continue
-            part = edge_part(outlines.start[e], outlines.along[e], outlines.length[e], start, end, wavenumber, REACH)
-            if part == 0:
+            value = edge_part(outlines.start[e], outlines.along[e], outlines.length[e], source, receiver, wavenumber, REACH)
+            if value == 0:
                 continue
-            sign = _side(outlines, e, start, end)
+            sign = _side(outlines, e, source, receiver)
             if sign == 0:
                 continue
-            if abs(part) > SEEN:
-                z_s, z_r, h_s, h_r = 0.0, 0.0, 0.0, 0.0
-                for k in range(3):
-                    z_s += (start[k] - outlines.start[e, k]) * outlines.along[e, k]
-                    z_r += (end[k] - outlines.start[e, k]) * outlines.along[e, k]
-                for k in range(3):
-                    h_s += (start[k] - outlines.start[e, k] - z_s * outlines.along[e, k]) ** 2
-                    h_r += (end[k] - outlines.start[e, k] - z_r * outlines.along[e, k]) ** 2
-                h_s, h_r = math.sqrt(h_s), math.sqrt(h_r)
-                z = min(max((z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12), 0.0), outlines.length[e])
-                half = 0.5 * math.pi * outlines.opening[e]
-                for k in range(3):
-                    outwards = math.cos(half) * outlines.into[e, k] + math.sin(half) * outlines.up[e, k]
-                    x[k] = outlines.start[e, k] + z * outlines.along[e, k] + OUTSIDE_M * outwards
+            z_s, z_r, h_s, h_r = 0.0, 0.0, 0.0, 0.0
+            for k in range(3):
+                z_s += (source[k] - outlines.start[e, k]) * outlines.along[e, k]
+                z_r += (receiver[k] - outlines.start[e, k]) * outlines.along[e, k]
+            for k in range(3):
+                h_s += (source[k] - outlines.start[e, k] - z_s * outlines.along[e, k]) ** 2
+                h_r += (receiver[k] - outlines.start[e, k] - z_r * outlines.along[e, k]) ** 2
+            h_s, h_r = math.sqrt(h_s), math.sqrt(h_r)
+            z = min(max((z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12), 0.0), outlines.length[e])
+            half = 0.5 * math.pi * outlines.opening[e]
+            reached = 0.0
+            for k in range(3):
+                outwards = math.cos(half) * outlines.into[e, k] + math.sin(half) * outlines.up[e, k]
+                x[k] = outlines.start[e, k] + z * outlines.along[e, k] + OUTSIDE_M * outwards
+                reached += (x[k] - start[k]) * way[k]
+            if (before > 0 and reached < -BEYOND_M) or (after > 0 and reached > length + BEYOND_M):
+                continue  # the path has left the line at a mirror
+            if abs(value) > SEEN:
                 others[outlines.surface[c]] = False  # a thick body hides its own outline, but the wave creeps around it
                 hidden = crossed(tree, start, x, others, found) < 0 or crossed(tree, x, end, others, found) < 0
                 others[outlines.surface[c]] = opaque[outlines.surface[c]]
                 if hidden:
                     continue
-            total += sign * part
-    return total
+            part[count] = sign * value
+            place[count] = x
+            count += 1
+    return clear, count
+
+
+@compiled
+def factor(
+    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
+    wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
+) -> complex:  # fmt: skip
+    """Return the factor of a line for exp(+j k L); the arguments are those of `waves`."""
+    clear, count = waves(outlines, tree, opaque, start, end, before, after, wavenumber, mirror_a, mirror_b, part, place)
+    return clear + part[:count].sum()
 
 
 @innermost
@@ -210,22 +237,96 @@ def _side(outlines: Outlines, e: int, start: np.ndarray, end: np.ndarray) -> flo
 @compiled
 def cast(
     begin: int, stop: int, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, sensor: np.ndarray, points: np.ndarray,
-    wavenumber: float, out: np.ndarray,
+    mirrors: bool, wavenumber: float, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the product of the factors of all lines of the paths `begin` to `stop` - 1 to `out` (N,).
+    """Write the factors of the paths `begin` to `stop` - 1 to `out` (N,).
+
+    An edge wave of one line of a path goes on along its own ray, which the bodies beside the later lines shadow in turn. Waves of more than
+    one edge before the last line are the product of the factors.
 
     The paths begin a little beside the sensor, because the factor of a line exactly over an edge is not defined.
 
     Args:
         outlines, tree, opaque: the bodies that cast shadows. sensor: (N, 3) first and last point of each path. points: (N, V, 3) the points
             between, nan beyond the last.
+        mirrors: whether these points are mirror points. A path over mirrors goes on as from the sensor's image, at any other point the
+            wave starts anew.
     """
+    edges, longest = len(outlines.length), points.shape[1] + 2
+    part, place = np.empty(edges, np.complex128), np.empty((edges, 3))
+    other, unused = np.empty(edges, np.complex128), np.empty((edges, 3))
+    met, ray = np.empty((longest, 3)), np.empty((longest, 3))
+    normal, length, factors = np.zeros((longest, 3)), np.zeros(longest), np.empty(longest, np.complex128)
     for n in range(begin, stop):
-        begins = sensor[n] + NUDGE / wavenumber
-        total, at = 1 + 0j, begins
-        for i in range(points.shape[1]):
-            if math.isnan(points[n, i, 0]):
-                break
-            total *= factor(outlines, tree, opaque, at, points[n, i], wavenumber, -1, -1)
-            at = points[n, i]
-        out[n] = total * factor(outlines, tree, opaque, at, begins, wavenumber, -1, -1)
+        last = 1
+        met[0] = sensor[n] + NUDGE / wavenumber
+        while last <= points.shape[1] and not math.isnan(points[n, last - 1, 0]):
+            met[last] = points[n, last - 1]
+            last += 1
+        met[last] = met[0]
+        for i in range(last):
+            length[i] = _norm(met[i + 1] - met[i])
+        if not mirrors:
+            out[n] = 1
+            for i in range(last):
+                out[n] *= factor(outlines, tree, opaque, met[i], met[i + 1], 0.0, 0.0, wavenumber, -1, -1, other, unused)
+            continue
+        for i in range(1, last):
+            normal[i] = (met[i + 1] - met[i]) / length[i] - (met[i] - met[i - 1]) / length[i - 1]
+            normal[i] /= max(_norm(normal[i]), 1e-12)
+        total = 1 + 0j  # factor of the lines i to `last`, from the last line to the first
+        for i in range(last - 1, -1, -1):
+            before, after = length[:i].sum(), length[i + 1 : last].sum()
+            clear, count = waves(outlines, tree, opaque, met[i], met[i + 1], before, after, wavenumber, -1, -1, part, place)
+            factors[i] = total
+            total = clear * total
+            for e in range(count):
+                onwards = factors[i]
+                if i + 1 < last and abs(part[e]) > SEEN:
+                    onwards = _onwards(
+                        outlines, tree, opaque, met, normal, i, last, place[e], after, wavenumber, ray, other, unused
+                    )  # fmt: skip
+                total += part[e] * onwards
+        out[n] = total
+
+
+@compiled
+def _onwards(
+    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, met: np.ndarray, normal: np.ndarray, i: int, last: int, start: np.ndarray,
+    after: float, wavenumber: float, ray: np.ndarray, part: np.ndarray, place: np.ndarray,
+) -> complex:  # fmt: skip
+    """Return the product of the factors of the lines after line `i` for a ray from `start` beside this line over the same mirrors."""
+    way = met[i + 1] - met[i]
+    target = met[i + 1] + after / _norm(way) * way
+    rest = _norm(target - start)
+    way = (target - start) / rest
+    ray[i] = start
+    gone, total = 0.0, 1 + 0j
+    for j in range(i + 1, last + 1):
+        if j == last:
+            ray[j] = met[j]
+        else:
+            toward = _along(way, normal[j])
+            if toward >= -1e-9:
+                return total
+            step = max(_along(met[j] - ray[j - 1], normal[j]) / toward, 0.0)
+            ray[j] = ray[j - 1] + step * way
+            way = way - 2 * toward * normal[j]
+        step = _norm(ray[j] - ray[j - 1])
+        if j > i + 1:
+            total *= factor(
+                outlines, tree, opaque, ray[j - 1], ray[j], gone, max(rest - gone - step, 0.0) if j < last else 0.0, wavenumber, -1, -1,
+                part, place,
+            )  # fmt: skip
+        gone += step
+    return total
+
+
+@innermost
+def _along(a: np.ndarray, b: np.ndarray) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@innermost
+def _norm(a: np.ndarray) -> float:
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
