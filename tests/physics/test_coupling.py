@@ -260,7 +260,7 @@ def opening(low, high, d1, d2):
     return (c_high - c_low + 1j * (s_high - s_low)) / (1 + 1j)
 
 
-def two_openings(low, high, d1, between, points=4001):
+def two_openings(low, high, d1, between, points=1501):
     """Return the field behind two equal openings at the distance d1 from either end of a path, by quadrature of both; one dimension."""
     x, step = np.linspace(low, high, points, retstep=True)
     weight = np.full(points, step)
