@@ -260,14 +260,20 @@ def opening(low, high, d1, d2):
     return (c_high - c_low + 1j * (s_high - s_low)) / (1 + 1j)
 
 
-def two_openings(low, high, d1, between, points=1501):
-    """Return the field behind two equal openings at the distance d1 from either end of a path, by quadrature of both; one dimension."""
-    x, step = np.linspace(low, high, points, retstep=True)
-    weight = np.full(points, step)
-    weight[[0, -1]] /= 2
-    weight = weight * np.exp(1j * K * x**2 / (2 * d1))
-    kernel = np.exp(1j * K * (x[:, None] - x) ** 2 / (2 * between))
-    return np.sqrt((2 * d1 + between) / between) / (d1 * 1j * WAVELENGTH) * (weight @ kernel @ weight)
+def two_openings(low, high, d1, between, to=None, points=1501):
+    """Return the field behind two openings at the distance d1 from either end of a path, by quadrature of both; one dimension.
+
+    The first opening is (low, high), the second one is `to`, or the same if that is None.
+    """
+    fields, at = [], []
+    for ends in ((low, high), to or (low, high)):
+        x, step = np.linspace(*ends, points, retstep=True)
+        weight = np.full(points, step)
+        weight[[0, -1]] /= 2
+        fields.append(weight * np.exp(1j * K * x**2 / (2 * d1)))
+        at.append(x)
+    kernel = np.exp(1j * K * (at[0][:, None] - at[1]) ** 2 / (2 * between))
+    return np.sqrt((2 * d1 + between) / between) / (d1 * 1j * WAVELENGTH) * (fields[0] @ kernel @ fields[1])
 
 
 def behind(mesh, place, named):
@@ -298,19 +304,26 @@ def test_plate_before_a_wall_casts_a_two_way_shadow(named, y, z, limit):
     assert abs(behind(plate, (0.9, y, z), named) - (1 - 2 * once + twice)) < limit
 
 
-@pytest.mark.parametrize("named", [False, True])
-def test_wall_is_seen_through_a_hoop(named):
-    """A square hoop with an opening of 60 cm, of bars 2 cm wide, changes the echo of the wall behind it by less than 1 dB. A moving bar
-    across the line of sight takes as much as a strip does on both ways, within 0.1.
+@pytest.mark.parametrize(
+    ("y", "limit"),
+    [
+        (0.305, 0.1),
+        pytest.param(0.0, 0.03, marks=pytest.mark.xfail(strict=True, reason="REACH keeps one edge of a bar without the other: 0.2")),
+    ],
+)
+def test_wall_is_seen_through_a_hoop(y, limit):
+    """The echo of a wall behind a moving square hoop, with an opening of 60 cm and bars 1 cm wide, is the field behind two hoops in a row.
+    A hoop around the line of sight changes it by less than 1 dB; in the other case, a bar crosses the line of sight.
     """
-    ways = ((-0.32, -0.3), (0.3, 0.32))
-    bars = [objects.box((0, low, -0.32), (0.02, high, 0.32)) for low, high in ways]
-    bars += [objects.box((0, -0.3, low), (0.02, 0.3, high)) for low, high in ways]
-    hoop = trimesh.util.concatenate(bars)
-    assert abs(db(behind(hoop, (0.9, 0, 0), named))) < 1
-    if named:
-        strip = 1 - 2 * opening(-0.01, 0.01, 0.9, 4.3) + two_openings(-0.01, 0.01, 0.9, 3.4)
-        assert abs(behind(hoop, (0.9, 0.31, 0), named) - strip) < 0.1
+    ways = ((-0.31, -0.3), (0.3, 0.31))
+    bars = [objects.box((0, low, -0.31), (0.01, high, 0.31)) for low, high in ways]
+    bars += [objects.box((0, -0.3, low), (0.01, 0.3, high)) for low, high in ways]
+    pieces = [((low + y, high + y), (-0.31, 0.31)) for low, high in ways] + [((-0.3 + y, 0.3 + y), way) for way in ways]
+    once = sum(opening(*a, 0.9, 4.3) * opening(*b, 0.9, 4.3) for a, b in pieces)
+    twice = sum(two_openings(*a, 0.9, 3.4, to=c) * two_openings(*b, 0.9, 3.4, to=d) for a, b in pieces for c, d in pieces)
+    found = behind(trimesh.util.concatenate(bars), (0.9, y, 0), True)
+    assert abs(found - (1 - 2 * once + twice)) < limit
+    assert abs(db(found)) < 1 or y > 0
 
 
 @pytest.mark.slow

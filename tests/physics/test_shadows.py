@@ -86,7 +86,7 @@ def shadow(mesh, source, receiver):
     ends = np.array(source, float) + legs.NUDGE / K, np.array(receiver, float)
     edges = len(body.outlines.length)
     out = np.empty(edges, complex), np.empty((edges, 3))
-    return shadows.factor(body.outlines, body.blocking, body.opaque, *ends, 0.0, 0.0, K, -1, -1, *out)
+    return shadows.factor(body.outlines, body.blocking, body.opaque, *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1, *out)
 
 
 def half_plane(excess):

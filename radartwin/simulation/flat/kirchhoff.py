@@ -107,9 +107,7 @@ def _signed(d: float, t: float) -> complex:
 def edge_part(
     start: np.ndarray, along: np.ndarray, side: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float, reach: float
 ) -> complex:
-    """Return [G(d, t_b) - G(d, t_a)]/(2 pi) of an edge, tapered to 0 where d or the nearer end reaches `reach`.
-
-    The taper begins at half of the Fresnel coordinate `reach`.
+    """Return [G(d, t_b) - G(d, t_a)]/(2 pi) of an edge, or 0 if d or the nearer end is beyond the Fresnel coordinate `reach`.
 
     Args:
         start, along, side: the edge's start (3,), its unit direction (3,) and its length. source, receiver: (3,) ends of the straight
@@ -137,7 +135,4 @@ def edge_part(
     t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if z < side else -1.0)
     if t_a > reach or t_b < -reach:
         return 0j
-    d = math.sqrt(scale * max(least, 0.0))
-    beyond = 2 * max(d, t_a, -t_b) / reach - 1  # the taper lets the two edges of a thin bar cancel
-    taper = math.cos(0.5 * math.pi * beyond) ** 2 if beyond > 0 else 1.0
-    return taper * edge_wave(d, t_a, t_b) / (2 * math.pi)
+    return edge_wave(math.sqrt(scale * max(least, 0.0)), t_a, t_b) / (2 * math.pi)

@@ -263,6 +263,7 @@ def _evaluate(
     """Write the fields of lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
     longest, q = chains.shape[1], tables.te.shape[2]
     images, met = np.empty((longest + 1, 3)), np.empty((longest + 2, 3))
+    none = np.zeros(3)
     part, at_edge = np.empty(len(outlines.length), np.complex128), np.empty((len(outlines.length), 3))
     for n in range(begin, stop):
         m = 0
@@ -306,8 +307,9 @@ def _evaluate(
         for i in range(m + 1):
             step = norm(met[i + 1] - met[i])
             total *= factor(
-                outlines, tree, opaque, met[i], met[i + 1], before, rest - before - step if i < m else 0.0, wavenumber,
-                chain[i - 1] if i else -1, chain[i] if i < m else -1, part, at_edge,
+                outlines, tree, opaque, met[i], met[i + 1], before, rest - before - step if i < m else 0.0,
+                faces.normal[chain[i - 1]] if i else none, faces.normal[chain[i]] if i < m else none, wavenumber,
+                chain[0] if m else -1, chain[m - 1] if m else -1, part, at_edge,
             )  # fmt: skip
             before += step
             if abs(total) < WEAK:

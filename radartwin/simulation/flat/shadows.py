@@ -24,6 +24,7 @@ REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; such an edge c
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
+IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
 FLAT_RAD = 1e-3  # edges between faces whose normals differ less are no edges
 
 
@@ -130,10 +131,21 @@ def _is_near(centre: np.ndarray, radius: float, start: np.ndarray, end: np.ndarr
     return math.sqrt(away) < radius + 0.5 * math.sqrt(excess * (2 * total + excess)) + excess + BEYOND_M
 
 
+@innermost
+def _lies_in(outlines: Outlines, e: int, point: np.ndarray, normal: np.ndarray) -> bool:
+    """Return whether edge `e` lies in the plane of a mirror with a point and a normal; False for a normal of zero."""
+    first, slope, size = 0.0, 0.0, 0.0
+    for k in range(3):
+        first += (outlines.start[e, k] - point[k]) * normal[k]
+        slope += outlines.along[e, k] * normal[k]
+        size += abs(normal[k])
+    return size > 0 and abs(first) < IN_PLANE_M and abs(first + outlines.length[e] * slope) < IN_PLANE_M
+
+
 @compiled
 def waves(
     outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
-    wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
+    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
 ) -> tuple[float, int]:  # fmt: skip
     """Return 1 if a line is clear and 0 if a body blocks it, and the number of edge waves that bodies add to it, for exp(+j k L).
 
@@ -141,7 +153,9 @@ def waves(
         outlines, tree: edges and triangles of all bodies. opaque: (surfaces,) whether a surface blocks.
         start, end: (3,) ends of the line. before, after: lengths in metres of the path from its source to `start` and from `end` to its
             receiver, over mirrors at the ends; zero where the line starts at the source or ends at the receiver.
-        mirror_a, mirror_b: faces on which the ends lie, or -1; their own edges do not count.
+        normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
+            it is no edge of the body with its image.
+        mirror_a, mirror_b: mirrors of the path, or -1; their own edges do not count.
         part: (E,) receives the edge waves relative to the undisturbed path. place: (E, 3) receives the points at which they start.
     """
     found = np.empty(MAX_PANES, np.int64)
@@ -162,6 +176,8 @@ def waves(
             own = False
             for side in range(2):
                 own |= outlines.sides[e, side] >= 0 and (outlines.sides[e, side] in (mirror_a, mirror_b))
+            for k in range(2):
+                own |= _lies_in(outlines, e, end if k else start, normal_b if k else normal_a)
             if own:
                 continue
             value = edge_part(outlines.start[e], outlines.along[e], outlines.length[e], source, receiver, wavenumber, REACH)
@@ -202,10 +218,10 @@ def waves(
 @compiled
 def factor(
     outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
-    wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
+    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
 ) -> complex:  # fmt: skip
     """Return the factor of a line for exp(+j k L); the arguments are those of `waves`."""
-    clear, count = waves(outlines, tree, opaque, start, end, before, after, wavenumber, mirror_a, mirror_b, part, place)
+    clear, count = waves(outlines, tree, opaque, start, end, before, after, normal_a, normal_b, wavenumber, mirror_a, mirror_b, part, place)
     return clear + part[:count].sum()
 
 
@@ -256,6 +272,7 @@ def cast(
     part, place = np.empty(edges, np.complex128), np.empty((edges, 3))
     other, unused = np.empty(edges, np.complex128), np.empty((edges, 3))
     met, ray = np.empty((longest, 3)), np.empty((longest, 3))
+    none = np.zeros(3)
     normal, length, factors = np.zeros((longest, 3)), np.zeros(longest), np.empty(longest, np.complex128)
     for n in range(begin, stop):
         last = 1
@@ -269,7 +286,7 @@ def cast(
         if not mirrors:
             out[n] = 1
             for i in range(last):
-                out[n] *= factor(outlines, tree, opaque, met[i], met[i + 1], 0.0, 0.0, wavenumber, -1, -1, other, unused)
+                out[n] *= factor(outlines, tree, opaque, met[i], met[i + 1], 0.0, 0.0, none, none, wavenumber, -1, -1, other, unused)
             continue
         for i in range(1, last):
             normal[i] = (met[i + 1] - met[i]) / length[i] - (met[i] - met[i - 1]) / length[i - 1]
@@ -277,7 +294,10 @@ def cast(
         total = 1 + 0j  # factor of the lines i to `last`, from the last line to the first
         for i in range(last - 1, -1, -1):
             before, after = length[:i].sum(), length[i + 1 : last].sum()
-            clear, count = waves(outlines, tree, opaque, met[i], met[i + 1], before, after, wavenumber, -1, -1, part, place)
+            clear, count = waves(
+                outlines, tree, opaque, met[i], met[i + 1], before, after, normal[i] if i else none,
+                normal[i + 1] if i + 1 < last else none, wavenumber, -1, -1, part, place,
+            )  # fmt: skip
             factors[i] = total
             total = clear * total
             for e in range(count):
@@ -315,8 +335,8 @@ def _onwards(
         step = _norm(ray[j] - ray[j - 1])
         if j > i + 1:
             total *= factor(
-                outlines, tree, opaque, ray[j - 1], ray[j], gone, max(rest - gone - step, 0.0) if j < last else 0.0, wavenumber, -1, -1,
-                part, place,
+                outlines, tree, opaque, ray[j - 1], ray[j], gone, max(rest - gone - step, 0.0) if j < last else 0.0, normal[j - 1],
+                normal[j] if j < last else np.zeros(3), wavenumber, -1, -1, part, place,
             )  # fmt: skip
         gone += step
     return total
