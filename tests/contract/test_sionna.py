@@ -50,10 +50,10 @@ def level_db(parts: list[Paths]) -> float:
 
 def test_sionna_and_the_tracer_use_separate_processes():
     """The test calls Sionna and our tracer alternately, because they need different Mitsuba variants. The test's own process never imports
-    Sionna.
+    Sionna. The mean over the sweep is compared, because our tracer adds the echoes of the wall's edges.
     """
     wall = rt.Scene([rt.Surface(objects.plate(4, 4).apply_transform(at(3.0)), "metal", "wall", role="room")])
-    first, own, again = (np.abs(rt.simulate(wall, RADAR, HERE, simulator=name).iq).max() for name in ("sionna", "mitsuba", "sionna"))
+    first, own, again = (np.abs(rt.simulate(wall, RADAR, HERE, simulator=name).iq).mean() for name in ("sionna", "mitsuba", "sionna"))
     import mitsuba
 
     assert str(mitsuba.variant()).endswith("_rgb")

@@ -114,7 +114,7 @@ _tail | complex(-im, re) | complex(im, -re) | the edge wave has the wrong sign
 edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) + z_r * math.sqrt(h_r) | the point of least excess is wrong
 
 simulation/flat/shadows: physics/test_shadows
-factor | sign * part | -sign * part | edge waves have the wrong sign
+waves | sign * value | -sign * value | edge waves have the wrong sign
 cast | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 
 simulation/flat/legs: physics/test_shadows

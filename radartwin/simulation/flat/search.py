@@ -236,7 +236,7 @@ Vector = tuple[float, float, float]  # points of the innermost loops are tuples,
 
 @innermost
 def _row(values: np.ndarray, i: int) -> Vector:
-    return values[i, 0], values[i, 1], values[i, 2]
+    return float(values[i, 0]), float(values[i, 1]), float(values[i, 2])
 
 
 @innermost
