@@ -40,8 +40,8 @@ from radartwin.materials.containers import EMPTY
 TOLERANCE = 3e-3
 SILENT = 1e-3  # a surface whose transmission coefficients are all below this is opaque (-120 dB there and back)
 # Numbers of frequency nodes and of cosines of incidence that `_size` tries, in this order.
-_NODES = (1, 3, 5, 8, 12, 16, 20, 25, 30, 36, 43, 52, 64)
-_COSINES = (1024, 1536, 2048, 3072, 4096, 6144, 8192, 12288, 16384, 24576)
+_NODES = (1, 3, 5, 8, 12, 16, 20, 25, 30, 36, 43, 52, 64, 76)
+_COSINES = (1024, 1536, 2048, 3072, 4096, 6144, 8192, 12288, 16384)
 _GRAZING = 0.06  # cosine of incidence of 86.6 degrees; closer to grazing incidence, the errors are not limited
 
 

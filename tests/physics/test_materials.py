@@ -380,7 +380,7 @@ def test_surfaces_without_delayed_echoes_need_a_small_table():
 
 
 def test_interpolation_between_the_most_frequency_nodes_is_stable():
-    nodes, f = chebyshev_nodes(77e9, 80.44e9, 64), np.linspace(77e9, 80.44e9, 1001)
+    nodes, f = chebyshev_nodes(77e9, 80.44e9, 76), np.linspace(77e9, 80.44e9, 1001)
     basis = lagrange_basis(nodes, f)
     assert np.abs(basis).sum(axis=0).max() < 4  # Lebesgue constant, which multiplies rounding errors
     tone = [np.exp(2j * np.pi * x * 0.8 / 299_792_458) for x in (nodes, f)]  # an echo delayed by 0.8 m
@@ -388,7 +388,7 @@ def test_interpolation_between_the_most_frequency_nodes_is_stable():
 
 
 def test_cavity_that_no_table_can_hold_warns_with_surface_error_and_remedy():
-    with pytest.warns(DispersionWarning, match=r"surface 'far wall'.*wrong by up to 0\.1.*tolerance of 0\.003.*use thinner layers"):
+    with pytest.warns(DispersionWarning, match=r"surface 'far wall'.*wrong by up to 0\.\d+ .*tolerance of 0\.003.*use thinner layers"):
         build([("metal", 0.0), (cavity(1.0), 0.0)], 77e9, 80.44e9, names=["door", "far wall"])
 
 
