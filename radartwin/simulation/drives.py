@@ -21,7 +21,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene, target
-from radartwin.simulation.backends.static_scene import Surroundings
+from radartwin.simulation.backends.static_scene import Surroundings, shadows_of_mover
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
@@ -163,6 +163,7 @@ class Drives:
             MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=tubes)) for tubes in (OVER_ROOM, CLUTTER_OVER_ROOM)
         )
         self._still = static_scene(list(surfaces), radar) if len(surfaces) else None
+        self._latest: tuple[bytes, list[Paths]] = (b"", [])
 
     def room(self, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
@@ -170,11 +171,23 @@ class Drives:
             return []
         body = diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])
         rough = diffuse.of_scene(body, [], self._radar, poses) if self._backend.settings.diffuse else []
-        if (poses == poses[0]).all():
-            return [*self._backend.cached_static_paths(self._still, self._radar, poses[:1]), *rough]
-        rate = self._radar.frame_rate_hz
-        images = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, PRUNE, self._searched)
-        return [*(replace(part, points=None) for part in images), *self._clutter.seen(poses, rate), *rough]
+        clutter = [] if (poses == poses[0]).all() else self._clutter.seen(poses, self._radar.frame_rate_hz)
+        return [*(replace(part, points=None) for part in self._walls(poses)), *clutter, *rough]
+
+    def _walls(self, poses: np.ndarray) -> list[Paths]:
+        """Return the paths of the flat room with their points, for a drive through `poses` (F, 4, 4); the last result is cached.
+
+        For a resting sensor, the result also has the paths of the clutter.
+        """
+        assert self._still is not None
+        key = poses.tobytes()
+        if self._latest[0] != key:
+            if (poses == poses[0]).all():
+                parts = self._backend.cached_static_paths(self._still, self._radar, poses[:1])
+            else:
+                parts = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, PRUNE, self._searched)
+            self._latest = key, parts
+        return self._latest[1]
 
     @cached_property
     def _searched(self):
@@ -216,6 +229,8 @@ class Drives:
     ) -> list[Paths]:
         """Trace a compact object at `poses` (F, 4, 4) from sensor poses `sensor` (F, 4, 4). A single pose holds for all frames.
 
+        The result contains the changes of the flat room's paths in the shadow of the object.
+
         Args:
             coupled: whether to include paths between the object and the room. The diffuse paths of the object are always included. The
                 object does not hide diffuse paths of the room, because `room` does not know the object.
@@ -223,9 +238,12 @@ class Drives:
                 ball around the nominal position, so that all objects placed there share these legs.
         """
         found = self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
+        body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
+        if self._still is not None:
+            there = poses_module.repeated(poses, len(sensor))
+            found += shadows_of_mover(self._walls(sensor), body.geometry, sensor, there, self._still.room.wavenumber)
         if not self._backend.settings.diffuse:
             return found
-        body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]
         return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
 

@@ -42,7 +42,6 @@ def test_room_of_a_drive_matches_separate_tracing(drive):
     assert relative_error(shared, alone) < 0.02
 
 
-@pytest.mark.xfail(strict=True, reason="0.31: the separate traces contain the shadow of the can on the room, which drives leave out")
 def test_moved_paths_over_the_room_match_separate_tracing(drive):
     room, nominal, actual = drive
     at = rooms.bench("lab").target_position(1.0)
