@@ -231,7 +231,11 @@ def keller(start: np.ndarray, along: np.ndarray, source: np.ndarray, receiver: n
 def ends_weight(
     start: np.ndarray, along: np.ndarray, length: float, place: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float
 ) -> complex:
-    """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`."""
+    """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
+
+    Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of it, which is the mean of the smooth
+    and of the abrupt end.
+    """
     total = distance(start + place * along, source) + distance(start + place * along, receiver)
     excess_a = distance(start, source) + distance(start, receiver) - total
     end = start + length * along
@@ -239,7 +243,8 @@ def ends_weight(
     scale = 2 * wavenumber / math.pi
     t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if place < 0 else -1.0)
     t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if place < length else -1.0)
-    return half_plane(t_b) - half_plane(t_a)
+    abrupt = (1.0 if place < length else 0.0) - (1.0 if place < 0 else 0.0)
+    return 0.5 * (half_plane(t_b) - half_plane(t_a) + abrupt)
 
 
 @compiled
