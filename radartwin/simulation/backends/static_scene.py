@@ -1,8 +1,8 @@
 """The static surfaces of a scene, prepared for tracing: which faces reflect as flat faces, which are traced by tubes, and what hides.
 
-Large flat surfaces form a room of flat faces, whose paths reflect and are diffracted at edges. Objects up to OBJECT_EXTENT_M, and surfaces
-that are curved, are traced by tubes. On paths of the room, they act as obstacles whose outlines cast smooth shadows. A room whose large
-surfaces are not flat is traced by tubes as a whole.
+Large flat surfaces form a room of flat faces, whose paths reflect and are diffracted at edges. Objects up to OBJECT_EXTENT_M, thin bodies,
+and surfaces that are curved, are traced by physical optics on their own. On paths of the room, they act as obstacles whose outlines cast
+smooth shadows. A room whose large surfaces are not flat is traced by tubes as a whole.
 """
 
 import warnings
@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 
 from radartwin.compiled import shared_out
 from radartwin.radar.chirp import Radar
@@ -27,6 +28,10 @@ from radartwin.simulation.reflection_table import ReflectionTable
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
 MAX_FACES = 1500  # rooms with more flat faces are traced by tubes, with a warning
+# A body that fits into a cylinder with this radius is an object even if it is long. Its faces span less than a Fresnel zone at 0.2 m, where
+# physical optics and shadows are more accurate than edges. A wall behind frames with bars of 1 cm: errors of 0.2 and 0.7 dB instead of 2.9
+# and 2.1 dB. A wall behind boxes of 2 cm: 0.02 of its echo instead of 1.5.
+THIN_M = 0.015
 SHADED = 1e-3  # a shadow that changes a path by less than this share is left out
 
 
@@ -187,6 +192,22 @@ def shadows_of_mover(
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
-    """Return a mask (F,) of the faces of objects up to OBJECT_EXTENT_M long, and of curved objects of any size."""
+    """Return a mask (F,) of the faces of objects up to OBJECT_EXTENT_M long, of curved objects of any size, and of thin bodies."""
     small = np.array([s.kind == "object" and (float(s.mesh.extents.max()) <= OBJECT_EXTENT_M or s.is_curved()) for s in surfaces], bool)
-    return small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
+    mask = small[geometry.surface] if len(surfaces) else np.zeros(0, bool)
+    mask[~mask] = _thin(geometry.corners[~mask])
+    return mask
+
+
+def _thin(corners: np.ndarray) -> np.ndarray:
+    """Return a mask of the triangles (F, 3, 3) of connected bodies that fit into a cylinder with the radius THIN_M."""
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
+    mesh.merge_vertices(digits_vertex=7)
+    body = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(corners))
+    thin = np.zeros(len(corners), bool)
+    for some in np.split(np.argsort(body, kind="stable"), np.cumsum(np.bincount(body))[:-1]) if len(corners) else ():
+        points = corners[some].reshape(-1, 3)
+        points = points - (points.min(axis=0) + points.max(axis=0)) / 2
+        axis = np.linalg.svd(points, full_matrices=False)[2][0]
+        thin[some] = np.linalg.norm(points - np.outer(points @ axis, axis), axis=1).max() <= THIN_M
+    return thin
