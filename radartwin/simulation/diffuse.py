@@ -32,6 +32,7 @@ of one body hide the points of bodies that move differently. On curved bodies wh
 the mean power is correct, but the speckle changes faster with the aspect than on a real body.
 """
 
+import functools
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -55,6 +56,7 @@ from radartwin.simulation.flat import crossing, obstacles
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, traced_once
 from radartwin.simulation.reflection_table import ReflectionTable
+from radartwin.store.digest import array_digest, spec_digest
 
 # Number of points per square metre on a surface whose lobe has the width WIDE or more. A furnished room with 140 m^2 of surface has 8,400
 # points or more.
@@ -103,6 +105,11 @@ class Strengths:
     width: np.ndarray  # (S,) sine of the angle of incidence at which the lobe falls to about 1/e
     frequency_hz: float  # middle of the frequency sweep in Hz
     table: ReflectionTable  # table of the same surfaces, with their transmission
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Return the digest of all tables, as part of the key of cached paths."""
+        return spec_digest([array_digest(values) for values in (self.te, self.tm, self.table.through_te, self.table.through_tm)])
 
 
 def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = None, seed: int = 0) -> Cloud:
@@ -171,22 +178,30 @@ def _on_faces(
 
 
 def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
-    """Compute the fraction of the incident power that each surface scatters back per steradian; smooth surfaces have zero."""
-    frequency = radar.start_frequency_hz + radar.sampled_bandwidth_hz * np.linspace(0, 1, 5)
+    """Compute the fraction of the incident power that each surface scatters back per steradian; smooth surfaces have zero.
+
+    The last results stay in memory. Do not write to the arrays.
+    """
+    entries = tuple((surface.material, surface.roughness_m, surface.correlation_m) for surface in surfaces)
+    return _strengths(entries, radar.start_frequency_hz, radar.sampled_bandwidth_hz)
+
+
+@functools.lru_cache(maxsize=reflection_table.TABLES_IN_MEMORY)
+def _strengths(entries: tuple[tuple[str | Layered, float, float], ...], start_hz: float, bandwidth_hz: float) -> Strengths:
+    """Return the strengths of surfaces, given by (material, roughness in metres, correlation length in metres), for one sweep."""
+    frequency = start_hz + bandwidth_hz * np.linspace(0, 1, 5)
     wavenumber = float(2 * np.pi * frequency.mean() / SPEED_OF_LIGHT)
     cosine = np.maximum(np.cos(np.linspace(0, np.pi / 2, ANGLES)), 1e-6)
-    out = np.zeros((2, len(surfaces), ANGLES))
-    width = np.ones(len(surfaces))
+    out = np.zeros((2, len(entries), ANGLES))
+    width = np.ones(len(entries))
     known: dict[object, np.ndarray] = {}
-    for index, surface in enumerate(surfaces):
-        if surface.roughness_m > 0:
-            height, length = surface.roughness_m, surface.correlation_m
-            key = (surface.material, height, length)
-            if key not in known:
-                known[key] = scattered_share(surface.material, height, cosine, frequency) * backscatter_lobe(height, length, wavenumber)
-            out[:, index], width[index] = known[key], lobe_width(height, length, wavenumber)
-    entries = [(surface.material, surface.roughness_m) for surface in surfaces]
-    table = reflection_table.build(entries, float(frequency[0]), float(frequency[-1]))
+    for index, entry in enumerate(entries):
+        material, height, length = entry
+        if height > 0:
+            if entry not in known:
+                known[entry] = scattered_share(material, height, cosine, frequency) * backscatter_lobe(height, length, wavenumber)
+            out[:, index], width[index] = known[entry], lobe_width(height, length, wavenumber)
+    table = reflection_table.build([entry[:2] for entry in entries], float(frequency[0]), float(frequency[-1]))
     return Strengths(out[0], out[1], width, float(frequency.mean()), table)
 
 
@@ -231,10 +246,9 @@ def static_paths(static: Body, radar: Radar, sensor_poses: np.ndarray) -> Paths:
     """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), from the array cache if it has them."""
     scatterers, strength = cloud(static.surfaces, static.geometry), strengths(static.surfaces, radar)
     velocity = poses_module.relative(sensor_poses, None, radar.frame_rate_hz)[1]
-    spec = {"diffuse": PRUNED_POWER, "element": radar.element, "frequency_hz": strength.frequency_hz}
+    spec = {"diffuse": PRUNED_POWER, "element": radar.element, "frequency_hz": strength.frequency_hz, "strength": strength.digest}
     arrays = {name: getattr(scatterers, name) for name in ("points", "normals", "area", "field", "surface")}
-    arrays |= {"te": strength.te, "tm": strength.tm, "corners": static.geometry.corners, "poses": sensor_poses, "velocity": velocity}
-    arrays |= {"owner": static.geometry.surface, "through_te": strength.table.through_te, "through_tm": strength.table.through_tm}
+    arrays |= {"corners": static.geometry.corners, "owner": static.geometry.surface, "poses": sensor_poses, "velocity": velocity}
     return traced_once(spec, arrays, lambda: [paths(scatterers, strength, static.geometry, radar, sensor_poses, velocity)])[0]
 
 
@@ -300,29 +314,38 @@ def _block(
         distance includes the delay of the layers.
     """
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
-    pose, point, distance, direction, power, start = _returns(
+    pose, point, distance, towards, power, above = _returns(
         CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm, strength.width,
-        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic", visibility.lift(geometry),
+        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic",
     )  # fmt: skip
-    towards = np.einsum("in,nij->nj", direction, poses[pose, :3, :3])
-    free = visibility.visible(geometry, start, -direction, distance)
-    passed = free.astype(complex)
-    if tree is not None:
-        rows = np.flatnonzero(~free)
-        axis, way = poses[pose[rows], :3, 2], direction[:, rows].T
-        across = axis - np.einsum("ni,ni->n", axis, way)[:, None] * way
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-        ends = poses[pose[rows], :3, 3], scatterers.points[point[rows]]
-        _, factor = crossing.factors(tree, strength.table, *ends, across, ways=2)
-        passed[rows], extra = crossing.delayed(factor, strength.table.frequencies_hz, strength.frequency_hz)
-        distance[rows] += extra / 2
-    received = power * np.abs(passed) ** 2 * element_gain(radar.element, towards) ** 4
-    seen = np.flatnonzero(passed)
-    total = np.bincount(pose[seen], received[seen], minlength=len(poses))
-    kept = seen[received[seen] > PRUNED_POWER / len(scatterers) * total[pose[seen]]]
+    share = PRUNED_POWER / max(len(scatterers), 1)
+    weight = power * element_gain(radar.element, towards) ** 4
+    passed, extra = np.zeros(len(pose), complex), np.zeros(len(pose))
+    examined = np.zeros(len(pose), bool)
+    # The power without obstacles is an upper limit. The strong points give a lower limit, below which no point can be kept.
+    total = np.bincount(pose, weight, minlength=len(poses))
+    for _ in range(2):
+        some = np.flatnonzero(~examined & (weight > share * total[pose]))
+        examined[some] = True
+        sensor, direction = poses[pose[some], :3], np.einsum("nij,nj->ni", poses[pose[some], :3, :3], towards[some])
+        start = scatterers.points[point[some]] + (visibility.lift(geometry) * above[some])[:, None] * scatterers.normals[point[some]]
+        free = visibility.visible(geometry, start.T, -direction.T, distance[some])
+        passed[some[free]] = 1
+        if tree is not None:
+            behind = ~free
+            axis, way = sensor[behind, :, 2], direction[behind]
+            across = axis - np.einsum("ni,ni->n", axis, way)[:, None] * way
+            across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+            panes, factor = crossing.factors(tree, strength.table, sensor[behind, :, 3], scatterers.points[point[some[behind]]], across, 2)
+            through = panes >= 0
+            rows = some[behind][through]
+            passed[rows], extra[rows] = crossing.delayed(factor[through], strength.table.frequencies_hz, strength.frequency_hz)
+        received = weight * np.abs(passed) ** 2
+        total = np.bincount(pose, received, minlength=len(poses))
+    kept = np.flatnonzero(received > share * total[pose])
     amplitude = np.sqrt(power[kept]) * scatterers.field[point[kept]] * passed[kept].conj()
-    rate = -2 * np.einsum("in,ni->n", direction[:, kept], velocity[pose[kept]])
-    return pose[kept], amplitude[:, None], distance[kept], towards[kept], rate
+    rate = -2 * np.einsum("nij,nj,ni->n", poses[pose[kept], :3, :3], towards[kept], velocity[pose[kept]])
+    return pose[kept], amplitude[:, None], distance[kept] + extra[kept] / 2, towards[kept], rate
 
 
 class CloudArrays(NamedTuple):
@@ -349,19 +372,18 @@ def scattered_power(area, strength, cosine, distance, wavelength_m):
 
 
 @compiled
-def _returns(cloud, te, tm, width, poses, wavelength_m, forward, lift):
+def _returns(cloud, te, tm, width, poses, wavelength_m, forward):
     """List the N pairs of a sensor pose and a point that have positive echo power. The function does not test whether the line is blocked.
 
     Returns:
-        Index of the pose (N,), index of the point (N,), distance in metres (N,), direction from the sensor to the point (3, N), ratio of
-        received to transmitted power (N,), and start of the line of sight (3, N). The start is the point, lifted by `lift` metres off the
-        surface towards the sensor.
+        Index of the pose (N,), index of the point (N,), distance in metres (N,), direction from the sensor to the point in the sensor frame
+        (N, 3), ratio of received to transmitted power (N,), and 1 or -1 (N,) if the normal points to or away from the sensor's side.
     """
     points, normals, area, surface = cloud.points, cloud.normals, cloud.area, cloud.surface
     most = len(poses) * len(points)
     pose, point = np.empty(most, np.int64), np.empty(most, np.int64)
-    distance, power = np.empty(most), np.empty(most)
-    direction, start = np.empty((3, most)), np.empty((3, most))
+    distance, power, above = np.empty(most), np.empty(most), np.empty(most)
+    towards = np.empty((most, 3))
     last = te.shape[1] - 1
     n = 0
     for f in range(len(poses)):
@@ -397,9 +419,8 @@ def _returns(cloud, te, tm, width, poses, wavelength_m, forward, lift):
             value = scattered_power(area[p], narrow * (low + part * (high - low)), cosine, away, wavelength_m)
             if value <= 0:
                 continue
-            up = lift if facing > 0 else -lift
-            pose[n], point[n], distance[n], power[n] = f, p, away, value
-            direction[0, n], direction[1, n], direction[2, n] = x, y, z
-            start[0, n], start[1, n], start[2, n] = points[p, 0] + up * nx, points[p, 1] + up * ny, points[p, 2] + up * nz
+            pose[n], point[n], distance[n], power[n], above[n] = f, p, away, value, 1.0 if facing > 0 else -1.0
+            for i in range(3):
+                towards[n, i] = x * rotation[0, i] + y * rotation[1, i] + z * rotation[2, i]
             n += 1
-    return pose[:n], point[:n], distance[:n], direction[:, :n], power[:n], start[:, :n]
+    return pose[:n], point[:n], distance[:n], towards[:n], power[:n], above[:n]

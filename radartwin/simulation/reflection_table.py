@@ -42,6 +42,7 @@ SILENT = 1e-3  # a surface whose transmission coefficients are all below this is
 # Numbers of frequency nodes and of cosines of incidence that `_size` tries, in this order.
 _NODES = (1, 3, 5, 8, 12, 16, 20, 25, 30, 36, 43, 52, 64, 76)
 _COSINES = (1024, 1536, 2048, 3072, 4096, 6144, 8192, 12288, 16384)
+TABLES_IN_MEMORY = 8  # a furnished room of 20 surfaces needs a table of about 60 MB
 _GRAZING = 0.06  # cosine of incidence of 86.6 degrees; closer to grazing incidence, the errors are not limited
 
 
@@ -61,10 +62,10 @@ class ReflectionTable:
     # (material, rms roughness in metres) of each of the S surfaces, by which `curved.shell` recognises hollow objects
     surfaces: tuple[tuple[str | Layered, float], ...]
 
-    @property
+    @functools.cached_property
     def opaque(self) -> np.ndarray:
         """Return the mask (S,) of the surfaces that transmit nothing."""
-        return ~np.any([self.through_te, self.through_tm], axis=(0, 2, 3))
+        return ~(self.through_te.any(axis=(1, 2)) | self.through_tm.any(axis=(1, 2)))
 
     def envelope(self) -> "ReflectionTable":
         """Return a table with a single frequency node that holds the largest magnitude of each coefficient over the frequency sweep.
@@ -114,6 +115,8 @@ def build(
 ) -> ReflectionTable:
     """Tabulate the reflection and transmission coefficients of surfaces over the frequency sweep from `low_hz` to `high_hz`.
 
+    The last tables stay in memory, and several callers get the same table, whose arrays are read-only.
+
     Args:
         surfaces: (material, rms roughness in metres) of each surface of a geometry.
         low_hz: lowest frequency of the sweep in Hz.
@@ -134,14 +137,23 @@ def build(
                 f"{TOLERANCE:g}, because its layers are too thick for the sweep; use thinner layers or a smaller bandwidth",
                 DispersionWarning, stacklevel=2,
             )  # fmt: skip
+    return _tabulated(tuple(surfaces), low_hz, high_hz)
+
+
+@functools.lru_cache(maxsize=TABLES_IN_MEMORY)
+def _tabulated(surfaces: tuple[tuple[str | Layered, float], ...], low_hz: float, high_hz: float | None) -> ReflectionTable:
+    """Return the table of `build`, of the size that `_size` finds for each material."""
+    distinct = list(dict.fromkeys(surfaces))
+    sizes = [_size(entry, low_hz, high_hz or low_hz) for entry in distinct]
     nodes = np.array([low_hz])
     if high_hz is not None:
         nodes = chebyshev_nodes(low_hz, high_hz, max((size.nodes for size in sizes), default=1))
     cosines = grid_of_cosines(max((size.cosines for size in sizes), default=_COSINES[0]))
-    values = {entry: _evaluate(entry, cosines, nodes) for entry in distinct}
-    shape = len(surfaces), 4, len(cosines), len(nodes)
-    te, tm, through_te, through_tm = np.swapaxes(np.array([values[entry] for entry in surfaces]).reshape(shape), 0, 1)
-    return ReflectionTable(te, tm, through_te, through_tm, nodes, tuple(surfaces))
+    table = np.empty((4, len(surfaces), len(cosines), len(nodes)), complex)
+    for entry in distinct:
+        table[:, [other == entry for other in surfaces]] = _evaluate(entry, cosines, nodes)[:, None]
+    table.flags.writeable = nodes.flags.writeable = False
+    return ReflectionTable(*table, nodes, surfaces)
 
 
 def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -1,10 +1,11 @@
 """Contain the compiled functions of the signal synthesis: they spread paths over a grid of delays, transform the grid, and form the chirps.
 
-A task is a group of consecutive paths of one frame. Each task has its own grid of delays, so that no two threads write to the same grid
-cell, and the sum over paths always has the same order. Frames with many paths are split into several tasks. Path lengths, phases and grids
-have double precision. The Fourier transform and the chirps have single precision, which causes an error of 1e-7 of the frame's strongest
-echo. The channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. All these functions are in
-one file of over 300 lines, because Numba does not recompile a cached function when a function in another file changes.
+A task is a group of paths of one frame. Each task has its own grid of delays, so that no two threads write to the same grid cell, and the
+sum over paths always has the same order. Frames with many paths are split into several tasks. Path lengths, phases and grids have double
+precision. The Fourier transform and the chirps have single precision, which causes an error of 1e-7 of the frame's strongest echo. The
+channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. The channels of a grid cell are next to
+each other in memory, because a path has almost the same delay in all channels. All these functions are in one file of over 300 lines,
+because Numba does not recompile a cached function when a function in another file changes.
 """
 
 from typing import Any, NamedTuple
@@ -14,16 +15,15 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 
 TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
-PAD = TAPS + 2  # number of cells appended to the delay grid, for kernels that extend beyond the end of the grid
-_BLOCK = 8  # number of grid rows that `_gather` transposes at once, so that the rows fit into the processor's cache
+BLOCK = 256  # number of paths for which `expand` finds the largest coefficients
 _TAPS_BEFORE = TAPS // 2 - 1  # number of kernel taps to the left of the grid cell in which the delay of a path lies
 _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel functions' power series are exact in double precision
 
 
 class PathArrays(NamedTuple):
-    """Hold the N paths of all tasks; a task is a group of consecutive paths of one frame.
+    """Hold the N paths of all tasks.
 
-    The first six arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path, and
+    The first seven arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path, and
     `gain` the shape (0, 0) if all channels have the same amplitude.
     """
 
@@ -31,10 +31,9 @@ class PathArrays(NamedTuple):
     length_out: Any
     departure: Any
     arrival: Any
+    rate: Any
     mirror: Any
     gain: Any
-    drift: Any  # (N,) change of each path's length from the start to the middle of the frame, in metres
-    motion: Any  # (N,) argument of the Bessel functions that represent the phase caused by each path's motion, in radians
     amplitude: Any  # (N, Q) coefficients of Q Chebyshev polynomials that represent each path's amplitude over frequency
 
 
@@ -51,29 +50,28 @@ class GridScale(NamedTuple):
 
     cycles_per_m: Any  # phase per metre of path length at the middle of the frequency sweep, in cycles
     cells_per_m: Any  # number of delay-grid cells per metre of path length
-    terms: Any  # number of Chebyshev terms that represent the motion of the paths within a frame
+    cells: Any  # number of delay-grid cells
+    middle_s: Any  # time from the start to the middle of the frame
+    motion_per_mps: Any  # argument of the Bessel functions that represent the motion of a path of 1 m/s within a frame, in radians
     # (degree + 1, TAPS) polynomial coefficients, highest power first. The polynomial of a tap gives its kernel weight as a function of the
     # position (0 to 1) of a path between two grid cells.
     kernel: Any
+    widths: Any  # (terms,) number of frequency terms of each Chebyshev term that represents the motion of the paths within a frame
     least: Any  # the synthesis skips terms of a path whose weight has a smaller magnitude than this
 
 
-class Grid(NamedTuple):
-    """Hold the real and the imaginary part of the delay grids of all tasks, each of shape (tasks, channels x terms x Q, cells + PAD)."""
-
-    re: Any
-    im: Any
-
-
 class Workspace(NamedTuple):
-    """Hold the arrays that `spread` allocates once, before its loop over paths."""
+    """Hold the arrays that `spread` allocates once, before its loop over paths; C is the number of channels."""
 
-    weight_re: Any
-    weight_im: Any
-    orders: Any
-    taps: Any
-    used: Any
-    received: Any
+    orders: Any  # (terms,)
+    received: Any  # (R,)
+    length: Any  # (C,)
+    turn: Any  # (2, C)
+    offset: Any  # (C,)
+    shift: Any  # (C,)
+    taps: Any  # (TAPS, C)
+    shape: Any  # (cells x 2 C,) weights of the path in all channels of the cells that its kernel reaches
+    weighted: Any  # (cells x 2 C,) the same, times the coefficient of a frequency term
 
 
 class Turn(NamedTuple):
@@ -160,123 +158,170 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
 
 
 @innermost
-def _motion(w, amplitude, weight_re, weight_im, orders):
-    """Write the weight (2 - [k=0]) j^k J_k(w) amplitude_q of Chebyshev term k of the motion and frequency term q to index k Q + q."""
+def _motion(w, orders):
+    """Write the weight (2 - [k=0]) J_k(w) of Chebyshev term k of the motion to `orders`; `finish` applies the factor j^k."""
     bessel(w, orders)
-    nodes = len(amplitude)
     for k in range(len(orders)):
-        size = orders[k] if k == 0 else 2 * orders[k]
-        if k % 4 >= 2:
-            size = -size
-        for q in range(nodes):
-            a = amplitude[q]
-            if k % 2 == 0:
-                weight_re[k * nodes + q], weight_im[k * nodes + q] = size * a.real, size * a.imag
-            else:
-                weight_re[k * nodes + q], weight_im[k * nodes + q] = -size * a.imag, size * a.real
+        orders[k] = orders[k] if k == 0 else 2 * orders[k]
+
+
+@compiled
+def expand(first, last, amplitude, gain, inverse, coefficients, largest, power):
+    """Expand the amplitudes of paths over frequency in Chebyshev polynomials, for the blocks `first` to `last` - 1 of BLOCK paths.
+
+    Args:
+        amplitude: (N, Q) amplitudes at the frequency nodes.
+        gain: (N,) gain of the antennas and of the IF filter.
+        inverse: (Q, Q) matrix whose row j has the coefficients that an amplitude of 1 at node j adds.
+        coefficients: (N, Q) receives the Chebyshev coefficients.
+        largest: (blocks, Q) receives the largest squared magnitude of each coefficient.
+        power: (blocks,) receives the sum over paths of the squared magnitude of the amplitudes, averaged over the nodes.
+    """
+    nodes = len(inverse)
+    re, im = np.empty(nodes), np.empty(nodes)
+    for block in range(first, last):
+        largest[block], power[block] = 0.0, 0.0
+        for p in range(block * BLOCK, min((block + 1) * BLOCK, len(gain))):
+            re[:], im[:] = 0.0, 0.0
+            total = 0.0
+            for j in range(nodes):
+                a_re, a_im = gain[p] * amplitude[p, j].real, gain[p] * amplitude[p, j].imag
+                total += a_re * a_re + a_im * a_im
+                for q in range(nodes):
+                    re[q] += a_re * inverse[j, q]
+                    im[q] += a_im * inverse[j, q]
+            power[block] += total / nodes
+            for q in range(nodes):
+                coefficients[p, q] = complex(re[q], im[q])
+                largest[block, q] = max(largest[block, q], re[q] * re[q] + im[q] * im[q])
 
 
 @compiled
 def spread(first, last, starts, paths, elements, scale, grid):
-    """Add the paths of the tasks `first` to `last` - 1 to delay grids. A task is a group of consecutive paths of one frame and has its own
-    delay grid.
-
-    The caller must set the delay grids to zero before the call.
+    """Add the paths of the tasks `first` to `last` - 1 to delay grids. Each task has its own delay grid.
 
     Args:
         starts: index of the first path of each task, followed by the number of paths N.
         paths: the PathArrays of all tasks.
         elements: the Elements of the radar's antenna array.
         scale: the GridScale that converts path lengths to phases and grid positions.
-        grid: the Grid to which the paths are added.
+        grid: (tasks, rows, (cells + pad) x 2 C) delay grids to which the paths are added. A row is a pair of a term of the motion and a
+            frequency term. A cell has the real parts of all C channels, followed by the imaginary parts. The grid has `pad` more cells than
+            the period of the delays, for kernels that extend beyond its end.
     """
-    terms, rows = scale.terms, scale.terms * paths.amplitude.shape[1]
+    channels = len(elements.tx) * len(elements.rx)
+    size = grid.shape[2] - 2 * channels * scale.cells
     room = Workspace(
-        np.empty(rows), np.empty(rows), np.empty(terms), np.empty(TAPS), np.empty(rows, np.int64), np.empty((3, len(elements.rx)))
-    )
-    _spread(first, last, starts, paths, elements, scale, grid, room)
+        np.empty(len(scale.widths)), np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels),
+        np.empty(channels, np.int64), np.empty((TAPS, channels)), np.empty(size), np.empty(size),
+    )  # fmt: skip
+    for task in range(first, last):
+        for p in range(starts[task], starts[task + 1]):
+            _spread(p, paths, elements, scale, grid[task], room)
 
 
 @innermost
-def _spread(first, last, starts, paths, elements, scale, grid, room):
-    """Do the work of `spread` with the arrays of a Workspace, which `room` holds."""
-    length_in, length_out, departure, arrival, mirror = paths.length_in, paths.length_out, paths.departure, paths.arrival, paths.mirror
-    drift, motion, amplitude = paths.drift, paths.motion, paths.amplitude
+def _lengths(p, paths, elements, drift, received, length):
+    """Write the length of path `p` between the elements of each channel, at the middle of the frame, to `length` (C,)."""
     tx, rx, planar = elements.tx, elements.rx, elements.planar
-    cycles_per_m, cells_per_m, kernel, least = scale.cycles_per_m, scale.cells_per_m, scale.kernel, scale.least
-    grid_re, grid_im = grid.re, grid.im
-    weight_re, weight_im, orders, taps, used = room.weight_re, room.weight_im, room.orders, room.taps, room.used
-    rows = len(weight_re)
-    cells = grid_re.shape[2] - PAD
-    mirrored, gains = len(mirror) > 0, len(paths.gain) > 0
-    rx_m, rx_re, rx_im = room.received[0], room.received[1], room.received[2]
-    for task in range(first, last):
-        for p in range(starts[task], starts[task + 1]):
-            _motion(motion[p], amplitude[p], weight_re, weight_im, orders)
-            count = 0
-            for b in range(rows):
-                if weight_re[b] * weight_re[b] + weight_im[b] * weight_im[b] > least * least:
-                    used[count] = b
-                    count += 1
-            for r in range(len(rx) if not mirrored else 0):
-                rx_m[r] = _element_distance(length_out[p], arrival[p], rx[r], planar)
-                rx_re[r], rx_im[r] = _turn(cycles_per_m * rx_m[r])
-            for t in range(len(tx)):
-                tx_m, tx_re, tx_im = drift[p], 1.0, 0.0
-                if not mirrored:
-                    tx_m += _element_distance(length_in[p], departure[p], tx[t], planar)
-                    tx_re, tx_im = _turn(cycles_per_m * tx_m)
-                for r in range(len(rx)):
-                    if mirrored:
-                        rx_m[r] = _image_distance(length_in[p] + length_out[p], arrival[p], mirror[p], tx[t], rx[r], planar)
-                        rx_re[r], rx_im[r] = _turn(cycles_per_m * (tx_m + rx_m[r]))
-                    place = cells_per_m * (tx_m + rx_m[r])
-                    place -= cells * np.floor(place / cells)
-                    left = np.uint64(place)
-                    offset = place - left
-                    for i in range(TAPS):
-                        taps[i] = kernel[0, i]
-                    for d in range(1, kernel.shape[0]):
-                        for i in range(TAPS):
-                            taps[i] = taps[i] * offset + kernel[d, i]
-                    turn_re, turn_im = tx_re * rx_re[r] - tx_im * rx_im[r], tx_re * rx_im[r] + tx_im * rx_re[r]
-                    if gains:
-                        g = paths.gain[p, t * len(rx) + r]
-                        turn_re, turn_im = turn_re * g.real - turn_im * g.imag, turn_re * g.imag + turn_im * g.real
-                    row = (t * len(rx) + r) * rows
-                    for j in range(count):
-                        b = used[j]
-                        re = weight_re[b] * turn_re - weight_im[b] * turn_im
-                        im = weight_re[b] * turn_im + weight_im[b] * turn_re
-                        for i in range(TAPS):
-                            grid_re[task, row + b, left + np.uint64(i)] += taps[i] * re
-                            grid_im[task, row + b, left + np.uint64(i)] += taps[i] * im
+    count = len(rx)
+    if len(paths.mirror) > 0:
+        whole = paths.length_in[p] + paths.length_out[p]
+        for t in range(len(tx)):
+            for r in range(count):
+                length[t * count + r] = drift + _image_distance(whole, paths.arrival[p], paths.mirror[p], tx[t], rx[r], planar)
+        return
+    for r in range(count):
+        received[r] = _element_distance(paths.length_out[p], paths.arrival[p], rx[r], planar)
+    for t in range(len(tx)):
+        sent = drift + _element_distance(paths.length_in[p], paths.departure[p], tx[t], planar)
+        for r in range(count):
+            length[t * count + r] = sent + received[r]
+
+
+@innermost
+def _spread(p, paths, elements, scale, grid, room):
+    """Add path `p` to the delay grid (rows, (cells + pad) x 2 C) of its task, with the arrays of a Workspace, which `room` holds."""
+    orders, length, turn, offset, shift, taps = room.orders, room.length, room.turn, room.offset, room.shift, room.taps
+    shape, weighted, kernel, widths = room.shape, room.weighted, scale.kernel, scale.widths
+    channels = len(length)
+    _motion(scale.motion_per_mps * paths.rate[p], orders)
+    _lengths(p, paths, elements, scale.middle_s * paths.rate[p], room.received, length)
+    lowest = np.inf
+    for c in range(channels):
+        turn[0, c], turn[1, c] = _turn(scale.cycles_per_m * length[c])
+        offset[c] = scale.cells_per_m * length[c]
+        lowest = min(lowest, offset[c])
+    if len(paths.gain) > 0:
+        for c in range(channels):
+            g = paths.gain[p, c]
+            turn[0, c], turn[1, c] = turn[0, c] * g.real - turn[1, c] * g.imag, turn[0, c] * g.imag + turn[1, c] * g.real
+    lowest = np.floor(lowest)
+    farthest = 0
+    for c in range(channels):
+        offset[c] -= lowest
+        shift[c] = int(offset[c])
+        offset[c] -= shift[c]
+        farthest = max(farthest, shift[c])
+    for i in range(TAPS):
+        for c in range(channels):
+            taps[i, c] = kernel[0, i]
+        for d in range(1, kernel.shape[0]):
+            for c in range(channels):
+                taps[i, c] = taps[i, c] * offset[c] + kernel[d, i]
+    size = (TAPS + farthest) * 2 * channels
+    if farthest > 0:
+        shape[:size] = 0.0
+    for i in range(TAPS):
+        for c in range(channels):
+            at = (i + shift[c]) * 2 * channels + c
+            shape[at], shape[at + channels] = taps[i, c] * turn[0, c], taps[i, c] * turn[1, c]
+    left = int(lowest - scale.cells * np.floor(lowest / scale.cells)) * 2 * channels
+    for q in range(paths.amplitude.shape[1]):
+        a = paths.amplitude[p, q]
+        magnitude = abs(a.real) + abs(a.imag)
+        ready, row = False, q
+        for k in range(len(orders)):
+            if q < widths[k] and magnitude * abs(orders[k]) > scale.least:
+                if not ready:
+                    ready = True
+                    for i in range(0, size, 2 * channels):
+                        for c in range(i, i + channels):
+                            weighted[c] = a.real * shape[c] - a.imag * shape[c + channels]
+                            weighted[c + channels] = a.real * shape[c + channels] + a.imag * shape[c]
+                _add(orders[k], weighted, size, grid[row], left)
+            row += widths[k]
+
+
+@innermost
+def _add(factor, values, size, line, start):
+    """Add the first `size` values, times a factor, to the entries of `line` from index `start`."""
+    for i in range(size):
+        line[start + i] += factor * values[i]
 
 
 @compiled
-def _gather(task, stop, grid, out):
-    """Sum the delay grids of the tasks `task` to `stop` - 1 of one frame and write the sum to `out`, (cells x rows,) in single precision.
+def _gather(task, stop, row, grid, channels, re, im):
+    """Sum one row of the delay grids of the tasks `task` to `stop` - 1, and write the sum to `re` and `im`, (cells x channels,) in single
+    precision.
 
-    The PAD cells beyond the ends of the grid are added to the cells at its opposite end, because the delay grid is periodic.
+    The cells beyond the ends of the grid are added to the cells at its opposite end, because the delay grid is periodic.
     """
-    rows, cells = grid.shape[1], grid.shape[2] - PAD
-    lines = np.empty((_BLOCK, cells))
-    for low in range(0, rows, _BLOCK):
-        count = min(_BLOCK, rows - low)
-        for b in range(count):
-            line = lines[b]
-            line[:] = 0.0
+    cells = len(re) // channels
+    for source in range(grid.shape[2] // (2 * channels)):
+        target = source - _TAPS_BEFORE
+        again = target < 0 or target >= cells
+        target = target % cells * channels
+        for c in range(channels):
+            sum_re, sum_im = 0.0, 0.0
             for one in range(task, stop):
-                source = grid[one, low + b]
-                for m in range(cells):
-                    line[m] += source[m + _TAPS_BEFORE]
-                for m in range(_TAPS_BEFORE):
-                    line[cells - _TAPS_BEFORE + m] += source[m]
-                for m in range(PAD - _TAPS_BEFORE):
-                    line[m] += source[cells + _TAPS_BEFORE + m]
-        for m in range(cells):
-            for b in range(count):
-                out[m * rows + low + b] = lines[b, m]
+                sum_re += grid[one, row, 2 * source * channels + c]
+                sum_im += grid[one, row, (2 * source + 1) * channels + c]
+            if source < _TAPS_BEFORE or not again:
+                re[target + c], im[target + c] = sum_re, sum_im
+            else:
+                re[target + c] += sum_re
+                im[target + c] += sum_im
 
 
 @compiled
@@ -327,47 +372,57 @@ def transform(re, im, other_re, other_im, rows, cosine, sine):
 
 
 @compiled
-def finish(first, last, tasks, grid, turn, band, slow, iq):
+def finish(first, last, tasks, widths, grid, turn, band, slow, iq):
     """Compute the IQ samples of the frames `first` to `last` - 1 from their delay grids, and add the samples to `iq` (F, C, T, R, N).
 
     Args:
         tasks: (F + 1,) index of the first task of each frame.
-        grid: the Grid that `spread` has filled.
+        widths: (terms,) number of frequency terms of each term of the motion.
+        grid: the delay grids that `spread` has filled.
         turn: the Turn for the Fourier transform over the grid cells.
         band: (Q, N) single precision. Row q is Chebyshev polynomial q over the N samples of a chirp, divided by the Fourier transform of
             the spreading kernel.
         slow: (T, C, terms, N) single precision. Entry k of the third axis is Chebyshev polynomial k of the product of frequency and time.
     """
-    rows, cells = grid.re.shape[1], grid.re.shape[2] - PAD
-    nodes, samples = band.shape
-    num_tx, num_chirps, terms = slow.shape[:3]
-    num_rx = iq.shape[3]
-    re, im = np.empty(cells * rows, np.float32), np.empty(cells * rows, np.float32)
+    num_tx, num_chirps, terms, samples = slow.shape
+    num_rx, cells = iq.shape[3], len(turn.cosine)
+    channels = num_tx * num_rx
+    re, im = np.empty(cells * channels, np.float32), np.empty(cells * channels, np.float32)
     other_re, other_im = np.empty_like(re), np.empty_like(im)
-    term_re, term_im = np.empty((terms, samples), np.float32), np.empty((terms, samples), np.float32)
+    term_re, term_im = np.empty((terms, samples * channels), np.float32), np.empty((terms, samples * channels), np.float32)
+    line_re, line_im = np.empty((terms, samples), np.float32), np.empty((terms, samples), np.float32)
     sum_re, sum_im = np.empty(samples, np.float32), np.empty(samples, np.float32)
     wrap = samples // 2  # the middle sample of the frequency sweep has index zero in the Fourier transform
     for frame in range(first, last):
         if tasks[frame] == tasks[frame + 1]:
             continue
-        _gather(tasks[frame], tasks[frame + 1], grid.re, re)
-        _gather(tasks[frame], tasks[frame + 1], grid.im, im)
-        got_re, got_im = transform(re, im, other_re, other_im, rows, turn.cosine, turn.sine)
+        term_re[:], term_im[:] = 0.0, 0.0
+        row = 0
+        for k in range(terms):
+            for q in range(widths[k]):
+                _gather(tasks[frame], tasks[frame + 1], row, grid, channels, re, im)
+                got_re, got_im = transform(re, im, other_re, other_im, channels, turn.cosine, turn.sine)
+                for n in range(samples):
+                    at, to, value = (n - wrap if n >= wrap else n - wrap + cells) * channels, n * channels, band[q, n]
+                    for c in range(channels):
+                        term_re[k, to + c] += value * got_re[at + c]
+                        term_im[k, to + c] += value * got_im[at + c]
+                row += 1
         for t in range(num_tx):
             for r in range(num_rx):
-                row = (t * num_rx + r) * terms * nodes
-                term_re[:], term_im[:] = 0.0, 0.0
-                for n in range(samples):
-                    at = (n - wrap if n >= wrap else n - wrap + cells) * rows + row
-                    for k in range(terms):
-                        for q in range(nodes):
-                            term_re[k, n] += band[q, n] * got_re[at + k * nodes + q]
-                            term_im[k, n] += band[q, n] * got_im[at + k * nodes + q]
+                for k in range(terms):
+                    sign = np.float32(-1.0 if k % 4 >= 2 else 1.0)
+                    for n in range(samples):
+                        at = n * channels + t * num_rx + r
+                        if k % 2 == 0:
+                            line_re[k, n], line_im[k, n] = sign * term_re[k, at], sign * term_im[k, at]
+                        else:
+                            line_re[k, n], line_im[k, n] = -sign * term_im[k, at], sign * term_re[k, at]
                 for c in range(num_chirps):
-                    sum_re[:], sum_im[:] = term_re[0], term_im[0]
+                    sum_re[:], sum_im[:] = line_re[0], line_im[0]
                     for k in range(1, terms):
                         for n in range(samples):
-                            sum_re[n] += slow[t, c, k, n] * term_re[k, n]
-                            sum_im[n] += slow[t, c, k, n] * term_im[k, n]
+                            sum_re[n] += slow[t, c, k, n] * line_re[k, n]
+                            sum_im[n] += slow[t, c, k, n] * line_im[k, n]
                     for n in range(samples):
                         iq[frame, c, t, r, n] += complex(sum_re[n], sum_im[n])
