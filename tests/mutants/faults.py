@@ -147,7 +147,7 @@ simulation/signal/synthesis: physics/test_synthesis physics/test_receiver
 _motion_terms | 2 * np.pi * reach | np.pi * reach | the Doppler shift is halved
 thermal_noise | received / transmitted / 2 | received / transmitted | noise is 3 dB high
 thermal_noise | gain * np.asarray(fft.fft(noise)) | np.asarray(fft.fft(noise)) | the IF filter does not shape the thermal noise
-synthesize | element_gain(radar.element, paths.arrival) | 1.0 | the antenna gain applies at transmission only
+_expanded | gain * back | gain | the antenna gain applies at transmission only
 received | np.complex64(1j) * phase.reshape(shape) | 0 * phase.reshape(shape) | echoes have no phase noise
 
 simulation/signal/gridding: physics/test_synthesis

@@ -23,8 +23,8 @@ _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel funct
 class PathArrays(NamedTuple):
     """Hold the N paths of all tasks.
 
-    The first seven arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path, and
-    `gain` the shape (0, 0) if all channels have the same amplitude.
+    The first seven arrays are those of `radartwin.simulation.paths.Paths`. `mirror` has the shape (0, 3, 3) if no path is a mirror path,
+    and `gain` the shape (0, 0) if all channels have the same amplitude.
     """
 
     length_in: Any
@@ -70,8 +70,9 @@ class Workspace(NamedTuple):
     offset: Any  # (C,)
     shift: Any  # (C,)
     taps: Any  # (TAPS, C)
-    shape: Any  # (cells x 2 C,) weights of the path in all channels of the cells that its kernel reaches
-    weighted: Any  # (cells x 2 C,) the same, times the coefficient of a frequency term
+    shape: Any  # (cells, 2, C) weights of the path in all channels of the cells that its kernel reaches
+    weighted: Any  # (cells, 2, C) the same, times the coefficient of a frequency term
+    line: Any  # (cells x 2 C,) view of `weighted`
 
 
 class Turn(NamedTuple):
@@ -110,7 +111,7 @@ def bessel(argument, out):
         if count > 2:
             out[2] = x * x / 8
         return
-    order = 2 * ((int(x) + 18 + int(3 * x ** (1 / 3))) // 2)
+    order = 14 if x < 1 else 2 * ((int(x) + 18 + int(3 * x ** (1 / 3))) // 2)
     above, here, total = 0.0, 1e-30, 2e-30
     if order < count:
         out[order] = here
@@ -171,7 +172,7 @@ def expand(first, last, amplitude, gain, inverse, coefficients, largest, power):
 
     Args:
         amplitude: (N, Q) amplitudes at the frequency nodes.
-        gain: (N,) gain of the antennas and of the IF filter.
+        gain: (N,) complex gain of the antennas and of the IF filter.
         inverse: (Q, Q) matrix whose row j has the coefficients that an amplitude of 1 at node j adds.
         coefficients: (N, Q) receives the Chebyshev coefficients.
         largest: (blocks, Q) receives the largest squared magnitude of each coefficient.
@@ -185,7 +186,8 @@ def expand(first, last, amplitude, gain, inverse, coefficients, largest, power):
             re[:], im[:] = 0.0, 0.0
             total = 0.0
             for j in range(nodes):
-                a_re, a_im = gain[p] * amplitude[p, j].real, gain[p] * amplitude[p, j].imag
+                a = gain[p] * amplitude[p, j]
+                a_re, a_im = a.real, a.imag
                 total += a_re * a_re + a_im * a_im
                 for q in range(nodes):
                     re[q] += a_re * inverse[j, q]
@@ -210,14 +212,34 @@ def spread(first, last, starts, paths, elements, scale, grid):
             the period of the delays, for kernels that extend beyond its end.
     """
     channels = len(elements.tx) * len(elements.rx)
-    size = grid.shape[2] - 2 * channels * scale.cells
+    size = grid.shape[2] // (2 * channels) - scale.cells
+    weighted = np.empty((size, 2, channels))
     room = Workspace(
         np.empty(len(scale.widths)), np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels),
-        np.empty(channels, np.int64), np.empty((TAPS, channels)), np.empty(size), np.empty(size),
+        np.empty(channels, np.int64), np.empty((TAPS, channels)), np.empty((size, 2, channels)), weighted, weighted.reshape(-1),
     )  # fmt: skip
+    order, ends = np.empty(starts[last] - starts[first], np.int64), np.empty(scale.cells + 1, np.int64)
     for task in range(first, last):
-        for p in range(starts[task], starts[task + 1]):
-            _spread(p, paths, elements, scale, grid[task], room)
+        _by_delay(starts[task], starts[task + 1], paths, scale, order, ends)
+        for i in range(starts[task + 1] - starts[task]):
+            _spread(order[i], paths, elements, scale, grid[task], room)
+
+
+@innermost
+def _by_delay(start, stop, paths, scale, order, ends):
+    """Write the paths `start` to `stop` - 1 to `order`, sorted by their grid cell, so that the cells stay in the processor's cache.
+
+    The work array `ends` has one entry more than the grid has cells.
+    """
+    ends[:] = 0
+    for p in range(start, stop):
+        ends[int(np.floor(scale.cells_per_m * (paths.length_in[p] + paths.length_out[p]))) % scale.cells + 1] += 1
+    for m in range(1, len(ends)):
+        ends[m] += ends[m - 1]
+    for p in range(start, stop):
+        cell = int(np.floor(scale.cells_per_m * (paths.length_in[p] + paths.length_out[p]))) % scale.cells
+        order[ends[cell]] = p
+        ends[cell] += 1
 
 
 @innermost
@@ -269,35 +291,34 @@ def _spread(p, paths, elements, scale, grid, room):
         for d in range(1, kernel.shape[0]):
             for c in range(channels):
                 taps[i, c] = taps[i, c] * offset[c] + kernel[d, i]
-    size = (TAPS + farthest) * 2 * channels
+    reach = TAPS + farthest
     if farthest > 0:
-        shape[:size] = 0.0
+        shape[:reach] = 0.0
     for i in range(TAPS):
         for c in range(channels):
-            at = (i + shift[c]) * 2 * channels + c
-            shape[at], shape[at + channels] = taps[i, c] * turn[0, c], taps[i, c] * turn[1, c]
-    left = int(lowest - scale.cells * np.floor(lowest / scale.cells)) * 2 * channels
+            shape[i + shift[c], 0, c], shape[i + shift[c], 1, c] = taps[i, c] * turn[0, c], taps[i, c] * turn[1, c]
+    left, size = int(lowest) % scale.cells * 2 * channels, reach * 2 * channels
     for q in range(paths.amplitude.shape[1]):
-        a = paths.amplitude[p, q]
-        magnitude = abs(a.real) + abs(a.imag)
+        a_re, a_im = paths.amplitude[p, q].real, paths.amplitude[p, q].imag
+        squared = a_re * a_re + a_im * a_im
         ready, row = False, q
         for k in range(len(orders)):
-            if q < widths[k] and magnitude * abs(orders[k]) > scale.least:
+            if q < widths[k] and squared * orders[k] * orders[k] > scale.least * scale.least:
                 if not ready:
                     ready = True
-                    for i in range(0, size, 2 * channels):
-                        for c in range(i, i + channels):
-                            weighted[c] = a.real * shape[c] - a.imag * shape[c + channels]
-                            weighted[c + channels] = a.real * shape[c + channels] + a.imag * shape[c]
-                _add(orders[k], weighted, size, grid[row], left)
+                    for i in range(reach):
+                        for c in range(channels):
+                            weighted[i, 0, c] = a_re * shape[i, 0, c] - a_im * shape[i, 1, c]
+                            weighted[i, 1, c] = a_re * shape[i, 1, c] + a_im * shape[i, 0, c]
+                _add(orders[k], room.line[:size], grid[row, left : left + size])
             row += widths[k]
 
 
 @innermost
-def _add(factor, values, size, line, start):
-    """Add the first `size` values, times a factor, to the entries of `line` from index `start`."""
-    for i in range(size):
-        line[start + i] += factor * values[i]
+def _add(factor, values, line):
+    """Add values, times a factor, to the entries of `line`."""
+    for i in range(len(values)):
+        line[i] += factor * values[i]
 
 
 @compiled
@@ -307,17 +328,16 @@ def _gather(task, stop, row, grid, channels, re, im):
 
     The cells beyond the ends of the grid are added to the cells at its opposite end, because the delay grid is periodic.
     """
-    cells = len(re) // channels
-    for source in range(grid.shape[2] // (2 * channels)):
-        target = source - _TAPS_BEFORE
-        again = target < 0 or target >= cells
-        target = target % cells * channels
+    cells, total = len(re) // channels, grid.shape[2] // (2 * channels)
+    for step in range(total):
+        source = (step + _TAPS_BEFORE) % total
+        target = (source - _TAPS_BEFORE) % cells * channels
         for c in range(channels):
             sum_re, sum_im = 0.0, 0.0
             for one in range(task, stop):
                 sum_re += grid[one, row, 2 * source * channels + c]
                 sum_im += grid[one, row, (2 * source + 1) * channels + c]
-            if source < _TAPS_BEFORE or not again:
+            if step < cells:
                 re[target + c], im[target + c] = sum_re, sum_im
             else:
                 re[target + c] += sum_re

@@ -16,6 +16,7 @@ the compiled loops over paths and grid cells. The file is over 300 lines long, b
 
 import functools
 import itertools
+import math
 import weakref
 from collections.abc import Iterator, Sequence
 
@@ -46,12 +47,13 @@ DELAY_BAND = 0.1
 _LEAST = 3e-6
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
-# `received` joins `Paths` objects up to this number of paths, because the Fourier transforms of a frame take as long as a thousand paths.
+# Largest number of paths that `received` synthesises at once; it limits the memory of their coefficients.
 _PATHS_AT_ONCE = 500_000
 # Number of noise samples that `thermal_noise` draws beyond the end of a chirp. High-pass stages of any corner frequency correlate the first
 # and the last sample of a chirp by at most 0.0015 of the noise power.
 NOISE_TAIL = 128
 _GRID_BYTES = 64_000_000  # largest size of the delay grids in memory, in bytes
+_NOT_FINITE = "paths hold amplitudes, lengths or rates that are not finite; correct the simulator that made them"
 _signals_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str, bool], list[tuple[np.ndarray, float]]]] = (
     weakref.WeakKeyDictionary()
 )
@@ -94,28 +96,11 @@ def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
     return out
 
 
-def _band(amplitude: np.ndarray, nodes_hz: np.ndarray, frequency_hz: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Expand the amplitude of each path over frequency in a Chebyshev series.
-
-    The function drops the highest terms of the series if the magnitudes of their coefficients are below `least` for all paths.
-
-    Returns:
-        Chebyshev coefficients (N, Q') of N paths, and the values (Q', samples) of the Q' polynomials at the sample frequencies.
-    """
-    middle = (nodes_hz.min() + nodes_hz.max()) / 2
-    half = (nodes_hz.max() - nodes_hz.min()) / 2 or 1.0
-    at_nodes, over_band = (np.polynomial.chebyshev.chebvander((f - middle) / half, len(nodes_hz) - 1) for f in (nodes_hz, frequency_hz))
-    coefficients = amplitude @ np.linalg.inv(at_nodes).T
-    used = np.flatnonzero(np.abs(coefficients).max(axis=0, initial=0.0) >= least)
-    count = int(used[-1]) + 1 if used.size else 1
-    return np.ascontiguousarray(coefficients[:, :count]), over_band.T[:count]
-
-
-def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
+def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = "exact", out: np.ndarray | None = None) -> np.ndarray:
     """Compute the IQ samples of all sensor poses of `paths`, one frame per pose, without noise.
 
     Args:
-        paths: propagation paths of F poses, sorted by pose.
+        paths: propagation paths of F poses, sorted by pose, or several `Paths` objects of F poses each, whose signals add up.
         radar: radar with T transmitters, R receivers, C chirp loops per frame and N samples per chirp.
         elements: "exact" computes the path length to every antenna element. "planar" assumes plane waves across the array; it exists for
             comparison and shortens the run time by at most a seventh. "auto" assumes plane waves if the phase error of no path exceeds
@@ -127,61 +112,125 @@ def synthesize(paths: Paths, radar: Radar, *, elements: str = "exact", out: np.n
         InputError: `elements` is unknown, `out` has a wrong shape, or a path has a value that is not finite.
     """
     check_option("elements", elements, ELEMENTS)
-    shape = (paths.poses, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
+    parts = [paths] if isinstance(paths, Paths) else list(paths)
+    frames = parts[0].poses
+    shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
     iq = np.zeros(shape, np.complex64) if out is None else out
     if iq.shape != shape:
         raise InputError(f"out must have shape {shape}, not {iq.shape}")
-    if not (np.isfinite(paths.amplitude).all() and np.isfinite(paths.length_m).all() and np.isfinite(paths.rate_mps).all()):
-        raise InputError("paths hold amplitudes, lengths or rates that are not finite; correct the simulator that made them")
-    gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
-    if radar.if_filter is not None:
-        gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * paths.length_m, radar.band_hz)
-    amplitude = paths.amplitude * gain[:, None]
-    least = _LEAST * float(np.sqrt((np.abs(amplitude) ** 2).mean())) if len(paths) else 0.0
-    planar = elements == "planar" or (elements == "auto" and planar_phase(paths, radar) <= PLANAR_PHASE)
-    samples = radar.num_samples
+    parts = [part for part in parts if len(part)]
+    if not parts:
+        return iq
+    samples, channels = radar.num_samples, radar.num_tx * radar.num_rx
     cells = max(16, 1 << (2 * samples - 1).bit_length())
     fast_time = np.arange(samples) / radar.sample_rate_hz
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * fast_time
-    drift, motion, slow = _motion_terms(paths.rate_mps, radar, frequency, fast_time)
-    terms = slow.shape[2]
-    amplitude, polynomials = _band(amplitude.astype(complex), paths.frequencies_hz, frequency, least)
-    band = (polynomials / _kernel_transform(samples, cells)).astype(np.float32)
+    planar = elements == "planar" or (elements == "auto" and max(planar_phase(part, radar) for part in parts) <= PLANAR_PHASE)
+    sweep = np.concatenate([frequency, *(part.frequencies_hz for part in parts)])
+    interval = float(sweep.min() + sweep.max()) / 2, float(np.ptp(sweep)) / 2 or 1.0
+    arrays, largest, least = _expanded(parts, radar, *interval)
+    fastest = max(float(np.abs(part.rate_mps).max()) for part in parts)
+    middle_s, motion_per_mps, slow = _motion_terms(fastest, radar, frequency, fast_time)
+    widths = _widths(largest, motion_per_mps * fastest, slow.shape[2], least)
+    polynomials = _polynomials(frequency, *interval, int(widths.max()))
+    band = (polynomials.T / _kernel_transform(samples, cells)).astype(np.float32)
     angle = 2 * np.pi * np.arange(cells) / cells
     turn = gridding.Turn(np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32))
-    arrays = gridding.PathArrays(
-        np.ascontiguousarray(paths.length_in_m, float), np.ascontiguousarray(paths.length_out_m, float),
-        np.ascontiguousarray(paths.departure, float), np.ascontiguousarray(paths.arrival, float),
-        np.zeros((0, 3, 3)) if paths.mirror is None else np.ascontiguousarray(paths.mirror, float),
-        np.zeros((0, 0), complex) if paths.gain is None else np.ascontiguousarray(paths.gain, complex), drift, motion, amplitude,
-    )  # fmt: skip
+    cells_per_m = radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells
     scale = gridding.GridScale(
-        (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT,
-        radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells, terms, _kernel_polynomials(), least,
+        (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT, cells_per_m, cells, middle_s,
+        motion_per_mps, _kernel_polynomials(), widths, least,
     )  # fmt: skip
     antennas = gridding.Elements(radar.tx_positions, radar.rx_positions, planar)
-    rows = radar.num_tx * radar.num_rx * terms * len(band)
-    starts, tasks = _tasks(np.searchsorted(paths.pose, np.arange(paths.poses + 1)))
-    at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (16 * rows * (cells + gridding.PAD)))
+    array_m = sum(float(np.linalg.norm(np.ptp(positions, axis=0))) for positions in (radar.tx_positions, radar.rx_positions))
+    line = 2 * channels * (cells + gridding.TAPS + int(np.ceil(abs(cells_per_m) * array_m)) + 1)
+    tasks, starts = _tasks(np.stack([np.searchsorted(part.pose, np.arange(frames + 1)) for part in parts]))
+    at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (8 * int(widths.sum()) * line))
+    room = _aligned((min(at_once, int(tasks[-1])), int(widths.sum()), line))
     first = 0
-    while first < paths.poses:
+    while first < frames:
         last = int(np.searchsorted(tasks, tasks[first] + at_once, side="right")) - 1
         low, high = tasks[first], tasks[last]
-        grid = gridding.Grid(*np.zeros((2, high - low, rows, cells + gridding.PAD)))
-        shared_out(gridding.spread, int(high - low), starts[low : high + 1], arrays, antennas, scale, grid)
-        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, grid, turn, band, slow, iq[first:last])
+        grid = room[: high - low]
+        grid[:] = 0.0
+        for start, array in zip(starts, arrays, strict=True):
+            shared_out(gridding.spread, int(high - low), start[low : high + 1], array, antennas, scale, grid)
+        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, widths, grid, turn, band, slow, iq[first:last])
         first = last
     return iq
 
 
-def _motion_terms(
-    rate_mps: np.ndarray, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the quantities that represent the motion of N paths within a frame.
+def _aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array without initial values that begins at a cache line of the processor."""
+    room = np.empty(math.prod(shape) + 8)
+    return room[-room.ctypes.data // 8 % 8 :][: math.prod(shape)].reshape(shape)
+
+
+def _polynomials(frequency_hz: np.ndarray, middle_hz: float, half_hz: float, count: int) -> np.ndarray:
+    """Return the first `count` Chebyshev polynomials (N, count) over a frequency band at N frequencies."""
+    return np.polynomial.chebyshev.chebvander((frequency_hz - middle_hz) / half_hz, count - 1)
+
+
+def _expanded(
+    parts: Sequence[Paths], radar: Radar, middle_hz: float, half_hz: float
+) -> tuple[list[gridding.PathArrays], np.ndarray, float]:
+    """Expand the amplitudes of all paths, times the gains of the antennas and of the IF filter, in Chebyshev polynomials over a frequency
+    band.
 
     Returns:
-        The change of each path's length from the start to the middle of the frame (N,) in metres, the Bessel function arguments (N,) in
-        radians, and the Chebyshev polynomials (T, C, terms, samples) of the product of frequency and time.
+        The arrays of each `Paths` object, the largest magnitudes (Q,) of the coefficients, and the smallest weight of a term of a path that
+        the synthesis uses.
+    """
+    arrays, largest = [], np.zeros(max(len(part.frequencies_hz) for part in parts))
+    power = 0.0
+    for part in parts:
+        if not (np.isfinite(part.length_m).all() and np.isfinite(part.rate_mps).all()):
+            raise InputError(_NOT_FINITE)
+        gain = element_gain(radar.element, part.departure)
+        back = gain if np.array_equal(part.departure, part.arrival) else element_gain(radar.element, part.arrival)
+        gain = gain * back
+        if radar.if_filter is not None:
+            gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * part.length_m, radar.band_hz)
+        nodes = len(part.frequencies_hz)
+        inverse = np.ascontiguousarray(np.linalg.inv(_polynomials(part.frequencies_hz, middle_hz, half_hz, nodes)).T)
+        coefficients = np.empty((len(part), nodes), complex)
+        blocks = -(-len(part) // gridding.BLOCK)
+        squared, powers = np.empty((blocks, nodes)), np.empty(blocks)
+        amplitude = np.ascontiguousarray(part.amplitude, complex)
+        shared_out(gridding.expand, blocks, amplitude, gain.astype(complex), inverse, coefficients, squared, powers)
+        largest[:nodes] = np.maximum(largest[:nodes], np.sqrt(squared.max(axis=0)))
+        power += float(powers.sum())
+        plain = (part.length_in_m, part.length_out_m, part.departure, part.arrival, part.rate_mps)
+        plain = (*plain, np.zeros((0, 3, 3)) if part.mirror is None else part.mirror)
+        factor = np.ascontiguousarray(np.zeros((0, 0)) if part.gain is None else part.gain, complex)
+        arrays.append(gridding.PathArrays(*(np.ascontiguousarray(values, float) for values in plain), factor, coefficients))
+    if not np.isfinite(power):
+        raise InputError(_NOT_FINITE)
+    return arrays, largest, _LEAST * float(np.sqrt(power / sum(len(part) for part in parts)))
+
+
+def _widths(largest: np.ndarray, motion: float, terms: int, least: float) -> np.ndarray:
+    """Return the number (terms,) of frequency terms that each term of the motion needs, so that the omitted terms are below `least`.
+
+    Args:
+        largest: (Q,) largest magnitude of each frequency coefficient.
+        motion: largest argument w of the Bessel functions, in radians. The magnitude of J_k(w) is at most (w/2)^k/k! and 1.
+    """
+    bound, widths = 1.0, np.zeros(terms, np.int64)
+    for k in range(terms):
+        bound = 1.0 if k == 0 else bound * motion / 2 / k
+        used = np.flatnonzero((1 if k == 0 else 2) * min(bound, 1.0) * largest >= least)
+        widths[k] = used[-1] + 1 if used.size else 0
+    widths[0] = max(widths[0], 1)
+    return widths
+
+
+def _motion_terms(largest_mps: float, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Return the quantities that represent the motion of paths within a frame, for rates of change up to `largest_mps` in m/s.
+
+    Returns:
+        The time from the start to the middle of the frame, the argument of the Bessel functions for a rate of 1 m/s in radians, and the
+        Chebyshev polynomials (T, C, terms, samples) of the product of frequency and time.
     """
     chirp_start = radar.chirp_times()
     middle = (chirp_start.max() + fast_time[-1]) / 2
@@ -189,10 +238,10 @@ def _motion_terms(
     # that the motion of path p causes.
     moving = frequency * (chirp_start[:, :, None] + fast_time - middle)
     reach = float(np.abs(moving).max()) or 1.0
-    motion = 2 * np.pi * reach / SPEED_OF_LIGHT * rate_mps
-    largest = float(np.abs(motion).max(initial=0.0))
+    motion_per_mps = 2 * np.pi * reach / SPEED_OF_LIGHT
+    largest = motion_per_mps * largest_mps
     terms = 1 if largest < _BESSEL_TAIL else chebyshev_terms(largest, _BESSEL_TAIL)
-    return rate_mps * middle, motion, _chebyshev(moving / reach, terms)
+    return float(middle), motion_per_mps, _chebyshev(moving / reach, terms)
 
 
 def planar_phase(paths: Paths, radar: Radar) -> float:
@@ -216,20 +265,18 @@ def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     any number of processor cores, so that the result of the sum over paths is the same too.
 
     Args:
-        edges: (F + 1,) path indices; frame f has the paths edges[f] to edges[f + 1] - 1.
+        edges: (P, F + 1) path indices; frame f has the paths edges[p, f] to edges[p, f + 1] - 1 of the `Paths` object p.
     Returns:
-        The index of the first path of each task, an array with one entry more than there are tasks, and the index of the first task of
-        each frame (F + 1,).
+        The index of the first task of each frame (F + 1,), and the index of the first path of each task in each `Paths` object,
+        (P, tasks + 1).
     """
     counts = np.diff(edges)
-    pieces = np.clip(-(-counts // _PATHS_PER_TASK), np.minimum(counts, 1), _TASKS_PER_FRAME)
+    every = counts.sum(axis=0)
+    pieces = np.clip(-(-every // _PATHS_PER_TASK), np.minimum(every, 1), _TASKS_PER_FRAME)
     tasks = np.concatenate([[0], np.cumsum(pieces)])
-    starts = np.empty(tasks[-1] + 1, np.int64)
-    starts[-1] = edges[-1]
-    for frame in np.flatnonzero(pieces):
-        share = edges[frame] + counts[frame] * np.arange(pieces[frame]) // pieces[frame]
-        starts[tasks[frame] : tasks[frame + 1]] = share
-    return starts, tasks
+    frame = np.repeat(np.arange(len(pieces)), pieces)
+    share = counts[:, frame] * (np.arange(tasks[-1]) - tasks[frame]) // pieces[frame]
+    return tasks, np.concatenate([edges[:, frame] + share, edges[:, -1:]], axis=1)
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
@@ -288,11 +335,10 @@ def received(
     if oscillator is None or radar.phase_noise is None or not parts:
         for part in resting:
             out += _resting_signals(part, radar, elements, by_delay=False)[0][0]
-        for alike in _alike(moving):
-            size = max(1, frames * _PATHS_AT_ONCE // sum(len(part) for part in alike))
-            for start in range(0, frames, size):
-                some = [part.frames(start, min(start + size, frames)) for part in alike]
-                synthesize(some[0] if len(some) == 1 else Paths.concatenate(some), radar, elements=elements, out=out[start : start + size])
+        size = max(1, frames * _PATHS_AT_ONCE // max(sum(len(part) for part in moving), 1))
+        for start in range(0, frames if moving else 0, size):
+            some = [part.frames(start, min(start + size, frames)) for part in moving]
+            synthesize(some, radar, elements=elements, out=out[start : start + size])
         return out
     longest = max(float(part.length_m.max()) for part in parts)
     resting_signals = [signal for part in resting for signal in _resting_signals(part, radar, elements, by_delay=True)]
@@ -312,14 +358,6 @@ def received(
             phase = basis @ processes.reshape(len(processes), -1)
             block += signal * (1 + np.complex64(1j) * phase.reshape(shape))
     return out
-
-
-def _alike(parts: Sequence[Paths]) -> list[list[Paths]]:
-    """Group the `Paths` objects that `Paths.concatenate` can join: those with equal frequency nodes and the same kinds of arrays."""
-    groups: dict[tuple[bytes, bool, bool], list[Paths]] = {}
-    for part in parts:
-        groups.setdefault((part.frequencies_hz.tobytes(), part.mirror is None, part.gain is None), []).append(part)
-    return list(groups.values())
 
 
 def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -> list[tuple[np.ndarray, float]]:
