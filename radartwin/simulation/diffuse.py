@@ -130,6 +130,8 @@ def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = N
     """
     if count is not None:
         check_whole("count", count, 1)
+    if not any(surface.roughness_m > 0 for surface in surfaces):
+        return Cloud(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, complex), np.zeros(0, int))
     wavenumber = 2 * np.pi * _SAMPLING_HZ / SPEED_OF_LIGHT
     sides = geometry.corners[:, 1:] - geometry.corners[:, :1]
     twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)

@@ -1,11 +1,11 @@
 """Contain the compiled functions of the signal synthesis: they spread paths over a grid of delays, transform the grid, and form the chirps.
 
 A task is a group of paths of one frame. Each task has its own grid of delays, so that no two threads write to the same grid cell, and the
-sum over paths always has the same order. Frames with many paths are split into several tasks. Path lengths, phases and grids have double
-precision. The Fourier transform and the chirps have single precision, which causes an error of 1e-7 of the frame's strongest echo. The
-channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. The channels of a grid cell are next to
-each other in memory, because a path has almost the same delay in all channels. All these functions are in one file of over 300 lines,
-because Numba does not recompile a cached function when a function in another file changes.
+sum over paths always has the same order. Frames with many paths are split into several tasks. Path lengths and phases have double
+precision. The grids, the Fourier transform and the chirps have single precision, which causes an error of 3e-7 of the frame's strongest
+echo. The channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. The channels of a grid cell
+are next to each other in memory, because a path has almost the same delay in all channels. All these functions are in one file of over 300
+lines, because Numba does not recompile a cached function when a function in another file changes.
 """
 
 from typing import Any, NamedTuple
@@ -15,7 +15,8 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 
 TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
-BLOCK = 256  # number of paths for which `expand` finds the largest coefficients
+DEGREE = TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
+BLOCK = 1024  # number of paths for which `expand` finds the largest coefficients
 _TAPS_BEFORE = TAPS // 2 - 1  # number of kernel taps to the left of the grid cell in which the delay of a path lies
 _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel functions' power series are exact in double precision
 
@@ -53,7 +54,7 @@ class GridScale(NamedTuple):
     cells: Any  # number of delay-grid cells
     middle_s: Any  # time from the start to the middle of the frame
     motion_per_mps: Any  # argument of the Bessel functions that represent the motion of a path of 1 m/s within a frame, in radians
-    # (degree + 1, TAPS) polynomial coefficients, highest power first. The polynomial of a tap gives its kernel weight as a function of the
+    # (DEGREE + 1, TAPS) polynomial coefficients, highest power first. The polynomial of a tap gives its kernel weight as a function of the
     # position (0 to 1) of a path between two grid cells.
     kernel: Any
     widths: Any  # (terms,) number of frequency terms of each Chebyshev term that represents the motion of the paths within a frame
@@ -69,7 +70,6 @@ class Workspace(NamedTuple):
     turn: Any  # (2, C)
     offset: Any  # (C,)
     shift: Any  # (C,)
-    taps: Any  # (TAPS, C)
     shape: Any  # (cells, 2, C) weights of the path in all channels of the cells that its kernel reaches
     weighted: Any  # (cells, 2, C) the same, times the coefficient of a frequency term
     line: Any  # (cells x 2 C,) view of `weighted`
@@ -207,16 +207,16 @@ def spread(first, last, starts, paths, elements, scale, grid):
         paths: the PathArrays of all tasks.
         elements: the Elements of the radar's antenna array.
         scale: the GridScale that converts path lengths to phases and grid positions.
-        grid: (tasks, rows, (cells + pad) x 2 C) delay grids to which the paths are added. A row is a pair of a term of the motion and a
-            frequency term. A cell has the real parts of all C channels, followed by the imaginary parts. The grid has `pad` more cells than
-            the period of the delays, for kernels that extend beyond its end.
+        grid: (tasks, rows, (cells + pad) x 2 C) delay grids in single precision, to which the paths are added. A row is a pair of a term of
+            the motion and a frequency term. A cell has the real parts of all C channels, followed by the imaginary parts. The grid has
+            `pad` more cells than the period of the delays, for kernels that extend beyond its end.
     """
     channels = len(elements.tx) * len(elements.rx)
     size = grid.shape[2] // (2 * channels) - scale.cells
-    weighted = np.empty((size, 2, channels))
+    weighted = np.empty((size, 2, channels), np.float32)
     room = Workspace(
         np.empty(len(scale.widths)), np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels),
-        np.empty(channels, np.int64), np.empty((TAPS, channels)), np.empty((size, 2, channels)), weighted, weighted.reshape(-1),
+        np.empty(channels, np.int64), np.empty((size, 2, channels), np.float32), weighted, weighted.reshape(-1),
     )  # fmt: skip
     order, ends = np.empty(starts[last] - starts[first], np.int64), np.empty(scale.cells + 1, np.int64)
     for task in range(first, last):
@@ -264,7 +264,7 @@ def _lengths(p, paths, elements, drift, received, length):
 @innermost
 def _spread(p, paths, elements, scale, grid, room):
     """Add path `p` to the delay grid (rows, (cells + pad) x 2 C) of its task, with the arrays of a Workspace, which `room` holds."""
-    orders, length, turn, offset, shift, taps = room.orders, room.length, room.turn, room.offset, room.shift, room.taps
+    orders, length, turn, offset, shift = room.orders, room.length, room.turn, room.offset, room.shift
     shape, weighted, kernel, widths = room.shape, room.weighted, scale.kernel, scale.widths
     channels = len(length)
     _motion(scale.motion_per_mps * paths.rate[p], orders)
@@ -287,30 +287,33 @@ def _spread(p, paths, elements, scale, grid, room):
         farthest = max(farthest, shift[c])
     for i in range(TAPS):
         for c in range(channels):
-            taps[i, c] = kernel[0, i]
-        for d in range(1, kernel.shape[0]):
-            for c in range(channels):
-                taps[i, c] = taps[i, c] * offset[c] + kernel[d, i]
+            weight = kernel[0, i]
+            for d in range(1, DEGREE + 1):
+                weight = weight * offset[c] + kernel[d, i]
+            shape[i, 0, c], shape[i, 1, c] = weight * turn[0, c], weight * turn[1, c]
     reach = TAPS + farthest
     if farthest > 0:
-        shape[:reach] = 0.0
-    for i in range(TAPS):
+        shape[TAPS:reach] = 0.0
         for c in range(channels):
-            shape[i + shift[c], 0, c], shape[i + shift[c], 1, c] = taps[i, c] * turn[0, c], taps[i, c] * turn[1, c]
+            for _ in range(shift[c]):
+                for i in range(reach - 1, 0, -1):
+                    shape[i, 0, c], shape[i, 1, c] = shape[i - 1, 0, c], shape[i - 1, 1, c]
+                shape[0, 0, c], shape[0, 1, c] = 0.0, 0.0
     left, size = int(lowest) % scale.cells * 2 * channels, reach * 2 * channels
     for q in range(paths.amplitude.shape[1]):
-        a_re, a_im = paths.amplitude[p, q].real, paths.amplitude[p, q].imag
-        squared = a_re * a_re + a_im * a_im
+        a = paths.amplitude[p, q]
+        squared = a.real * a.real + a.imag * a.imag
         ready, row = False, q
         for k in range(len(orders)):
             if q < widths[k] and squared * orders[k] * orders[k] > scale.least * scale.least:
                 if not ready:
                     ready = True
+                    a_re, a_im = np.float32(a.real), np.float32(a.imag)
                     for i in range(reach):
                         for c in range(channels):
                             weighted[i, 0, c] = a_re * shape[i, 0, c] - a_im * shape[i, 1, c]
                             weighted[i, 1, c] = a_re * shape[i, 1, c] + a_im * shape[i, 0, c]
-                _add(orders[k], room.line[:size], grid[row, left : left + size])
+                _add(np.float32(orders[k]), room.line[:size], grid[row, left : left + size])
             row += widths[k]
 
 

@@ -37,7 +37,6 @@ ELEMENTS = ("exact", "planar", "auto")
 # IWR1843 has a smaller error for all path lengths above 1.93 m.
 PLANAR_PHASE = 0.01
 _SHAPE = 2.30 * gridding.TAPS
-_DEGREE = gridding.TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
 _BESSEL_TAIL = 1e-5
 FRAMES_PER_BLOCK = 256  # number of frames for which noise is computed at once; it limits the memory of the noise arrays
 # Relative width of a band of echo delays that get the same phase noise. The resulting error is at most a twentieth of the phase noise.
@@ -52,7 +51,7 @@ _PATHS_AT_ONCE = 500_000
 # Number of noise samples that `thermal_noise` draws beyond the end of a chirp. High-pass stages of any corner frequency correlate the first
 # and the last sample of a chirp by at most 0.0015 of the noise power.
 NOISE_TAIL = 128
-_GRID_BYTES = 64_000_000  # largest size of the delay grids in memory, in bytes
+_GRID_BYTES = 32_000_000  # largest size of the delay grids in memory, in bytes
 _NOT_FINITE = "paths hold amplitudes, lengths or rates that are not finite; correct the simulator that made them"
 _signals_of_part: weakref.WeakKeyDictionary[Paths, dict[tuple[Radar, str, bool], list[tuple[np.ndarray, float]]]] = (
     weakref.WeakKeyDictionary()
@@ -76,13 +75,13 @@ def _kernel_transform(samples: int, grid: int) -> np.ndarray:
 
 @functools.cache
 def _kernel_polynomials() -> np.ndarray:
-    """Return polynomial coefficients (degree + 1, TAPS), highest power first, for the weights of the spreading kernel's taps.
+    """Return polynomial coefficients (DEGREE + 1, TAPS), highest power first, for the weights of the spreading kernel's taps.
 
     The polynomial of a tap gives its weight as a function of the position (0 to 1) of a path between two grid cells.
     """
-    place = (1 + np.polynomial.chebyshev.chebpts1(4 * _DEGREE)) / 2
+    place = (1 + np.polynomial.chebyshev.chebpts1(4 * gridding.DEGREE)) / 2
     taps = _kernel(place[:, None] - np.arange(gridding.TAPS) + gridding.TAPS // 2 - 1)
-    return np.ascontiguousarray(np.polyfit(place, taps, _DEGREE))
+    return np.ascontiguousarray(np.polyfit(place, taps, gridding.DEGREE))
 
 
 def _chebyshev(x: np.ndarray, terms: int) -> np.ndarray:
@@ -145,7 +144,7 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
     array_m = sum(float(np.linalg.norm(np.ptp(positions, axis=0))) for positions in (radar.tx_positions, radar.rx_positions))
     line = 2 * channels * (cells + gridding.TAPS + int(np.ceil(abs(cells_per_m) * array_m)) + 1)
     tasks, starts = _tasks(np.stack([np.searchsorted(part.pose, np.arange(frames + 1)) for part in parts]))
-    at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (8 * int(widths.sum()) * line))
+    at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (4 * int(widths.sum()) * line))
     room = _aligned((min(at_once, int(tasks[-1])), int(widths.sum()), line))
     first = 0
     while first < frames:
@@ -161,9 +160,9 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
 
 
 def _aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array without initial values that begins at a cache line of the processor."""
-    room = np.empty(math.prod(shape) + 8)
-    return room[-room.ctypes.data // 8 % 8 :][: math.prod(shape)].reshape(shape)
+    """Return a single-precision array without initial values that begins at a cache line of the processor."""
+    room = np.empty(math.prod(shape) + 16, np.float32)
+    return room[-room.ctypes.data // 4 % 16 :][: math.prod(shape)].reshape(shape)
 
 
 def _polynomials(frequency_hz: np.ndarray, middle_hz: float, half_hz: float, count: int) -> np.ndarray:
@@ -276,7 +275,7 @@ def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     tasks = np.concatenate([[0], np.cumsum(pieces)])
     frame = np.repeat(np.arange(len(pieces)), pieces)
     share = counts[:, frame] * (np.arange(tasks[-1]) - tasks[frame]) // pieces[frame]
-    return tasks, np.concatenate([edges[:, frame] + share, edges[:, -1:]], axis=1)
+    return tasks, np.ascontiguousarray(np.concatenate([edges[:, frame] + share, edges[:, -1:]], axis=1))
 
 
 def thermal_noise(shape: tuple[int, ...], radar: Radar, rng: np.random.Generator) -> np.ndarray:
