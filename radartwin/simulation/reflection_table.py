@@ -65,7 +65,7 @@ class ReflectionTable:
     @functools.cached_property
     def opaque(self) -> np.ndarray:
         """Return the mask (S,) of the surfaces that transmit nothing."""
-        return ~(self.through_te.any(axis=(1, 2)) | self.through_tm.any(axis=(1, 2)))
+        return np.array([not (te.any() or tm.any()) for te, tm in zip(self.through_te, self.through_tm, strict=True)], bool)
 
     def envelope(self) -> "ReflectionTable":
         """Return a table with a single frequency node that holds the largest magnitude of each coefficient over the frequency sweep.
@@ -153,7 +153,8 @@ def _tabulated(surfaces: tuple[tuple[str | Layered, float], ...], low_hz: float,
     for entry in distinct:
         table[:, [other == entry for other in surfaces]] = _evaluate(entry, cosines, nodes)[:, None]
     table.flags.writeable = nodes.flags.writeable = False
-    return ReflectionTable(*table, nodes, surfaces)
+    te, tm, through_te, through_tm = table
+    return ReflectionTable(te, tm, through_te, through_tm, nodes, surfaces)
 
 
 def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> np.ndarray:

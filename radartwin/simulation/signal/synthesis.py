@@ -199,10 +199,11 @@ def _expanded(
         shared_out(gridding.expand, blocks, amplitude, gain.astype(complex), inverse, coefficients, squared, powers)
         largest[:nodes] = np.maximum(largest[:nodes], np.sqrt(squared.max(axis=0)))
         power += float(powers.sum())
-        plain = (part.length_in_m, part.length_out_m, part.departure, part.arrival, part.rate_mps)
-        plain = (*plain, np.zeros((0, 3, 3)) if part.mirror is None else part.mirror)
-        factor = np.ascontiguousarray(np.zeros((0, 0)) if part.gain is None else part.gain, complex)
-        arrays.append(gridding.PathArrays(*(np.ascontiguousarray(values, float) for values in plain), factor, coefficients))
+        mirror = np.zeros((0, 3, 3)) if part.mirror is None else part.mirror
+        factor = np.zeros((0, 0)) if part.gain is None else part.gain
+        plain = (part.length_in_m, part.length_out_m, part.departure, part.arrival, part.rate_mps, mirror)
+        plain = [np.ascontiguousarray(values, float) for values in plain]
+        arrays.append(gridding.PathArrays(*[*plain, np.ascontiguousarray(factor, complex), coefficients]))
     if not np.isfinite(power):
         raise InputError(_NOT_FINITE)
     return arrays, largest, _LEAST * float(np.sqrt(power / sum(len(part) for part in parts)))
