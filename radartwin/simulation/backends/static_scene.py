@@ -126,7 +126,7 @@ class StaticScene:
     @cached_property
     def _bodies(self) -> Bodies | None:
         """Return the small objects as bodies that hide, or None if there are none."""
-        return Bodies.of(geometry_module.subset(self.geometry, self.compact), self.room.opaque) if self.compact.any() else None
+        return Bodies.of(geometry_module.subset(self.geometry, self.compact), self.room.table.opaque) if self.compact.any() else None
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
         """Return the room for tracing paths with an object of the surfaces `own`, which do not hide it.

@@ -18,7 +18,7 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, crossed
 from radartwin.simulation.flat.wedge import coefficients, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
@@ -84,53 +84,47 @@ def contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
     return False
 
 
-@compiled
-def reflect_points(faces: Faces, source: np.ndarray, chain: np.ndarray, end: np.ndarray, points: np.ndarray) -> bool:
+@innermost
+def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, points: np.ndarray) -> bool:
     """Write the reflection points (len(chain), 3) of the path from `source` over `chain` to `end`; returns whether the path exists."""
-    m = len(chain)
-    at = source.copy()
-    images = np.empty((m, 3))
-    for i in range(m):
+    x, y, z = source[0], source[1], source[2]
+    for i in range(len(chain)):  # `points` holds the images of the source first
         p = chain[i]
-        height = dot(at, faces.normal[p]) - faces.offset[p]
-        for k in range(3):
-            at[k] -= 2 * height * faces.normal[p, k]
-        images[i] = at
-    target = end.copy()
-    for i in range(m - 1, -1, -1):
+        nx, ny, nz = faces.normal[p, 0], faces.normal[p, 1], faces.normal[p, 2]
+        twice = 2 * (x * nx + y * ny + z * nz - faces.offset[p])
+        x, y, z = x - twice * nx, y - twice * ny, z - twice * nz
+        points[i, 0], points[i, 1], points[i, 2] = x, y, z
+    x, y, z = end[0], end[1], end[2]
+    for i in range(len(chain) - 1, -1, -1):
         p = chain[i]
-        above = dot(target, faces.normal[p]) - faces.offset[p]
-        below = dot(images[i], faces.normal[p]) - faces.offset[p]
+        nx, ny, nz = faces.normal[p, 0], faces.normal[p, 1], faces.normal[p, 2]
+        above = x * nx + y * ny + z * nz - faces.offset[p]
+        below = points[i, 0] * nx + points[i, 1] * ny + points[i, 2] * nz - faces.offset[p]
         if above * below >= 0 or abs(above) < GRAZING_M or abs(below) < GRAZING_M:
             return False
         share = above / (above - below)
-        for k in range(3):
-            target[k] += share * (images[i, k] - target[k])
-        if not contains(faces, p, target[0], target[1], target[2]):
+        x, y, z = x + share * (points[i, 0] - x), y + share * (points[i, 1] - y), z + share * (points[i, 2] - z)
+        if not contains(faces, p, x, y, z):
             return False
-        points[i] = target
+        points[i, 0], points[i, 1], points[i, 2] = x, y, z
     return True
 
 
-@compiled
-def panes_on(tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, points: np.ndarray, count: int, end: np.ndarray) -> int:
-    """Return the number of triangles of panes on the path from `start` over points (count, 3) to `end`; -1 if it is blocked."""
-    found = np.empty(MAX_PANES, np.int64)
-    at, total = start, 0
-    for i in range(count + 1):
-        to = points[i] if i < count else end
+@innermost
+def panes_on(tree: Hierarchy, opaque: np.ndarray, start: Point, points: np.ndarray, count: int, end: Point, found: np.ndarray) -> int:
+    """Return the number of triangles of panes on the path from `start` over points (count, 3) to `end`; -1 if it is blocked.
+
+    found: (MAX_PANES,) memory.
+    """
+    to, total = (end[0], end[1], end[2]), 0
+    for i in range(count - 1, -2, -1):
+        at = (points[i, 0], points[i, 1], points[i, 2]) if i >= 0 else (start[0], start[1], start[2])
         panes = crossed(tree, at, to, opaque, found)
         if panes < 0:
             return -1
         total += panes
-        at = to
+        to = at
     return total
-
-
-@compiled
-def is_clear(tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, points: np.ndarray, count: int, end: np.ndarray) -> bool:
-    """Return whether no opaque triangle blocks the path from `start` over points (count, 3) to `end`."""
-    return panes_on(tree, opaque, start, points, count, end) >= 0
 
 
 @compiled
@@ -353,15 +347,20 @@ def soft_and_hard(along: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return out
 
 
-@compiled
-def edge_point(faces: Faces, e: int, place: float) -> np.ndarray:
+@innermost
+def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]:
     """Return the point of edge `e` at `place` metres, or the nearest of its points, moved by OUTSIDE_M into the middle of the open sector.
 
     A line that grazes a face exactly then passes the face on its open side.
     """
     half = 0.5 * math.pi * faces.opening[e]
     z = min(max(place, INSIDE_M), faces.length[e] - INSIDE_M)
-    return faces.start[e] + z * faces.along[e] + OUTSIDE_M * (math.cos(half) * faces.into[e] + math.sin(half) * faces.up[e])
+    into, up = OUTSIDE_M * math.cos(half), OUTSIDE_M * math.sin(half)
+    return (
+        faces.start[e, 0] + z * faces.along[e, 0] + into * faces.into[e, 0] + up * faces.up[e, 0],
+        faces.start[e, 1] + z * faces.along[e, 1] + into * faces.into[e, 1] + up * faces.up[e, 1],
+        faces.start[e, 2] + z * faces.along[e, 2] + into * faces.into[e, 2] + up * faces.up[e, 2],
+    )
 
 
 @compiled
@@ -383,6 +382,7 @@ def evaluate(
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
     """
     points, points2, points3 = np.empty((3, chain.shape[1] + 1, 3))
+    found = np.empty(MAX_PANES, np.int64)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2]
     for n in range(begin, stop):
         s = which[n]
@@ -407,7 +407,7 @@ def evaluate(
             level = field @ transverse(antenna, back).astype(np.complex128) / size
             if np.abs(level).max() < least[pose[n]]:
                 continue
-            panes = panes_on(tree, opaque, source, points, m0, receiver)
+            panes = panes_on(tree, opaque, source, points, m0, receiver, found)
             if panes < 0:
                 continue
             if panes:
@@ -429,7 +429,7 @@ def evaluate(
             s1, s3 = distance(mirrored, x), distance(x, returned)
             if min(s1, s3) < 1e-6:
                 continue
-            touched = edge_point(faces, e1, z)
+            touched = np.array(edge_point(faces, e1, z))
             if not reflect_points(faces, source, first, touched, points):
                 continue
             if not reflect_points(faces, receiver, last[::-1], touched, points2):
@@ -445,10 +445,10 @@ def evaluate(
             level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
             if np.abs(level).max() < least[pose[n]]:
                 continue
-            panes = panes_on(tree, opaque, source, points, m0, touched)
+            panes = panes_on(tree, opaque, source, points, m0, touched, found)
             if panes < 0:
                 continue
-            more = panes_on(tree, opaque, receiver, points2, m2, touched)
+            more = panes_on(tree, opaque, receiver, points2, m2, touched, found)
             if more < 0:
                 continue
             if panes + more:
@@ -486,8 +486,8 @@ def evaluate(
         weight *= ends_weight(start2, along2, faces.length[e2], place2, x1, receiver2, wavenumber)
         if abs(weight) < OUTSIDE:
             continue
-        touched1 = edge_point(faces, e1, place1)
-        touched2 = edge_point(faces, e2, place2)
+        touched1 = np.array(edge_point(faces, e1, place1))
+        touched2 = np.array(edge_point(faces, e2, place2))
         if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
             continue
         if not reflect_points(faces, receiver, last[::-1], touched2, points3):
@@ -528,9 +528,9 @@ def evaluate(
         level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
         if np.abs(level).max() < least[pose[n]]:
             continue
-        panes = panes_on(tree, opaque, source, points, m0, touched1)
-        more = panes_on(tree, opaque, touched1, points2, m1, touched2) if panes >= 0 else -1
-        most = panes_on(tree, opaque, receiver, points3, m2, touched2) if more >= 0 else -1
+        panes = panes_on(tree, opaque, source, points, m0, touched1, found)
+        more = panes_on(tree, opaque, touched1, points2, m1, touched2, found) if panes >= 0 else -1
+        most = panes_on(tree, opaque, receiver, points3, m2, touched2, found) if more >= 0 else -1
         if most < 0:
             continue
         if panes + more + most:

@@ -247,7 +247,7 @@ def room_fields(
     """
     out = np.zeros((len(which), len(room.table.frequencies_hz)), complex)
     shared_out(
-        _evaluate, len(which), room.faces, room.borders, room.outlines, room.blocking, room.opaque, room.tables,
+        _evaluate, len(which), room.faces, room.borders, room.outlines, room.blocking, room.table.opaque, room.tables,
         room.wavenumber, NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which),
         np.ascontiguousarray(sensor), np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points), out,
     )  # fmt: skip

@@ -1,5 +1,6 @@
 """Lines of sight between points, tested against triangles through a hierarchy of bounding boxes."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -7,21 +8,26 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 
 LEAF = 4  # largest number of triangles of a leaf
-DEPTH = 64  # largest depth of the hierarchy
+STACK = 64  # number of boxes that can wait to be split; one for each level of the hierarchy is enough
+PADDING_M = 1e-9  # boxes are larger by this, because of rounding errors
 CLEAR_M = 1e-5  # a triangle closer than this to an end of a line does not block it, because the end lies on that triangle
 MAX_PANES = 8  # a line that crosses more surfaces that transmit counts as blocked
+Point = np.ndarray | tuple[float, float, float]  # compiled functions take either; tuples are faster to create
 
 
 class Hierarchy(NamedTuple):
-    """Hold T triangles in a binary tree of M boxes.
+    """Hold T triangles in a binary tree of M boxes. The boxes inside a box follow it directly.
 
     Attributes:
-        box: (M, 6) lowest and highest corner. children: (M, 2) boxes, or for a leaf -1 - first triangle and the end of its range.
+        box: (M, 6) lowest and highest corner. beyond: (M,) the next box that is not inside this one.
+        first, stop: (M,) range of the triangles of a leaf; empty for other boxes.
         corner, edge_a, edge_b: (T, 3) a corner of each triangle and the two edges from it. label: (T,) number of each triangle's surface.
     """
 
     box: np.ndarray
-    children: np.ndarray
+    beyond: np.ndarray
+    first: np.ndarray
+    stop: np.ndarray
     corner: np.ndarray
     edge_a: np.ndarray
     edge_b: np.ndarray
@@ -31,17 +37,15 @@ class Hierarchy(NamedTuple):
 def build(triangles: np.ndarray, label: np.ndarray) -> Hierarchy:
     """Build the hierarchy of triangles (T, 3, 3) with labels (T,)."""
     order = np.arange(len(triangles))
-    box = np.zeros((max(1, 2 * len(triangles)), 6))
-    children = np.zeros((len(box), 2), np.int64)
-    if not len(triangles):
-        none = np.zeros((0, 3))
-        return Hierarchy(np.zeros((1, 6)), np.array([[-1, 0]]), none, none, none, np.zeros(0, np.int64))
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    used = _split(low, high, order, box, children)
+    box = np.zeros((2 * len(triangles), 6))
+    beyond, first, stop = np.zeros((3, len(box)), np.int64)
+    used = _split(triangles.min(axis=1), triangles.max(axis=1), order, box, beyond, first, stop) if len(triangles) else 0
     one = triangles[order]
     return Hierarchy(
         box[:used],
-        children[:used],
+        beyond[:used],
+        first[:used],
+        stop[:used],
         one[:, 0].copy(),
         one[:, 1] - one[:, 0],
         one[:, 2] - one[:, 0],
@@ -50,102 +54,101 @@ def build(triangles: np.ndarray, label: np.ndarray) -> Hierarchy:
 
 
 @compiled
-def _split(low: np.ndarray, high: np.ndarray, order: np.ndarray, box: np.ndarray, children: np.ndarray) -> int:
+def _split(
+    low: np.ndarray, high: np.ndarray, order: np.ndarray, box: np.ndarray, beyond: np.ndarray, first: np.ndarray, stop: np.ndarray
+) -> int:
     """Sort `order` into leaves and fill the boxes; returns the number of boxes."""
-    stack = np.zeros((2 * DEPTH, 3), np.int64)
-    stack[0, 2] = len(order)
-    depth, used = 1, 1
+    stack = np.zeros((STACK, 2), np.int64)
+    stack[0, 1] = len(order)
+    depth, used = 1, 0
     while depth:
         depth -= 1
-        node, first, last = stack[depth]
+        begin, end = stack[depth]
+        node = used
+        used += 1
+        first[node], stop[node] = begin, end
         for k in range(3):
             box[node, k], box[node, 3 + k] = np.inf, -np.inf
-            for i in range(first, last):
+            for i in range(begin, end):
                 box[node, k] = min(box[node, k], low[order[i], k])
                 box[node, 3 + k] = max(box[node, 3 + k], high[order[i], k])
-        if last - first <= LEAF or depth >= 2 * DEPTH - 2:
-            children[node, 0], children[node, 1] = -1 - first, last
+        if end - begin <= LEAF:
             continue
         longest = 0
         for k in range(1, 3):
             if box[node, 3 + k] - box[node, k] > box[node, 3 + longest] - box[node, longest]:
                 longest = k
-        middle = low[order[first:last], longest] + high[order[first:last], longest]
-        order[first:last] = order[first:last][np.argsort(middle, kind="mergesort")]
-        half = (first + last) // 2
-        children[node, 0], children[node, 1] = used, used + 1
-        stack[depth, 0], stack[depth, 1], stack[depth, 2] = used, first, half
-        stack[depth + 1, 0], stack[depth + 1, 1], stack[depth + 1, 2] = used + 1, half, last
+        middle = low[order[begin:end], longest] + high[order[begin:end], longest]
+        order[begin:end] = order[begin:end][np.argsort(middle, kind="mergesort")]
+        half = (begin + end) // 2
+        stack[depth, 0], stack[depth, 1] = half, end
+        stack[depth + 1, 0], stack[depth + 1, 1] = begin, half
         depth += 2
-        used += 2
+    for node in range(used - 1, -1, -1):
+        beyond[node] = node + 1
+        while beyond[node] < used and first[beyond[node]] < stop[node]:
+            beyond[node] = beyond[beyond[node]]
+    for node in range(used):
+        if beyond[node] > node + 1:
+            stop[node] = first[node]
     return used
 
 
 @innermost
-def _meets_box(box: np.ndarray, node: int, start: np.ndarray, way: np.ndarray) -> bool:
-    first, last = 0.0, 1.0
-    for k in range(3):
-        if abs(way[k]) < 1e-12:
-            if start[k] < box[node, k] - 1e-9 or start[k] > box[node, 3 + k] + 1e-9:
-                return False
-        else:
-            a, b = (box[node, k] - 1e-9 - start[k]) / way[k], (box[node, 3 + k] + 1e-9 - start[k]) / way[k]
-            if a > b:
-                a, b = b, a
-            first, last = max(first, a), min(last, b)
-            if first > last:
-                return False
-    return True
-
-
-@innermost
-def _meets(tree: Hierarchy, t: int, start: np.ndarray, way: np.ndarray, clear: float) -> bool:
+def _meets(tree: Hierarchy, t: int, x: float, y: float, z: float, way_x: float, way_y: float, way_z: float, clear: float) -> bool:
     """Return whether a line crosses triangle `t`, farther than `clear` (relative to its length) from both ends."""
     a, b = tree.edge_a, tree.edge_b
-    px, py, pz = way[1] * b[t, 2] - way[2] * b[t, 1], way[2] * b[t, 0] - way[0] * b[t, 2], way[0] * b[t, 1] - way[1] * b[t, 0]
+    px, py, pz = way_y * b[t, 2] - way_z * b[t, 1], way_z * b[t, 0] - way_x * b[t, 2], way_x * b[t, 1] - way_y * b[t, 0]
     volume = a[t, 0] * px + a[t, 1] * py + a[t, 2] * pz
     if abs(volume) < 1e-14:
         return False
-    x, y, z = start[0] - tree.corner[t, 0], start[1] - tree.corner[t, 1], start[2] - tree.corner[t, 2]
+    x, y, z = x - tree.corner[t, 0], y - tree.corner[t, 1], z - tree.corner[t, 2]
     u = (x * px + y * py + z * pz) / volume
     if u < 0 or u > 1:
         return False
     qx, qy, qz = y * a[t, 2] - z * a[t, 1], z * a[t, 0] - x * a[t, 2], x * a[t, 1] - y * a[t, 0]
-    v = (way[0] * qx + way[1] * qy + way[2] * qz) / volume
+    v = (way_x * qx + way_y * qy + way_z * qz) / volume
     if v < 0 or u + v > 1:
         return False
     s = (b[t, 0] * qx + b[t, 1] * qy + b[t, 2] * qz) / volume
     return clear < s < 1 - clear
 
 
-@compiled
-def crossed(tree: Hierarchy, start: np.ndarray, stop: np.ndarray, opaque: np.ndarray, found: np.ndarray) -> int:
+@innermost
+def _inverse(way: float) -> float:
+    return 1 / way if abs(way) > 1e-12 else 1e30
+
+
+@innermost
+def crossed(tree: Hierarchy, start: Point, stop: Point, opaque: np.ndarray, found: np.ndarray) -> int:
     """Return the number of triangles between two points, or -1 if one of them belongs to an opaque surface.
 
     Args:
         opaque: (surfaces,) whether a surface blocks. found: (MAX_PANES,) receives the triangles of surfaces that transmit.
     """
-    way = stop - start
-    length = np.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
-    if length < 2 * CLEAR_M or len(tree.label) == 0:
+    x, y, z = start[0], start[1], start[2]
+    way_x, way_y, way_z = stop[0] - x, stop[1] - y, stop[2] - z
+    length = math.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
+    if length < 2 * CLEAR_M:
         return 0
     clear = CLEAR_M / length
-    stack = np.empty(2 * DEPTH, np.int64)
-    stack[0] = 0
-    depth, count = 1, 0
-    while depth:
-        depth -= 1
-        node = stack[depth]
-        if not _meets_box(tree.box, node, start, way):
+    per_x, per_y, per_z = _inverse(way_x), _inverse(way_y), _inverse(way_z)
+    box, node, count = tree.box, 0, 0
+    while node < len(box):
+        a, b = (box[node, 0] - PADDING_M - x) * per_x, (box[node, 3] + PADDING_M - x) * per_x
+        low, high = min(a, b), max(a, b)
+        a, b = (box[node, 1] - PADDING_M - y) * per_y, (box[node, 4] + PADDING_M - y) * per_y
+        low, high = max(low, min(a, b)), min(high, max(a, b))
+        a, b = (box[node, 2] - PADDING_M - z) * per_z, (box[node, 5] + PADDING_M - z) * per_z
+        low, high = max(low, min(a, b)), min(high, max(a, b))
+        if low > high or high < 0 or low > 1:
+            node = tree.beyond[node]
             continue
-        if tree.children[node, 0] >= 0:
-            stack[depth], stack[depth + 1] = tree.children[node, 0], tree.children[node, 1]
-            depth += 2
-            continue
-        for t in range(-1 - tree.children[node, 0], tree.children[node, 1]):
-            if _meets(tree, t, start, way, clear):
+        for t in range(tree.first[node], tree.stop[node]):
+            if _meets(tree, t, x, y, z, way_x, way_y, way_z, clear):
                 if opaque[tree.label[t]] or count == len(found):
                     return -1
                 found[count] = t
                 count += 1
+        node += 1
     return count

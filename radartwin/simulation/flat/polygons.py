@@ -48,6 +48,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.simulation.curved.hits import Hits
 from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles
+from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import angle, distance, dot, face_matrix, keller, looked_up, soft_and_hard, transverse
 from radartwin.simulation.flat.obstacles import Hierarchy
@@ -230,40 +231,6 @@ def _all(
 
 
 @innermost
-def _clip(polygon: np.ndarray, count: int, nx: float, ny: float, nz: float, offset: float, out: np.ndarray) -> int:
-    """Write the part of a convex polygon (count, 3) with n . x >= offset to `out`; returns its number of corners."""
-    kept = 0
-    previous = count - 1
-    before = nx * polygon[previous, 0] + ny * polygon[previous, 1] + nz * polygon[previous, 2] - offset
-    for i in range(count):
-        here = nx * polygon[i, 0] + ny * polygon[i, 1] + nz * polygon[i, 2] - offset
-        if (here >= 0) != (before >= 0) and kept < CORNERS:
-            share = before / (before - here)
-            for k in range(3):
-                out[kept, k] = polygon[previous, k] + share * (polygon[i, k] - polygon[previous, k])
-            kept += 1
-        if here >= 0 and kept < CORNERS:
-            for k in range(3):
-                out[kept, k] = polygon[i, k]
-            kept += 1
-        previous, before = i, here
-    return kept if kept > 2 else 0
-
-
-@innermost
-def _area(polygon: np.ndarray, count: int) -> float:
-    """Return twice the area of a polygon (count, 3)."""
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(1, count - 1):
-        ax, ay, az = polygon[i, 0] - polygon[0, 0], polygon[i, 1] - polygon[0, 1], polygon[i, 2] - polygon[0, 2]
-        bx, by, bz = polygon[i + 1, 0] - polygon[0, 0], polygon[i + 1, 1] - polygon[0, 1], polygon[i + 1, 2] - polygon[0, 2]
-        x += ay * bz - az * by
-        y += az * bx - ax * bz
-        z += ax * by - ay * bx
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@innermost
 def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
     for i in range(count):
         for k in range(3):
@@ -318,13 +285,13 @@ def _subtract(
         if highest < PLANE_M:
             continue
         _copy(parts.corner[q], parts.count[q], spare[0])
-        count = _clip(spare[0], parts.count[q], nx, ny, nz, level, spare[1])
-        count = _clip(spare[1], count, -nx, -ny, -nz, -level - ABOVE * abs(height), spare[0]) if count else 0
+        count = clip(spare[0], parts.count[q], nx, ny, nz, level, spare[1])
+        count = clip(spare[1], count, -nx, -ny, -nz, -level - ABOVE * abs(height), spare[0]) if count else 0
         if count and last >= 0:
             normal = facing * faces.normal[last]
-            count = _clip(spare[0], count, normal[0], normal[1], normal[2], facing * faces.offset[last], spare[1])
+            count = clip(spare[0], count, normal[0], normal[1], normal[2], facing * faces.offset[last], spare[1])
             _copy(spare[1], count, spare[0])
-        if count == 0 or _area(spare[0], count) < SLIVER_M2:
+        if count == 0 or twice_area(spare[0], count) < SLIVER_M2:
             continue
         inside = _middle(spare[0], count)
         before, number = number, 0
@@ -353,12 +320,12 @@ def _subtract(
                 continue
             for i in range(count):
                 n = normals[i]
-                size = _clip(spare[1], rest, -n[0], -n[1], -n[2], -dot(n, apex), spare[2])
-                if size and _area(spare[2], size) > SLIVER_M2:
+                size = clip(spare[1], rest, -n[0], -n[1], -n[2], -dot(n, apex), spare[2])
+                if size and twice_area(spare[2], size) > SLIVER_M2:
                     _copy(spare[2], size, fresh[number])
                     sizes[number] = size
                     number += 1
-                rest = _clip(spare[1], rest, n[0], n[1], n[2], dot(n, apex), spare[3])
+                rest = clip(spare[1], rest, n[0], n[1], n[2], dot(n, apex), spare[3])
                 if rest == 0:
                     break
                 _copy(spare[3], rest, spare[1])
@@ -399,16 +366,16 @@ def _reflections(
             _copy(parts.corner[k], size, spare[0])
             if m:
                 n = facing * faces.normal[last]
-                size = _clip(spare[0], size, n[0], n[1], n[2], facing * faces.offset[last], spare[1])
+                size = clip(spare[0], size, n[0], n[1], n[2], facing * faces.offset[last], spare[1])
                 middle = _middle(beam, lit)
                 for i in range(lit):
                     if size == 0:
                         break
                     n = _side(apex, beam[i], beam[(i + 1) % lit], middle)
-                    size = _clip(spare[1], size, n[0], n[1], n[2], dot(n, apex), spare[0])
+                    size = clip(spare[1], size, n[0], n[1], n[2], dot(n, apex), spare[0])
                     _copy(spare[0], size, spare[1])
                 _copy(spare[1], size, spare[0])
-            if size == 0 or _area(spare[0], size) < SLIVER_M2:
+            if size == 0 or twice_area(spare[0], size) < SLIVER_M2:
                 continue
             _copy(spare[0], size, pieces[0])
             counts[0] = size

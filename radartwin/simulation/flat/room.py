@@ -65,11 +65,6 @@ class FlatRoom:
         return 2 * np.pi * float(self.table.frequencies_hz.mean()) / SPEED_OF_LIGHT
 
     @cached_property
-    def opaque(self) -> np.ndarray:
-        """Return whether each surface blocks (S,)."""
-        return self.table.opaque
-
-    @cached_property
     def tables(self) -> field.Tables:
         """Return the coefficients of the surfaces."""
         return field.Tables(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
@@ -84,6 +79,12 @@ class FlatRoom:
         """Return the largest reflection coefficient (P,) of each face, and zero for a face that paths may not use."""
         largest = np.maximum(np.abs(self.table.te).max(axis=(1, 2)), np.abs(self.table.tm).max(axis=(1, 2)))
         return np.where(self.usable, largest[self.faces.surface], 0.0)
+
+    @cached_property
+    def _envelope(self) -> np.ndarray:
+        """Return the largest reflection coefficient (P, C) of each face over all angles at least as steep as each of C cosines."""
+        largest = np.maximum(np.abs(self.table.te).max(axis=2), np.abs(self.table.tm).max(axis=2))
+        return np.maximum.accumulate(largest[:, ::-1], axis=1)[:, ::-1][self.faces.surface]
 
     @cached_property
     def borders(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -115,11 +116,11 @@ class FlatRoom:
     @cached_property
     def links(self) -> np.ndarray:
         """Return the pairs of edges that see each other, as `search.links`."""
-        return search.links(self.faces, self.blocking, self.opaque, self.loudness)
+        return search.links(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness)
 
     def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
-        return self._beams(sensor, longest, 0.0).chain
+        return self._beams(sensor, longest).chain
 
     def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
         """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
@@ -215,40 +216,46 @@ class FlatRoom:
         gain = element_gain(radar.element, departure[found] @ pose[:3, :3]) * element_gain(radar.element, arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
-    def _beams(self, place: np.ndarray, longest: int, least: float) -> search.Beams:
+    def _beams(self, place: np.ndarray, longest: int) -> search.Beams:
         source = place + 1.5 * field.NUDGE / self.wavenumber
-        return search.beams(self.faces, self.blocking, self.opaque, self.loudness, source, longest, least)
+        return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, source, longest)
 
     def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float, linked: np.ndarray) -> search.Sequences:
         """Return the sequences with a path as strong as AHEAD times `prune` times the strongest path, at a pose (4, 4)."""
-        place = pose[:3, 3]
-        found = self._beams(place, max_bounces, 0.0)
-        none = np.zeros((0, 2), int)
-        alone = search.sequences(self.faces, found, none, np.zeros(0), linked[:0], self.loudness, self.wavenumber, max_bounces, 0.0)
-        peak = float(element_gain(radar.element, [1.0, 0.0, 0.0]))
-        strongest = self._levels(alone, np.arange(len(alone)), pose, radar, 0.0)[1].max(initial=0.0) / peak**2
-        source = place + 1.5 * field.NUDGE / self.wavenumber
-        arrivals = search.reached(self.faces, self.blocking, self.opaque, source, found, max_bounces)
-        strength = found.strength[arrivals[:, 1]] * self._gains(found, arrivals, pose, radar) / peak
-        least = prune * 2 * self.wavenumber * strongest
-        every = search.sequences(self.faces, found, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least)
-        there, levels = self._levels(
-            every, np.arange(len(every)), pose, radar, AHEAD / EARLY * self._least(radar, prune) * strongest * peak**2
-        )
-        return every.where(there[levels > AHEAD * prune * levels.max(initial=0.0)])
+        place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
+        found = self._beams(place, max_bounces - 1)
+        closed = search.closed(self.faces, self.balls, found, self.loudness, place + nudge, place + 2 * nudge, max_bounces)
+        there, levels = self._levels(closed, np.arange(len(closed)), pose, radar, 0.0)
+        strongest = levels.max(initial=0.0)
+        arrivals = search.reached(self.faces, self.blocking, self.table.opaque, place + 1.5 * nudge, found, max_bounces)
+        strength = self._strengths(found, arrivals, pose, radar)
+        least = AHEAD / EARLY * self._least(radar, prune) * strongest
+        edged = search.sequences(self.faces, found, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least)
+        edged_there, edged_levels = self._levels(edged, np.arange(len(edged)), pose, radar, least)
+        limit = AHEAD * prune * max(strongest, edged_levels.max(initial=0.0))
+        return search.Sequences.union([closed.where(there[levels > limit]), edged.where(edged_there[edged_levels > limit])])[0]
 
-    def _gains(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
-        """Return the largest element gain (M,) with which the beams of arrivals (edge, beam) at a pose reach both ends or the middle."""
+    def _strengths(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
+        """Return the largest fields (M,) at one metre with which beams at a pose reach both ends or the middle of edges.
+
+        arrivals: (M, 2) edges and beams. The fields include the element gain, relative to that of the element's axis.
+        """
         edge, beam = arrivals.T
-        gain = np.zeros(len(arrivals))
+        gain, strength = np.zeros((2, len(arrivals)))
         for share in (0.0, 0.5, 1.0):
             way = self.faces.start[edge] + share * self.faces.length[edge, None] * self.faces.along[edge] - found.image[beam]
+            way /= np.linalg.norm(way, axis=1, keepdims=True)
+            total = np.ones(len(arrivals))
             for i in reversed(range(found.chain.shape[1])):
-                normal = self.faces.normal[found.chain[beam, i]]
-                back = way - 2 * np.einsum("ij,ij->i", way, normal)[:, None] * normal
-                way = np.where((i < found.order[beam])[:, None], back, way)
+                used = i < found.order[beam]
+                face = found.chain[beam, i]
+                cosine = np.einsum("ij,ij->i", way, self.faces.normal[face])
+                column = np.minimum(np.abs(cosine), 1) * (self._envelope.shape[1] - 1)
+                total *= np.where(used, self._envelope[face, column.astype(int)], 1.0)
+                way = np.where(used[:, None], way - 2 * cosine[:, None] * self.faces.normal[face], way)
             gain = np.maximum(gain, element_gain(radar.element, way @ pose[:3, :3]))
-        return gain
+            strength = np.maximum(strength, total)
+        return strength * gain / float(element_gain(radar.element, [1.0, 0.0, 0.0]))
 
     def _fields(
         self,
@@ -265,7 +272,7 @@ class FlatRoom:
             np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
         )  # fmt: skip
         shared_out(
-            field.evaluate, n, self.faces, self.blocking, self.opaque, tables, self.wavenumber,
+            field.evaluate, n, self.faces, self.blocking, self.table.opaque, tables, self.wavenumber,
             field.NUDGE / self.wavenumber, every.count, every.chain, every.edge, pose, which, np.ascontiguousarray(poses[:, :3, 3]),
             np.ascontiguousarray(poses[:, :3, 2]), least, *values, pieces=16,
         )  # fmt: skip

@@ -15,9 +15,10 @@ from itertools import pairwise
 import numpy as np
 
 from radartwin.compiled import compiled, cores, innermost
+from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import angle, dot, edge_point, is_clear, reflect_points
-from radartwin.simulation.flat.obstacles import Hierarchy
+from radartwin.simulation.flat.field import angle, edge_point, panes_on, reflect_points
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
@@ -32,7 +33,6 @@ class Beams:
 
     Attributes:
         chain: (N, C) faces. order: (N,) number of reflections. image: (N, 3) of the sensor. polygon: (N, M, 3), corners: (N,).
-        strength: (N,) product of the largest reflection coefficients.
     """
 
     chain: np.ndarray
@@ -40,195 +40,6 @@ class Beams:
     image: np.ndarray
     polygon: np.ndarray
     corners: np.ndarray
-    strength: np.ndarray
-
-
-@compiled
-def _clip(polygon: np.ndarray, count: int, normal: np.ndarray, offset: float, out: np.ndarray) -> int:
-    """Write the part of a convex polygon with normal . x >= offset to `out`; returns its number of corners."""
-    kept, previous = 0, count - 1
-    before = dot(polygon[previous], normal) - offset
-    for i in range(count):
-        here = dot(polygon[i], normal) - offset
-        if (here >= 0) != (before >= 0) and kept < len(out):
-            share = before / (before - here)
-            for k in range(3):
-                out[kept, k] = polygon[previous, k] + share * (polygon[i, k] - polygon[previous, k])
-            kept += 1
-        if here >= 0 and kept < len(out):
-            for k in range(3):
-                out[kept, k] = polygon[i, k]
-            kept += 1
-        previous, before = i, here
-    return kept if kept > 2 else 0
-
-
-@compiled
-def _area(polygon: np.ndarray, count: int) -> float:
-    """Return twice the area of a polygon."""
-    total = np.zeros(3)
-    for i in range(1, count - 1):
-        total += np.cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0])
-    return np.sqrt(dot(total, total))
-
-
-@compiled
-def _limits(image: np.ndarray, polygon: np.ndarray, count: int, normals: np.ndarray) -> None:
-    """Write the normals (count, 3) of the planes through the image and the sides of a beam, pointing inwards."""
-    middle = np.zeros(3)
-    for i in range(count):
-        middle += polygon[i] / count
-    for i in range(count):
-        j = (i + 1) % count
-        normals[i] = np.cross(polygon[i] - image, polygon[j] - image)
-        if dot(normals[i], middle - image) < 0:
-            normals[i] = -normals[i]
-
-
-@compiled
-def _grown(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, source: np.ndarray, least: float, start: int, stop: int,
-    chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, strength: np.ndarray, used: int,
-) -> int:  # fmt: skip
-    """Append the beams that follow beams start:stop; returns the number of beams, or -1 if the arrays are too short."""
-    most = polygon.shape[1]
-    limits, one, two = np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3))
-    points = np.empty((chain.shape[1] + 1, 3))
-    for b in range(start, stop):
-        m = order[b]
-        last = chain[b, m - 1] if m else -1
-        if m:
-            _limits(image[b], polygon[b], corners[b], limits)
-            facing = -1.0 if dot(image[b], faces.normal[last]) > faces.offset[last] else 1.0
-        for p in range(len(faces.offset)):
-            height = dot(image[b], faces.normal[p]) - faces.offset[p]
-            if p == last or abs(height) < 1e-6 or loudness[p] == 0 or strength[b] * loudness[p] < least * abs(height):
-                continue
-            count = faces.corners[p]
-            for i in range(count):
-                one[i] = faces.outline[p, i]
-            if m:
-                count = _clip(one, count, facing * faces.normal[last], facing * faces.offset[last] + 1e-6, two)
-                one, two = two, one
-                for i in range(corners[b]):
-                    if count == 0:
-                        break
-                    count = _clip(one, count, limits[i], dot(limits[i], image[b]), two)
-                    one, two = two, one
-            if count == 0 or _area(one, count) < TINY_M2:
-                continue
-            middle = np.zeros(3)
-            for i in range(count):
-                middle += one[i] / count
-            lit = False
-            for i in range(-1, 2 * count):  # the middle, and two points on the way to each corner
-                x = middle
-                if i >= 0:
-                    x = middle + (0.5 if i < count else 0.9) * (one[i % count] - middle)
-                if reflect_points(faces, source, chain[b, :m], x, points) and is_clear(tree, opaque, source, points, m, x):
-                    lit = True
-                    break
-            if not lit:
-                continue
-            if used == len(order):
-                return -1
-            chain[used, :m], chain[used, m], order[used] = chain[b, :m], p, m + 1
-            image[used] = image[b] - 2 * height * faces.normal[p]
-            polygon[used, :count], corners[used] = one[:count], count
-            strength[used] = strength[b] * loudness[p]
-            used += 1
-    return used
-
-
-def beams(faces: Faces, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, source: np.ndarray, longest: int, least: float) -> Beams:
-    """Follow the beams of a source.
-
-    Args:
-        loudness: (P,) largest reflection coefficient of each face. longest: largest number of reflections.
-        least: smallest field worth following, for a unit field at one metre.
-    """
-    room = 4096
-    while True:
-        chain, order = np.full((room, max(longest, 1)), -1), np.zeros(room, np.int64)
-        image, polygon, corners = np.zeros((room, 3)), np.zeros((room, faces.outline.shape[1] + SPARE, 3)), np.zeros(room, np.int64)
-        strength = np.zeros(room)
-        image[0], strength[0] = source, 1.0
-        start, used = 0, 1
-        for _ in range(longest):
-            end = used
-            used = _grown(faces, tree, opaque, loudness, source, least, start, end, chain, order, image, polygon, corners, strength, used)
-            start = end
-            if used < 0:
-                break
-        if used >= 0:
-            return Beams(chain[:used], order[:used], image[:used], polygon[:used], corners[:used], strength[:used])
-        room *= 4
-
-
-@compiled
-def _reach(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, samples: np.ndarray, chain: np.ndarray, order: np.ndarray,
-    image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, out: np.ndarray,
-) -> int:  # fmt: skip
-    """Write (edge, beam) of all edges that a beam reaches; returns their number, or -1 if `out` is too short."""
-    limits, points = np.empty((polygon.shape[1], 3)), np.empty((chain.shape[1] + 1, 3))
-    used = 0
-    for b in range(len(order)):
-        m = order[b]
-        last = chain[b, m - 1] if m else -1
-        if m:
-            _limits(image[b], polygon[b], corners[b], limits)
-            facing = -1.0 if dot(image[b], faces.normal[last]) > faces.offset[last] else 1.0
-        for e in range(len(faces.length)):
-            if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
-                continue
-            start, along = faces.start[e], faces.along[e]
-            way = image[b] - start
-            if angle(faces, e, way[0], way[1], way[2]) > faces.opening[e] * np.pi:
-                continue
-            low, high = 0.0, faces.length[e]
-            if m:
-                for i in range(-1, corners[b]):
-                    normal = limits[i] if i >= 0 else facing * faces.normal[last]
-                    level = dot(normal, start) - (dot(normal, image[b]) if i >= 0 else facing * faces.offset[last])
-                    slope = dot(normal, along)
-                    if abs(slope) < 1e-12:
-                        if level < 0:
-                            high = -1.0
-                    elif slope > 0:
-                        low = max(low, -level / slope)
-                    else:
-                        high = min(high, -level / slope)
-                    if low >= high:
-                        break
-            if low >= high:
-                continue
-            foot = dot(way, along)
-            for i in range(-1, len(samples)):
-                z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
-                x = edge_point(faces, e, z)
-                if reflect_points(faces, source, chain[b, :m], x, points) and is_clear(tree, opaque, source, points, m, x):
-                    if used == len(out):
-                        return -1
-                    out[used, 0], out[used, 1] = e, b
-                    used += 1
-                    break
-    return used
-
-
-def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, found: Beams, longest: int) -> np.ndarray:
-    """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge."""
-    few = found.order < longest
-    room = 4096
-    while True:
-        out = np.zeros((room, 2), np.int64)
-        used = _reach(
-            faces, tree, opaque, source, np.array(SAMPLES), found.chain[few], found.order[few], found.image[few], found.polygon[few],
-            found.corners[few], out,
-        )  # fmt: skip
-        if used >= 0:
-            return out[:used][np.argsort(out[:used, 0], kind="stable")]
-        room *= 4
 
 
 Vector = tuple[float, float, float]  # points of the innermost loops are tuples, because small arrays are slow to create
@@ -252,6 +63,192 @@ def _apart(a: Vector, b: Vector) -> float:
 @innermost
 def _along(start: Vector, along: Vector, place: float) -> Vector:
     return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
+
+
+@innermost
+def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int, out: np.ndarray) -> int:
+    """Write the planes that bound a beam, as unit normals that point inwards and offsets (count, 4); returns their number.
+
+    The first plane is that of the beam's last face, the others are the planes through its image `at` and the sides of its polygon.
+    """
+    if last < 0:
+        return 0
+    normal = _row(faces.normal, last)
+    side = -1.0 if _product(at, normal) > faces.offset[last] else 1.0
+    out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
+    middle = _middle(polygon, count)
+    for i in range(count):
+        one, two = _row(polygon, i), _row(polygon, (i + 1) % count)
+        ax, ay, az, bx, by, bz = one[0] - at[0], one[1] - at[1], one[2] - at[2], two[0] - at[0], two[1] - at[1], two[2] - at[2]
+        normal = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        side = 1 / max(math.sqrt(_product(normal, normal)), 1e-30)
+        if _product(normal, middle) < _product(normal, at):
+            side = -side
+        out[1 + i, 0], out[1 + i, 1], out[1 + i, 2] = side * normal[0], side * normal[1], side * normal[2]
+        out[1 + i, 3] = side * _product(normal, at)
+    return 1 + count
+
+
+@innermost
+def _middle(polygon: np.ndarray, count: int) -> Vector:
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(count):
+        x, y, z = x + polygon[i, 0], y + polygon[i, 1], z + polygon[i, 2]
+    return x / count, y / count, z / count
+
+
+@innermost
+def _level(plane: np.ndarray, i: int, x: Vector) -> float:
+    """Return the height of a point over plane `i` of (count, 4)."""
+    return plane[i, 0] * x[0] + plane[i, 1] * x[1] + plane[i, 2] * x[2] - plane[i, 3]
+
+
+@innermost
+def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
+    """Return whether a ball is not wholly behind one of the planes (count, 4)."""
+    i = 0
+    while i < count and _level(planes, i, x) >= -radius:
+        i += 1
+    return i == count
+
+
+@compiled
+def _grown(
+    faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, source: np.ndarray,
+    start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, used: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Append the beams that follow beams start:stop; returns the number of beams, and the first beam for which there was no room."""
+    most = polygon.shape[1]
+    planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
+    points, found = np.empty((chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
+    for b in range(start, stop):
+        m, known = order[b], used
+        before, at = chain[b, :m], _row(image, b)
+        last = chain[b, m - 1] if m else -1
+        bounds = _planes(faces, last, at, polygon[b], corners[b], planes)
+        for p in range(len(faces.offset)):
+            height = _product(at, _row(faces.normal, p)) - faces.offset[p]
+            if p == last or abs(height) < 1e-6 or loudness[p] == 0 or not _within(planes, bounds, _row(centre, p), radius[p]):
+                continue
+            count = faces.corners[p]
+            for i in range(count):
+                one[i, 0], one[i, 1], one[i, 2] = faces.outline[p, i, 0], faces.outline[p, i, 1], faces.outline[p, i, 2]
+            for i in range(bounds):
+                aside = 1e-6 if i == 0 else 0.0
+                count = clip(one, count, planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] + aside, two)
+                one, two = two, one
+                if count == 0:
+                    break
+            if count == 0 or twice_area(one, count) < TINY_M2:
+                continue
+            middle = _middle(one, count)
+            lit = False
+            for i in range(-1, 2 * count):  # the middle, and two points on the way to each corner
+                share = 0.0 if i < 0 else 0.5 if i < count else 0.9
+                corner = _row(one, i % count)
+                x = (
+                    middle[0] + share * (corner[0] - middle[0]),
+                    middle[1] + share * (corner[1] - middle[1]),
+                    middle[2] + share * (corner[2] - middle[2]),
+                )
+                if reflect_points(faces, source, before, x, points) and panes_on(tree, opaque, source, points, m, x, found) >= 0:
+                    lit = True
+                    break
+            if not lit:
+                continue
+            if used == len(order):
+                return known, b
+            chain[used, :m], chain[used, m], chain[used, m + 1 :], order[used] = before, p, -1, m + 1
+            image[used] = image[b] - 2 * height * faces.normal[p]
+            polygon[used, :count], corners[used] = one[:count], count
+            used += 1
+    return used, stop
+
+
+def beams(
+    faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, source: np.ndarray,
+    longest: int,
+) -> Beams:  # fmt: skip
+    """Follow the beams of a source.
+
+    Args:
+        balls: centre (P, 3) and radius (P,) of a ball around each face. loudness: (P,) largest reflection coefficient of each face.
+        longest: largest number of reflections.
+    """
+    most, room = faces.outline.shape[1] + SPARE, 4096
+    shapes = (max(longest, 1),), (), (3,), (most, 3), ()  # of chain, order, image, polygon and corners
+    arrays = [np.empty((room, *shape), kind) for shape, kind in zip(shapes, (int, int, float, float, int), strict=True)]
+    for values, first in zip(arrays, (-1, 0, source, 0, 0), strict=True):
+        values[0] = first
+    start, used = 0, 1
+    for _ in range(longest):
+        end = used
+        while start < end:
+            used, start = _grown(faces, *balls, tree, opaque, loudness, source, start, end, *arrays, used)
+            if start < end:
+                arrays = [np.concatenate([values, np.empty_like(values)]) for values in arrays]
+    return Beams(*(values[:used] for values in arrays))
+
+
+@compiled
+def _reach(
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, samples: np.ndarray, chain: np.ndarray, order: np.ndarray,
+    image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, out: np.ndarray,
+) -> int:  # fmt: skip
+    """Write (edge, beam) of all edges that a beam reaches; returns their number, or -1 if `out` is too short."""
+    planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
+    found = np.empty(MAX_PANES, np.int64)
+    used = 0
+    for b in range(len(order)):
+        m = order[b]
+        before, at = chain[b, :m], _row(image, b)
+        last = chain[b, m - 1] if m else -1
+        bounds = _planes(faces, last, at, polygon[b], corners[b], planes)
+        for e in range(len(faces.length)):
+            if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
+                continue
+            start, along = _row(faces.start, e), _row(faces.along, e)
+            low, high = 0.0, faces.length[e]
+            for i in range(bounds):
+                level = _level(planes, i, start)
+                slope = planes[i, 0] * along[0] + planes[i, 1] * along[1] + planes[i, 2] * along[2]
+                if abs(slope) < 1e-12:
+                    if level < 0:
+                        high = -1.0
+                elif slope > 0:
+                    low = max(low, -level / slope)
+                else:
+                    high = min(high, -level / slope)
+                if low >= high:
+                    break
+            if low >= high or not _is_open(faces, e, start, at):
+                continue
+            foot = _product((at[0] - start[0], at[1] - start[1], at[2] - start[2]), along)
+            for i in range(-1, len(samples)):
+                z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
+                x = edge_point(faces, e, z)
+                if reflect_points(faces, source, before, x, points) and panes_on(tree, opaque, source, points, m, x, found) >= 0:
+                    if used == len(out):
+                        return -1
+                    out[used, 0], out[used, 1] = e, b
+                    used += 1
+                    break
+    return used
+
+
+def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, found: Beams, longest: int) -> np.ndarray:
+    """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge."""
+    few = found.order < longest
+    room = 4096
+    while True:
+        out = np.zeros((room, 2), np.int64)
+        used = _reach(
+            faces, tree, opaque, source, np.array(SAMPLES), found.chain[few], found.order[few], found.image[few], found.polygon[few],
+            found.corners[few], out,
+        )  # fmt: skip
+        if used >= 0:
+            return out[:used][np.argsort(out[:used, 0], kind="stable")]
+        room *= 4
 
 
 @innermost
@@ -309,14 +306,18 @@ def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start
     a, b = _product(start, normal) - faces.offset[p], _product(end, normal) - faces.offset[p]
     if a * b <= 1e-12:
         return False
-    a, b = abs(a), abs(b)
-    x = (start[0] * b + end[0] * a) / (a + b), (start[1] * b + end[1] * a) / (a + b), (start[2] * b + end[2] * a) / (a + b)
+    share, down = a / (a + b), -2 * a * b / (a + b)
+    x = (
+        start[0] + share * (end[0] - start[0]) + down * normal[0],
+        start[1] + share * (end[1] - start[1]) + down * normal[1],
+        start[2] + share * (end[2] - start[2]) + down * normal[2],
+    )
     return _apart(x, middle) < radius[p]
 
 
 @compiled
 def _linked(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, centre: np.ndarray, radius: np.ndarray, samples: np.ndarray,
+    faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, samples: np.ndarray,
     piece: int, pieces: int, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (edge, edge, face or -1) of edges that see each other, directly or over a face; returns their number or -1.
@@ -324,7 +325,7 @@ def _linked(
     The first edge is one of piece, piece + pieces, piece + 2 pieces, ...
     """
     used, edges = 0, len(faces.length)
-    points, chain = np.empty((2, 3)), np.empty(1, np.int64)
+    points, chain, found = np.empty((2, 3)), np.empty(1, np.int64), np.empty(MAX_PANES, np.int64)
     for e in range(piece, edges, pieces):
         middle1 = _along(_row(faces.start, e), _row(faces.along, e), 0.5 * faces.length[e])
         for f in range(e, edges):
@@ -339,7 +340,8 @@ def _linked(
                 for i in range(len(samples) * len(samples)):
                     start = edge_point(faces, e, samples[i % len(samples)] * faces.length[e])
                     end = edge_point(faces, f, samples[(i + i // len(samples)) % len(samples)] * faces.length[f])
-                    if (p < 0 or reflect_points(faces, start, chain, end, points)) and is_clear(tree, opaque, start, points, p >= 0, end):
+                    over = p < 0 or reflect_points(faces, start, chain, end, points)
+                    if over and panes_on(tree, opaque, start, points, int(p >= 0), end, found) >= 0:
                         seen = True
                         break
                 if not seen:
@@ -351,12 +353,10 @@ def _linked(
     return used
 
 
-def links(faces: Faces, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray) -> np.ndarray:
+def links(faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray) -> np.ndarray:
     """Return (edge, edge, face or -1) of all edges that see each other, directly or over a face, (L, 3). They hold for every place."""
-    centre = np.array([faces.outline[p, :n].mean(axis=0) for p, n in enumerate(faces.corners)]).reshape(-1, 3)
-    radius = np.array([np.linalg.norm(faces.outline[p, :n] - centre[p], axis=1).max() for p, n in enumerate(faces.corners)])
     return _listed(
-        lambda piece, pieces, out: _linked(faces, tree, opaque, loudness, centre, radius, np.array(PLACES), piece, pieces, out), 4 * cores()
+        lambda piece, pieces, out: _linked(faces, *balls, tree, opaque, loudness, np.array(PLACES), piece, pieces, out), 4 * cores()
     )
 
 
@@ -476,6 +476,54 @@ class Sequences:
 
 
 @compiled
+def _closed(
+    faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, source: np.ndarray, receiver: np.ndarray,
+    chain: np.ndarray, order: np.ndarray, image: np.ndarray, out: np.ndarray,
+) -> int:  # fmt: skip
+    """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; returns their number, or -1."""
+    used = 0
+    points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
+    end = receiver[0], receiver[1], receiver[2]
+    for b in range(len(order)):
+        m, at = order[b], _row(image, b)
+        faces_of[:m] = chain[b, :m]
+        for p in range(len(faces.offset)):
+            faces_of[m] = p
+            if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end):
+                continue
+            if not reflect_points(faces, source, faces_of[: m + 1], receiver, points):
+                continue
+            if used == len(out):
+                return -1
+            out[used, 0], out[used, 1], out[used, 2] = b, p, -1
+            used += 1
+    return used
+
+
+def closed(
+    faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, source: np.ndarray, receiver: np.ndarray,
+    longest: int,
+) -> Sequences:  # fmt: skip
+    """Return the sequences of at most `longest` faces, without edges, over which beams of the source reach the receiver.
+
+    Args:
+        balls: centre (P, 3) and radius (P,) of a ball around each face.
+        loudness: (P,) largest reflection coefficient of each face. source, receiver: (3,) places.
+    """
+    few = found.order < longest
+    chain, order, image = found.chain[few], found.order[few], found.image[few]
+    beam, face, _ = _listed(
+        lambda piece, pieces, out: _closed(faces, *balls, loudness, source, receiver, chain, order, image, out), 1
+    ).T  # fmt: skip
+    chains = np.full((len(beam), max(longest, 1)), -1)
+    chains[:, : chain.shape[1]] = chain[beam, : chains.shape[1]]
+    chains[np.arange(len(beam)), order[beam]] = face
+    count = np.zeros((len(beam), 3), int)
+    count[:, 0] = order[beam] + 1
+    return Sequences(count, np.full((len(beam), 2), -1), chains, np.zeros(len(beam), bool))
+
+
+@compiled
 def _singles(
     faces: Faces, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray,
     longest: int, own: np.ndarray, out: np.ndarray,
@@ -525,7 +573,7 @@ def sequences(
     faces: Faces, found: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, loudness: np.ndarray, wavenumber: float,
     longest: int, least: float,
 ) -> Sequences:  # fmt: skip
-    """Join beams and reached edges to sequences that start and end at the sensor and can be as strong as `least`.
+    """Join reached edges and their beams to sequences with edges that start and end at the sensor and can be as strong as `least`.
 
     Args:
         arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
@@ -536,12 +584,7 @@ def sequences(
     beam = arrivals[:, 1]
     order, image = found.order[beam], found.image[beam]
     width = max(found.chain.shape[1], longest, 1)
-    only = found.order > 0
-    chain = np.pad(found.chain, ((0, 0), (0, width - found.chain.shape[1])), constant_values=-1)
-    none = np.zeros(int(only.sum()), int)
-    parts = [(
-        np.stack([found.order[only], none, none], axis=1), np.full((len(none), 2), -1), chain[only], np.zeros(len(none), bool)
-    )]  # fmt: skip
+    parts = []
     # At its boundaries, an edge wave joins reflections at the faces of the edge, which count like other reflections: one, or several at an
     # inner corner. Otherwise a wave would join a path that is left out.
     own = np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)

@@ -15,7 +15,7 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import NUDGE
+from radartwin.simulation.flat.field import NUDGE, angle, dot, keller, norm
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
 from radartwin.simulation.geometry import Geometry
@@ -35,6 +35,7 @@ class Outlines(NamedTuple):
         first: (C + 1,) range of each part. centre: (C, 3), radius: (C,) ball around each part, metres. surface: (C,) its surface.
         start, along, length, into, up, opening, sides: of each edge, as in `radartwin.simulation.flat.faces.Faces`; a side is -1 where the
             body is a mesh without faces.
+        other: (E, 3) unit, perpendicular to face n and to the edge, into the open sector.
     """
 
     first: np.ndarray
@@ -48,6 +49,7 @@ class Outlines(NamedTuple):
     up: np.ndarray
     opening: np.ndarray
     sides: np.ndarray
+    other: np.ndarray
 
     @staticmethod
     def concatenate(parts: "Sequence[Outlines]") -> "Outlines":
@@ -104,6 +106,8 @@ def _across(way: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _parts(owner: np.ndarray, surface: np.ndarray, edges: Sequence[np.ndarray]) -> Outlines:
+    into, up, turn = edges[3], edges[4], np.pi * edges[5][:, None]
+    edges = [*edges, np.sin(turn) * into - np.cos(turn) * up]
     order = np.argsort(owner, kind="stable")
     edges = [np.ascontiguousarray(values[order]) for values in edges]
     first = np.append(np.flatnonzero(np.diff(owner[order], prepend=-1)), len(owner))
@@ -161,7 +165,7 @@ def waves(
     found = np.empty(MAX_PANES, np.int64)
     clear = 1.0 if crossed(tree, start, end, opaque, found) >= 0 else 0.0
     way = end - start
-    length = math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+    length = norm(way)
     if length < 1e-9:
         return clear, 0
     way /= length
@@ -173,28 +177,17 @@ def waves(
         if not _is_near(outlines.centre[c], outlines.radius[c], start, end, before + length + after, wavenumber):
             continue
         for e in range(outlines.first[c], outlines.first[c + 1]):
-            own = False
-            for side in range(2):
-                own |= outlines.sides[e, side] >= 0 and (outlines.sides[e, side] in (mirror_a, mirror_b))
+            if not _is_silhouette(outlines, e, source):
+                continue
+            own = _lies_in(outlines, e, start, normal_a) or _lies_in(outlines, e, end, normal_b)
             for k in range(2):
-                own |= _lies_in(outlines, e, end if k else start, normal_b if k else normal_a)
+                own |= outlines.sides[e, k] >= 0 and (outlines.sides[e, k] in (mirror_a, mirror_b))
             if own:
                 continue
             value = edge_part(outlines.start[e], outlines.along[e], outlines.length[e], source, receiver, wavenumber, REACH)
             if value == 0:
                 continue
-            sign = _side(outlines, e, source, receiver)
-            if sign == 0:
-                continue
-            z_s, z_r, h_s, h_r = 0.0, 0.0, 0.0, 0.0
-            for k in range(3):
-                z_s += (source[k] - outlines.start[e, k]) * outlines.along[e, k]
-                z_r += (receiver[k] - outlines.start[e, k]) * outlines.along[e, k]
-            for k in range(3):
-                h_s += (source[k] - outlines.start[e, k] - z_s * outlines.along[e, k]) ** 2
-                h_r += (receiver[k] - outlines.start[e, k] - z_r * outlines.along[e, k]) ** 2
-            h_s, h_r = math.sqrt(h_s), math.sqrt(h_r)
-            z = min(max((z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12), 0.0), outlines.length[e])
+            z = min(max(keller(outlines.start[e], outlines.along[e], source, receiver), 0.0), outlines.length[e])
             half = 0.5 * math.pi * outlines.opening[e]
             reached = 0.0
             for k in range(3):
@@ -209,7 +202,7 @@ def waves(
                 others[outlines.surface[c]] = opaque[outlines.surface[c]]
                 if hidden:
                     continue
-            part[count] = sign * value
+            part[count] = _side(outlines, e, source, receiver) * value
             place[count] = x
             count += 1
     return clear, count
@@ -226,28 +219,24 @@ def factor(
 
 
 @innermost
+def _is_silhouette(outlines: Outlines, e: int, source: np.ndarray) -> bool:
+    """Return whether a source sees one of the two faces of edge `e`, so that the edge begins to hide what is behind."""
+    over, over_n = 0.0, 0.0
+    for k in range(3):
+        over += (source[k] - outlines.start[e, k]) * outlines.up[e, k]
+        over_n += (source[k] - outlines.start[e, k]) * outlines.other[e, k]
+    return outlines.opening[e] > 1 and (over >= 0) != (over_n >= 0)
+
+
+@innermost
 def _side(outlines: Outlines, e: int, start: np.ndarray, end: np.ndarray) -> float:
-    """Return +1 if edge `e` hides `end` from `start`, -1 if it hides a place beside `end`, 0 if it hides nothing."""
-    limit = outlines.opening[e] * math.pi
-    up, into = 0.0, 0.0
-    for k in range(3):
-        up += (start[k] - outlines.start[e, k]) * outlines.up[e, k]
-        into += (start[k] - outlines.start[e, k]) * outlines.into[e, k]
-    source = math.atan2(up, into)
-    if source < 0:
-        source += 2 * math.pi
-    if source > limit or limit - math.pi <= source <= math.pi:
-        return 0.0
-    up, into = 0.0, 0.0
-    for k in range(3):
-        up += (end[k] - outlines.start[e, k]) * outlines.up[e, k]
-        into += (end[k] - outlines.start[e, k]) * outlines.into[e, k]
-    receiver = math.atan2(up, into)
-    if receiver < 0:
-        receiver += 2 * math.pi
+    """Return +1 if edge `e`, which is a silhouette from `start`, hides `end`, and -1 if it hides a place beside `end`."""
+    at = outlines.start[e, 0], outlines.start[e, 1], outlines.start[e, 2]
+    source = angle(outlines, e, start[0] - at[0], start[1] - at[1], start[2] - at[2])
+    receiver = angle(outlines, e, end[0] - at[0], end[1] - at[1], end[2] - at[2])
     if source < math.pi:
         return 1.0 if receiver > source + math.pi else -1.0
-    return 1.0 if receiver < source - math.pi or receiver > limit else -1.0
+    return 1.0 if receiver < source - math.pi or receiver > outlines.opening[e] * math.pi else -1.0
 
 
 @compiled
@@ -282,7 +271,7 @@ def cast(
             last += 1
         met[last] = met[0]
         for i in range(last):
-            length[i] = _norm(met[i + 1] - met[i])
+            length[i] = norm(met[i + 1] - met[i])
         if not mirrors:
             out[n] = 1
             for i in range(last):
@@ -290,7 +279,7 @@ def cast(
             continue
         for i in range(1, last):
             normal[i] = (met[i + 1] - met[i]) / length[i] - (met[i] - met[i - 1]) / length[i - 1]
-            normal[i] /= max(_norm(normal[i]), 1e-12)
+            normal[i] /= max(norm(normal[i]), 1e-12)
         total = 1 + 0j  # factor of the lines i to `last`, from the last line to the first
         for i in range(last - 1, -1, -1):
             before, after = length[:i].sum(), length[i + 1 : last].sum()
@@ -317,8 +306,8 @@ def _onwards(
 ) -> complex:  # fmt: skip
     """Return the product of the factors of the lines after line `i` for a ray from `start` beside this line over the same mirrors."""
     way = met[i + 1] - met[i]
-    target = met[i + 1] + after / _norm(way) * way
-    rest = _norm(target - start)
+    target = met[i + 1] + after / norm(way) * way
+    rest = norm(target - start)
     way = (target - start) / rest
     ray[i] = start
     gone, total = 0.0, 1 + 0j
@@ -326,13 +315,13 @@ def _onwards(
         if j == last:
             ray[j] = met[j]
         else:
-            toward = _along(way, normal[j])
+            toward = dot(way, normal[j])
             if toward >= -1e-9:
                 return total
-            step = max(_along(met[j] - ray[j - 1], normal[j]) / toward, 0.0)
+            step = max(dot(met[j] - ray[j - 1], normal[j]) / toward, 0.0)
             ray[j] = ray[j - 1] + step * way
             way = way - 2 * toward * normal[j]
-        step = _norm(ray[j] - ray[j - 1])
+        step = norm(ray[j] - ray[j - 1])
         if j > i + 1:
             total *= factor(
                 outlines, tree, opaque, ray[j - 1], ray[j], gone, max(rest - gone - step, 0.0) if j < last else 0.0, normal[j - 1],
@@ -340,13 +329,3 @@ def _onwards(
             )  # fmt: skip
         gone += step
     return total
-
-
-@innermost
-def _along(a: np.ndarray, b: np.ndarray) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@innermost
-def _norm(a: np.ndarray) -> float:
-    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])

@@ -23,7 +23,7 @@ from scipy.special import wofz
 
 from radartwin.compiled import compiled
 
-_STEPS, _LAST = 2048, 8.0  # table of `_scaled_tail`; cubic interpolation between its steps has an error below 1e-12
+_STEPS, _LAST = 2048, 8.0  # table of `scaled_tail`; cubic interpolation between its steps has an error below 1e-12
 _GRID = np.linspace(0, _LAST, _STEPS + 1)
 _TAIL = np.sqrt(np.pi) / 2 * np.exp(-0.25j * np.pi) * wofz(1j * np.exp(0.25j * np.pi) * _GRID)
 _SLOPE = (2j * _GRID * _TAIL - 1) * (_LAST / _STEPS)
@@ -32,7 +32,7 @@ _TURN = cmath.exp(0.25j * math.pi)
 
 
 @compiled
-def _scaled_tail(u: float) -> complex:
+def scaled_tail(u: float) -> complex:
     """Return exp(j u^2) times the integral of exp(-j t^2) from u >= 0 to infinity."""
     if u >= _LAST:
         x = u * u
@@ -53,7 +53,7 @@ def half_plane(v: float) -> complex:
     (0.5, 1.0)
     """
     u = abs(v) * math.sqrt(0.5 * math.pi)
-    rest = math.sqrt(2 / math.pi) * _scaled_tail(u) * cmath.exp(-1j * u * u) / (1 - 1j)
+    rest = math.sqrt(2 / math.pi) * scaled_tail(u) * cmath.exp(-1j * u * u) / (1 - 1j)
     return 1 - rest if v >= 0 else rest
 
 
@@ -69,7 +69,7 @@ def _term(sign: float, beta: float, n: float, kl: float) -> tuple[complex, compl
         limit = n * (math.sqrt(2 * math.pi * kl) * side - 2 * kl * beside * _TURN) * _TURN
         return limit, complex(0.0, -2 * sign * n * kl)
     u = math.sqrt(2 * kl) * abs(math.cos(math.pi * n * order - 0.5 * beta))
-    transition = 2j * u * _scaled_tail(u)
+    transition = 2j * u * scaled_tail(u)
     slope = -sign / (2 * n * sine * sine) * 2j * u * u * (1 - transition)
     return math.cos(argument) / sine * transition, slope
 
