@@ -68,7 +68,7 @@ _fill | range(ways) | range(1) | an echo crosses a pane once, not there and back
 delayed | 2j * np.pi * at_hz | 0j * at_hz | the delay of a pane turns the phase twice
 
 simulation/flat/field: physics/test_crossing
-edge_terms | shadow * lost[0, 0] | shadow | the edge of a pane casts the shadow of an opaque sheet
+edge_terms | shadow * lost[0] | shadow | the edge of a pane casts the shadow of an opaque sheet
 travelled | max(crossed(tree, at, to, opaque, found), 0) | 0 | panes do not weaken the paths of rooms
 
 simulation/diffuse: physics/test_diffuse
@@ -118,7 +118,7 @@ waves | sign * value | -sign * value | edge waves have the wrong sign
 cast | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 
 simulation/flat/legs: physics/test_shadows
-_mirror | dot(source - faces.start[e], sector[i]) > 0 | False | outer edges of a corner end its mirrors
+_mirror | dot(toward(faces.start[e], source, 1.0), sector[i]) > 0 | False | outer edges of a corner end its mirrors
 
 simulation/flat/coupling: physics/test_coupling
 group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only

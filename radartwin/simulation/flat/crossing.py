@@ -15,7 +15,7 @@ import numpy as np
 
 from radartwin.compiled import compiled, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, crossed
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SAME_M = 1e-6  # triangles of one surface that a line meets within this distance count once
@@ -23,7 +23,7 @@ SAME_M = 1e-6  # triangles of one surface that a line meets within this distance
 
 @compiled
 def cross_panes(
-    tree: Hierarchy, te: np.ndarray, tm: np.ndarray, start: np.ndarray, stop: np.ndarray, found: np.ndarray, count: int, field: np.ndarray
+    tree: Hierarchy, te: np.ndarray, tm: np.ndarray, start: Point, stop: Point, found: np.ndarray, count: int, field: np.ndarray
 ) -> None:
     """Multiply a field in place by the transmission of the panes between two points.
 
@@ -33,7 +33,9 @@ def cross_panes(
         found, count: triangles on the line, from `obstacles.crossed`.
         field: (Q, 3) field across the line.
     """
-    way = stop - start
+    if count == 0:
+        return
+    way = np.array((stop[0] - start[0], stop[1] - start[1], stop[2] - start[2]))
     length = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
     place = np.empty(count)
     for i in range(count):

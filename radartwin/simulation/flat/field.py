@@ -18,7 +18,7 @@ import numpy as np
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.wedge import coefficients, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
@@ -40,29 +40,51 @@ class Tables(NamedTuple):
 
 
 @innermost
-def norm(x: np.ndarray) -> float:
+def norm(x: Point) -> float:
     return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
 
 
 @innermost
-def dot(a: np.ndarray, b: np.ndarray) -> float:
+def dot(a: Point, b: Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @innermost
-def distance(a: np.ndarray, b: np.ndarray) -> float:
+def distance(a: Point, b: Point) -> float:
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@compiled
-def image(faces: Faces, point: np.ndarray, chain: np.ndarray, plane: float) -> np.ndarray:
+@innermost
+def vector(values: np.ndarray, i: int) -> Vector:
+    """Return row `i` of an array (N, 3) as a tuple. Points of innermost loops are tuples, because small arrays are slow to create."""
+    return float(values[i, 0]), float(values[i, 1]), float(values[i, 2])
+
+
+@innermost
+def moved(start: Point, along: Point, place: float) -> Vector:
+    """Return start + place * along."""
+    return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
+
+
+@innermost
+def toward(start: Point, end: Point, length: float) -> Vector:
+    """Return (end - start)/length."""
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
+
+
+@innermost
+def cross(a: Point, b: Point) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@innermost
+def image(faces: Faces, point: Point, chain: np.ndarray, plane: float) -> Vector:
     """Return the image of a point in the faces of a chain, in this order. plane=0: the image of a direction."""
-    out = point.copy()
-    for p in chain:
-        height = dot(out, faces.normal[p]) - plane * faces.offset[p]
-        for k in range(3):
-            out[k] -= 2 * height * faces.normal[p, k]
-    return out
+    x = point[0], point[1], point[2]
+    for i in range(len(chain)):
+        normal = vector(faces.normal, chain[i])
+        x = moved(x, normal, -2 * (dot(x, normal) - plane * faces.offset[chain[i]]))
+    return x
 
 
 @innermost
@@ -127,15 +149,14 @@ def panes_on(tree: Hierarchy, opaque: np.ndarray, start: Point, points: np.ndarr
     return total
 
 
-@compiled
-def transverse(axis: np.ndarray, direction: np.ndarray) -> np.ndarray:
+@innermost
+def transverse(axis: Point, direction: Point) -> Vector:
     """Return the normalised component of an axis perpendicular to a direction; for a parallel direction, a fixed perpendicular."""
-    across = axis - direction * dot(axis, direction)
+    across = moved(axis, direction, -dot(axis, direction))
+    if norm(across) < 1e-6:
+        across = cross(axis, (0.6, 0.0, 0.8) if abs(axis[2]) < 0.9 else (0.8, 0.6, 0.0))
     size = norm(across)
-    if size < 1e-6:
-        across = np.cross(axis, np.array([0.6, 0.0, 0.8]) if abs(axis[2]) < 0.9 else np.array([0.8, 0.6, 0.0]))
-        size = norm(across)
-    return across / size
+    return across[0] / size, across[1] / size, across[2] / size
 
 
 @innermost
@@ -146,55 +167,57 @@ def looked_up(values: np.ndarray, surface: int, cosine: float, q: int) -> comple
     return values[surface, low, q] * (1 - x + low) + values[surface, low + 1, q] * (x - low)
 
 
-@compiled
-def reflected(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, field: np.ndarray, direction: np.ndarray, chain: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the field (Q, 3) and the direction after the reflections of a chain."""
-    field, direction = field.copy(), direction.copy()
-    for p in chain:
-        normal = faces.normal[p]
-        cosine = dot(direction, normal)
-        after = direction - 2 * cosine * normal
-        s = np.cross(direction, normal)
+@innermost
+def polarised(field: np.ndarray, unit: Point) -> None:
+    """Set a field (Q, 3) to a unit vector."""
+    for q in range(len(field)):
+        for k in range(3):
+            field[q, k] = unit[k]
+
+
+@innermost
+def reflected(faces: Faces, te: np.ndarray, tm: np.ndarray, field: np.ndarray, direction: Point, chain: np.ndarray) -> Vector:
+    """Reflect a field (Q, 3) at the faces of a chain in place; returns the direction after the reflections."""
+    way = direction[0], direction[1], direction[2]
+    for i in range(len(chain)):
+        normal, surface = vector(faces.normal, chain[i]), faces.surface[chain[i]]
+        cosine = dot(way, normal)
+        after = moved(way, normal, -2 * cosine)
+        s = cross(way, normal)
+        if norm(s) < 1e-7:
+            s = cross(normal, (1.0, 0.0, 0.0) if abs(normal[0]) < 0.9 else (0.0, 1.0, 0.0))
         size = norm(s)
-        if size < 1e-7:
-            s = np.cross(normal, np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
-            size = norm(s)
-        s /= size
-        before_p, after_p = np.cross(direction, s), np.cross(after, s)
-        for q in range(field.shape[0]):
-            along_s = (field[q, 0] * s[0] + field[q, 1] * s[1] + field[q, 2] * s[2]) * looked_up(te, faces.surface[p], abs(cosine), q)
+        s = s[0] / size, s[1] / size, s[2] / size
+        before_p, after_p = cross(way, s), cross(after, s)
+        for q in range(len(field)):
+            along_s = (field[q, 0] * s[0] + field[q, 1] * s[1] + field[q, 2] * s[2]) * looked_up(te, surface, abs(cosine), q)
             along_p = field[q, 0] * before_p[0] + field[q, 1] * before_p[1] + field[q, 2] * before_p[2]
-            along_p *= looked_up(tm, faces.surface[p], abs(cosine), q)
+            along_p *= looked_up(tm, surface, abs(cosine), q)
             for k in range(3):
                 field[q, k] = along_s * s[k] + along_p * after_p[k]
-        direction = after
-    return field, direction
+        way = after
+    return way
 
 
 @compiled
 def travelled(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: np.ndarray, chain: np.ndarray,
-    start: np.ndarray, points: np.ndarray, step: int, end: np.ndarray,
-) -> np.ndarray:  # fmt: skip
-    """Return the field (Q, 3) after the reflections of a chain and the panes between `start`, its points of reflection and `end`.
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: Point, chain: np.ndarray,
+    start: Point, points: np.ndarray, step: int, end: Point, found: np.ndarray,
+) -> None:  # fmt: skip
+    """Take a field (Q, 3) in place over the reflections of a chain and the panes between `start`, its points of reflection and `end`.
 
     Args:
         points: (len(chain), 3) points of reflection, in the order of the path for step=1 and in reverse order for step=-1.
+        found: (MAX_PANES,) memory.
     """
-    found = np.empty(MAX_PANES, np.int64)
-    field = field.copy()
-    at, m = start, len(chain)
+    m = len(chain)
+    at, way = (start[0], start[1], start[2]), (direction[0], direction[1], direction[2])
     for i in range(m + 1):
-        to = end
-        if i < m:
-            to = points[i] if step > 0 else points[m - 1 - i]
+        to = vector(points, i if step > 0 else m - 1 - i) if i < m else (end[0], end[1], end[2])
         cross_panes(tree, tables.through_te, tables.through_tm, at, to, found, max(crossed(tree, at, to, opaque, found), 0), field)
         if i < m:
-            field, direction = reflected(faces, tables.te, tables.tm, field, direction, chain[i : i + 1])
+            way = reflected(faces, tables.te, tables.tm, field, way, chain[i : i + 1])
         at = to
-    return field
 
 
 @innermost
@@ -207,7 +230,7 @@ def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
 
 
 @innermost
-def keller(start: np.ndarray, along: np.ndarray, source: np.ndarray, receiver: np.ndarray) -> float:
+def keller(start: Point, along: Point, source: Point, receiver: Point) -> float:
     """Return the place in metres along a line where the path from source over the line to receiver is shortest."""
     z_s, z_r = 0.0, 0.0
     for k in range(3):
@@ -222,17 +245,15 @@ def keller(start: np.ndarray, along: np.ndarray, source: np.ndarray, receiver: n
 
 
 @compiled
-def ends_weight(
-    start: np.ndarray, along: np.ndarray, length: float, place: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float
-) -> complex:
+def ends_weight(start: Point, along: Point, length: float, place: float, source: Point, receiver: Point, wavenumber: float) -> complex:
     """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
 
     Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of it, which is the mean of the smooth
     and of the abrupt end.
     """
-    total = distance(start + place * along, source) + distance(start + place * along, receiver)
+    x, end = moved(start, along, place), moved(start, along, length)
+    total = distance(x, source) + distance(x, receiver)
     excess_a = distance(start, source) + distance(start, receiver) - total
-    end = start + length * along
     excess_b = distance(end, source) + distance(end, receiver) - total
     scale = 2 * wavenumber / math.pi
     t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if place < 0 else -1.0)
@@ -241,7 +262,7 @@ def ends_weight(
     return 0.5 * (half_plane(t_b) - half_plane(t_a) + abrupt)
 
 
-@compiled
+@innermost
 def face_matrix(
     te: np.ndarray, tm: np.ndarray, surface: int, q: int, phi: float, phi0: float, sine: float, cosine: float
 ) -> tuple[complex, complex, complex]:
@@ -267,17 +288,19 @@ def face_matrix(
     return r_te * c * c - r_tm * s * s, s * c * (r_te + r_tm), r_tm * c * c - r_te * s * s
 
 
-@compiled
-def passing_matrix(faces: Faces, tables: Tables, e: int, q: int, phi: float, phi0: float, sine: float, cosine: float) -> np.ndarray:
-    """Return the matrix (2, 2) of the transmission through both faces of edge `e` in its soft and hard directions.
+@innermost
+def passing_matrix(
+    faces: Faces, tables: Tables, e: int, q: int, phi: float, phi0: float, sine: float, cosine: float
+) -> tuple[complex, complex, complex, complex]:
+    """Return the elements ss, sh, hs and hh of the matrix of the transmission through both faces of edge `e`, as in `face_matrix`.
 
     The direction through the faces is half way between those before and after the edge, as in `face_matrix`. Both faces of a free edge are
     the same sheet, which counts once. Ref: W. Burnside, K. Burgener, IEEE Trans. AP 31 (1983) 104.
     """
-    out = np.eye(2, dtype=np.complex128)
     for side in range(2):
         if tables.through_te[faces.surface[faces.sides[e, side]], -1, q] == 0:  # an opaque face has zeros at all angles
-            return 0 * out
+            return 0j, 0j, 0j, 0j
+    ss, sh, hs, hh = 1 + 0j, 0j, 0j, 1 + 0j
     middle = 0.5 * (phi + phi0 + math.pi)
     if math.cos(middle - phi) < 0:
         middle += math.pi
@@ -292,19 +315,20 @@ def passing_matrix(faces: Faces, tables: Tables, e: int, q: int, phi: float, phi
         if size < 1e-9:
             soft, hard, size = 0.0, 1.0, 1.0
         soft, hard = soft / size, hard / size
-        one = np.empty((2, 2), np.complex128)
-        one[0, 0] = t_te * hard * hard + t_tm * soft * soft
-        one[1, 1] = t_te * soft * soft + t_tm * hard * hard
-        one[0, 1] = one[1, 0] = (t_tm - t_te) * soft * hard
-        out = one @ out
-    return out
+        across, within, mixed = (
+            t_te * hard * hard + t_tm * soft * soft,
+            t_te * soft * soft + t_tm * hard * hard,
+            (t_tm - t_te) * soft * hard,
+        )
+        ss, sh, hs, hh = across * ss + mixed * hs, across * sh + mixed * hh, mixed * ss + within * hs, mixed * sh + within * hh
+    return ss, sh, hs, hh
 
 
-@compiled
+@innermost
 def edge_terms(
-    faces: Faces, tables: Tables, e: int, before: np.ndarray, after: np.ndarray, distance_m: float, wavenumber: float
-) -> np.ndarray:
-    """Return the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
+    faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float, out: np.ndarray
+) -> None:
+    """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
     Behind faces that transmit, the field jumps by the part that they do not transmit, which multiplies the shadow terms.
 
@@ -313,38 +337,37 @@ def edge_terms(
     Args:
         before, after: directions of travel (3,). distance_m: distance parameter without the square of the sine.
     """
-    out = np.zeros((3, 2, 2), np.complex128)
-    cosine = dot(before, faces.along[e])
+    for i in range(3):
+        out[i, 0, 0], out[i, 0, 1], out[i, 1, 0], out[i, 1, 1] = 0j, 0j, 0j, 0j
+    cosine = dot(before, vector(faces.along, e))
     sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
     n = faces.opening[e]
     phi0 = angle(faces, e, -before[0], -before[1], -before[2])
     phi = angle(faces, e, after[0], after[1], after[2])
     if max(phi, phi0) > n * math.pi + 1e-9:
-        return out
+        return
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
-    lost = np.eye(2) - passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
+    ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
+    lost = 1 - ss, -sh, -hs, 1 - hh
     ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
     ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
-    out[0, 0, 0] = shadow * lost[0, 0] + ss0 * mirror_0 + ssn * mirror_n
+    out[0, 0, 0] = shadow * lost[0] + ss0 * mirror_0 + ssn * mirror_n
     turned = sh0 * mirror_0 + shn * mirror_n
-    out[0, 0, 1] = shadow * lost[0, 1] + turned
-    out[0, 1, 0] = shadow * lost[1, 0] - turned
-    out[0, 1, 1] = shadow * lost[1, 1] + hh0 * mirror_0 + hhn * mirror_n
-    out[1, 0, 0], out[1, 1, 1] = slope * lost[0, 0] - bend, slope * lost[1, 1] + bend
-    out[2, 0, 0], out[2, 1, 1] = -slope * lost[0, 0] - bend, -slope * lost[1, 1] + bend
-    return out
+    out[0, 0, 1] = shadow * lost[1] + turned
+    out[0, 1, 0] = shadow * lost[2] - turned
+    out[0, 1, 1] = shadow * lost[3] + hh0 * mirror_0 + hhn * mirror_n
+    out[1, 0, 0], out[1, 1, 1] = slope * lost[0] - bend, slope * lost[3] + bend
+    out[2, 0, 0], out[2, 1, 1] = -slope * lost[0] - bend, -slope * lost[3] + bend
 
 
-@compiled
-def soft_and_hard(along: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the soft and the hard direction (2, 3) of a ray at an edge: in the plane of both, and across this plane."""
+@innermost
+def soft_and_hard(along: Point, direction: Point) -> tuple[Vector, Vector]:
+    """Return the soft and the hard direction of a ray at an edge: in the plane of both, and across this plane."""
     cosine = dot(along, direction)
     sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
-    out = np.empty((2, 3))
-    out[0] = (along - cosine * direction) / sine
-    out[1] = np.cross(out[0], direction)
-    return out
+    soft = toward(moved((0.0, 0.0, 0.0), direction, cosine), along, sine)
+    return soft, cross(soft, direction)
 
 
 @innermost
@@ -384,14 +407,15 @@ def evaluate(
     points, points2, points3 = np.empty((3, chain.shape[1] + 1, 3))
     found = np.empty(MAX_PANES, np.int64)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2]
+    field, slope = np.empty((2, q, 3), np.complex128)
+    level, matrix1, matrix2 = np.empty(q, np.complex128), np.empty((3, 2, 2), np.complex128), np.empty((3, 2, 2), np.complex128)
     for n in range(begin, stop):
         s = which[n]
-        place, antenna = sensor[pose[n]], axis[pose[n]]
-        source, receiver = place + nudge, place + 2 * nudge
+        place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
+        source, receiver = moved(place, nudge, 1.0), moved(place, nudge, 2.0)
         m0, m1, m2 = count[s]
         first, between, last = chain[s, :m0], chain[s, m0 : m0 + m1], chain[s, m0 + m1 : m0 + m1 + m2]
         e1, e2 = edge[s]
-        mirrored = image(faces, source, first, 1.0)
         if e1 < 0:
             if not reflect_points(faces, source, first, receiver, points):
                 continue
@@ -399,51 +423,51 @@ def evaluate(
             size = distance(exact, place)
             if size < 1e-6:  # four reflections in a corner of 90 degrees map the sensor to itself
                 continue
-            back = (place - exact) / size
+            back = toward(exact, place, size)
             there = image(faces, back, first[::-1], 0.0)
-            field = np.zeros((q, 3), np.complex128)
-            field[:] = transverse(antenna, there)
-            field, _ = reflected(faces, te, tm, field, there, first)
-            level = field @ transverse(antenna, back).astype(np.complex128) / size
-            if np.abs(level).max() < least[pose[n]]:
+            polarised(field, transverse(antenna, there))
+            reflected(faces, te, tm, field, there, first)
+            if _received(field, transverse(antenna, back), 1 / size, level) < least[pose[n]]:
                 continue
             panes = panes_on(tree, opaque, source, points, m0, receiver, found)
             if panes < 0:
                 continue
             if panes:
-                field[:] = transverse(antenna, there)
-                field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, receiver)
-                level = field @ transverse(antenna, back).astype(np.complex128) / size
+                polarised(field, transverse(antenna, there))
+                travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, receiver, found)
+                _received(field, transverse(antenna, back), 1 / size, level)
             met[n, :m0] = points[:m0]
             amplitude[n] = level
             length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
-            departure[n], arrival[n] = there, -back
+            for k in range(3):
+                departure[n, k], arrival[n, k] = there[k], -back[k]
             continue
-        returned = image(faces, receiver, last[::-1], 1.0)
+        mirrored, returned = image(faces, source, first, 1.0), image(faces, receiver, last[::-1], 1.0)
+        start1, along1 = vector(faces.start, e1), vector(faces.along, e1)
         if e2 < 0:
-            z = keller(faces.start[e1], faces.along[e1], mirrored, returned)
-            weight = ends_weight(faces.start[e1], faces.along[e1], faces.length[e1], z, mirrored, returned, wavenumber)
-            if abs(weight) < OUTSIDE:
-                continue
-            x = faces.start[e1] + z * faces.along[e1]
-            s1, s3 = distance(mirrored, x), distance(x, returned)
-            if min(s1, s3) < 1e-6:
-                continue
-            touched = np.array(edge_point(faces, e1, z))
+            z = keller(start1, along1, mirrored, returned)
+            touched = edge_point(faces, e1, z)
             if not reflect_points(faces, source, first, touched, points):
                 continue
             if not reflect_points(faces, receiver, last[::-1], touched, points2):
                 continue
-            before, after = (x - mirrored) / s1, (returned - x) / s3
+            weight = ends_weight(start1, along1, faces.length[e1], z, mirrored, returned, wavenumber)
+            if abs(weight) < OUTSIDE:
+                continue
+            x = moved(start1, along1, z)
+            s1, s3 = distance(mirrored, x), distance(x, returned)
+            if min(s1, s3) < 1e-6:
+                continue
+            before, after = toward(mirrored, x, s1), toward(x, returned, s3)
             there, back = image(faces, before, first[::-1], 0.0), image(faces, after, last, 0.0)
-            field = np.zeros((q, 3), np.complex128)
-            field[:] = transverse(antenna, there)
-            field, _ = reflected(faces, te, tm, field, there, first)
-            matrix = edge_terms(faces, tables, e1, before, after, s1 * s3 / (s1 + s3), wavenumber)[0]
-            field = _passed(field, matrix, soft_and_hard(faces.along[e1], before), soft_and_hard(faces.along[e1], after))
-            field, _ = reflected(faces, te, tm, field, after, last)
-            level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
-            if np.abs(level).max() < least[pose[n]]:
+            edge_terms(faces, tables, e1, before, after, s1 * s3 / (s1 + s3), wavenumber, matrix1)
+            enters, leaves = soft_and_hard(along1, before), soft_and_hard(along1, after)
+            weight /= math.sqrt(s1 * s3 * (s1 + s3))
+            polarised(field, transverse(antenna, there))
+            reflected(faces, te, tm, field, there, first)
+            _passed(field, matrix1, 0, enters, leaves, field)
+            reflected(faces, te, tm, field, after, last)
+            if _received(field, transverse(antenna, back), weight, level) < least[pose[n]]:
                 continue
             panes = panes_on(tree, opaque, source, points, m0, touched, found)
             if panes < 0:
@@ -452,81 +476,75 @@ def evaluate(
             if more < 0:
                 continue
             if panes + more:
-                field[:] = transverse(antenna, there)
-                field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched)
-                field = _passed(field, matrix, soft_and_hard(faces.along[e1], before), soft_and_hard(faces.along[e1], after))
-                field = travelled(faces, tree, opaque, tables, field, after, last, touched, points2, -1, receiver)
-                level = field @ transverse(antenna, back).astype(np.complex128) * weight / math.sqrt(s1 * s3 * (s1 + s3))
-            met[n, :m0], met[n, m0] = points[:m0], touched
+                polarised(field, transverse(antenna, there))
+                travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched, found)
+                _passed(field, matrix1, 0, enters, leaves, field)
+                travelled(faces, tree, opaque, tables, field, after, last, touched, points2, -1, receiver, found)
+                _received(field, transverse(antenna, back), weight, level)
+            met[n, :m0] = points[:m0]
             for i in range(m2):
                 met[n, m0 + 1 + i] = points2[m2 - 1 - i]
             amplitude[n] = level
             length[n, 0] = distance(image(faces, place, first, 1.0), x)
             length[n, 2] = distance(x, image(faces, place, last[::-1], 1.0))
-            departure[n], arrival[n] = there, -back
+            for k in range(3):
+                met[n, m0, k], departure[n, k], arrival[n, k] = touched[k], there[k], -back[k]
             continue
         # two edges: the second edge and all after it are unfolded to the space between the edges
         back_chain = between[::-1]
-        start2 = image(faces, faces.start[e2], back_chain, 1.0)
-        along2 = image(faces, faces.along[e2], back_chain, 0.0)
+        start2 = image(faces, vector(faces.start, e2), back_chain, 1.0)
+        along2 = image(faces, vector(faces.along, e2), back_chain, 0.0)
         receiver2 = image(faces, returned, back_chain, 1.0)
-        start1, along1 = faces.start[e1], faces.along[e1]
         place1, place2 = 0.5 * faces.length[e1], 0.5 * faces.length[e2]
         for _ in range(ROUNDS):
-            moved = place1
-            place2 = keller(start2, along2, start1 + place1 * along1, receiver2)
-            place1 = keller(start1, along1, mirrored, start2 + place2 * along2)
-            if abs(place1 - moved) < 1e-8:
+            known = place1
+            place2 = keller(start2, along2, moved(start1, along1, place1), receiver2)
+            place1 = keller(start1, along1, mirrored, moved(start2, along2, place2))
+            if abs(place1 - known) < 1e-8:
                 break
-        x1, x2 = start1 + place1 * along1, start2 + place2 * along2
+        x1, x2 = moved(start1, along1, place1), moved(start2, along2, place2)
         s1, s2, s3 = distance(mirrored, x1), distance(x1, x2), distance(x2, receiver2)
         if min(s1, min(s2, s3)) < 1e-6:
+            continue
+        touched1, touched2 = edge_point(faces, e1, place1), edge_point(faces, e2, place2)
+        if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
+            continue
+        if not reflect_points(faces, receiver, last[::-1], touched2, points3):
             continue
         weight = ends_weight(start1, along1, faces.length[e1], place1, mirrored, x2, wavenumber)
         weight *= ends_weight(start2, along2, faces.length[e2], place2, x1, receiver2, wavenumber)
         if abs(weight) < OUTSIDE:
             continue
-        touched1 = np.array(edge_point(faces, e1, place1))
-        touched2 = np.array(edge_point(faces, e2, place2))
-        if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
-            continue
-        if not reflect_points(faces, receiver, last[::-1], touched2, points3):
-            continue
-        before, middle, after = (x1 - mirrored) / s1, (x2 - x1) / s2, (receiver2 - x2) / s3
+        before, middle, after = toward(mirrored, x1, s1), toward(x1, x2, s2), toward(x2, receiver2, s3)
         middle2, after2 = image(faces, middle, between, 0.0), image(faces, after, between, 0.0)
         there, back = image(faces, before, first[::-1], 0.0), image(faces, after2, last, 0.0)
-        matrix1 = edge_terms(faces, tables, e1, before, middle, s1 * s2 / (s1 + s2), wavenumber)
+        edge_terms(faces, tables, e1, before, middle, s1 * s2 / (s1 + s2), wavenumber, matrix1)
         # curvature of the wave from the first edge, in the plane of ray and second edge
-        frame = soft_and_hard(along1, middle)
-        second = soft_and_hard(along2, middle)
+        frame, second, axis2 = soft_and_hard(along1, middle), soft_and_hard(along2, middle), vector(faces.along, e2)
         turn = dot(frame[0], second[0]) ** 2
         rho = 1 / (turn / (s1 + s2) + (1 - turn) / s2)
         parameter = s3 * (rho + s3) * s2 * (s1 + s2) / (rho * (s2 + s3) * (s1 + s2 + s3))
-        matrix2 = edge_terms(faces, tables, e2, middle2, after2, parameter, wavenumber)
-        field = np.zeros((q, 3), np.complex128)
-        field[:] = transverse(antenna, there)
-        field, _ = reflected(faces, te, tm, field, there, first)
-        enters = soft_and_hard(along1, before)
-        leaves2, enters2 = soft_and_hard(faces.along[e2], after2), soft_and_hard(faces.along[e2], middle2)
-        plain = _passed(field, matrix1[0], enters, frame)
-        slope = _passed(field, matrix1[1], enters, frame)
-        plain, _ = reflected(faces, te, tm, plain, middle, between)
-        slope, _ = reflected(faces, te, tm, slope, middle, between)
+        edge_terms(faces, tables, e2, middle2, after2, parameter, wavenumber, matrix2)
+        enters, leaves2, enters2 = soft_and_hard(along1, before), soft_and_hard(axis2, after2), soft_and_hard(axis2, middle2)
         # a larger angle at the first edge moves the ray at the second edge along `rise`; the source's angle there grows along `other`
-        rise = image(faces, np.cross(along1, middle), between, 0.0)
-        other = np.cross(middle2, faces.along[e2])
+        rise, other = image(faces, cross(along1, middle), between, 0.0), cross(middle2, axis2)
         size = norm(rise) * norm(other)
         gradient = dot(rise, other) / size / s2 if size > 0 else 0.0
-        sine2 = math.sqrt(max(1 - dot(faces.along[e2], middle2) ** 2, SMALL_SINE * SMALL_SINE))
-        field = _passed(plain, matrix2[0], enters2, leaves2)
-        bend = gradient / (1j * wavenumber * sine2)
-        field += _passed(slope, matrix2[2], enters2, leaves2) * bend
-        field, _ = reflected(faces, te, tm, field, after2, last)
-        spreading = math.sqrt(rho / (s3 * (rho + s3))) / math.sqrt(s1 * s2 * (s1 + s2))
+        bend = gradient / (1j * wavenumber * math.sqrt(max(1 - dot(axis2, middle2) ** 2, SMALL_SINE * SMALL_SINE)))
+        weight *= math.sqrt(rho / (s3 * (rho + s3))) / math.sqrt(s1 * s2 * (s1 + s2))
         if m1 == 0 and share_face(faces, e1, e2):
-            spreading *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
-        level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
-        if np.abs(level).max() < least[pose[n]]:
+            weight *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
+        polarised(field, transverse(antenna, there))
+        reflected(faces, te, tm, field, there, first)
+        _passed(field, matrix1, 1, enters, frame, slope)
+        _passed(field, matrix1, 0, enters, frame, field)
+        reflected(faces, te, tm, field, middle, between)
+        reflected(faces, te, tm, slope, middle, between)
+        _passed(slope, matrix2, 2, enters2, leaves2, slope)
+        _passed(field, matrix2, 0, enters2, leaves2, field)
+        _add(field, slope, bend)
+        reflected(faces, te, tm, field, after2, last)
+        if _received(field, transverse(antenna, back), weight, level) < least[pose[n]]:
             continue
         panes = panes_on(tree, opaque, source, points, m0, touched1, found)
         more = panes_on(tree, opaque, touched1, points2, m1, touched2, found) if panes >= 0 else -1
@@ -534,27 +552,29 @@ def evaluate(
         if most < 0:
             continue
         if panes + more + most:
-            field[:] = transverse(antenna, there)
-            field = travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched1)
-            plain, slope = _passed(field, matrix1[0], enters, frame), _passed(field, matrix1[1], enters, frame)
-            plain = travelled(faces, tree, opaque, tables, plain, middle, between, touched1, points2, 1, touched2)
-            slope = travelled(faces, tree, opaque, tables, slope, middle, between, touched1, points2, 1, touched2)
-            field = _passed(plain, matrix2[0], enters2, leaves2)
-            field += _passed(slope, matrix2[2], enters2, leaves2) * bend
-            field = travelled(faces, tree, opaque, tables, field, after2, last, touched2, points3, -1, receiver)
-            level = field @ transverse(antenna, back).astype(np.complex128) * weight * spreading
-        met[n, :m0], met[n, m0], met[n, m0 + 1 + m1] = points[:m0], touched1, touched2
-        met[n, m0 + 1 : m0 + 1 + m1] = points2[:m1]
+            polarised(field, transverse(antenna, there))
+            travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched1, found)
+            _passed(field, matrix1, 1, enters, frame, slope)
+            _passed(field, matrix1, 0, enters, frame, field)
+            travelled(faces, tree, opaque, tables, field, middle, between, touched1, points2, 1, touched2, found)
+            travelled(faces, tree, opaque, tables, slope, middle, between, touched1, points2, 1, touched2, found)
+            _passed(slope, matrix2, 2, enters2, leaves2, slope)
+            _passed(field, matrix2, 0, enters2, leaves2, field)
+            _add(field, slope, bend)
+            travelled(faces, tree, opaque, tables, field, after2, last, touched2, points3, -1, receiver, found)
+            _received(field, transverse(antenna, back), weight, level)
+        met[n, :m0], met[n, m0 + 1 : m0 + 1 + m1] = points[:m0], points2[:m1]
         for i in range(m2):
             met[n, m0 + m1 + 2 + i] = points3[m2 - 1 - i]
         amplitude[n] = level
         exact = image(faces, image(faces, place, last[::-1], 1.0), back_chain, 1.0)
         length[n, 0], length[n, 1] = distance(image(faces, place, first, 1.0), x1), s2
         length[n, 2] = distance(x2, exact)
-        departure[n], arrival[n] = there, -back
+        for k in range(3):
+            met[n, m0, k], met[n, m0 + 1 + m1, k], departure[n, k], arrival[n, k] = touched1[k], touched2[k], there[k], -back[k]
 
 
-@compiled
+@innermost
 def share_face(faces: Faces, e1: int, e2: int) -> bool:
     """Return whether two edges belong to one face."""
     for i in range(2):
@@ -564,17 +584,36 @@ def share_face(faces: Faces, e1: int, e2: int) -> bool:
     return False
 
 
-@compiled
-def _passed(field: np.ndarray, matrix: np.ndarray, enters: np.ndarray, leaves: np.ndarray) -> np.ndarray:
-    """Return the field (Q, 3) after an edge with the matrix (2, 2) between soft and hard directions (2, 3)."""
-    out = np.empty_like(field)
-    for q in range(field.shape[0]):
-        soft, hard = 0j, 0j
+@innermost
+def _passed(
+    field: np.ndarray, matrix: np.ndarray, i: int, enters: tuple[Vector, Vector], leaves: tuple[Vector, Vector], out: np.ndarray
+) -> None:
+    """Write a field (Q, 3) after an edge to `out`, which may be `field`. matrix: (3, 2, 2), of which `i` is used.
+
+    enters, leaves: soft and hard directions before and after the edge.
+    """
+    for q in range(len(field)):
+        soft = field[q, 0] * enters[0][0] + field[q, 1] * enters[0][1] + field[q, 2] * enters[0][2]
+        hard = field[q, 0] * enters[1][0] + field[q, 1] * enters[1][1] + field[q, 2] * enters[1][2]
+        after_s = matrix[i, 0, 0] * soft + matrix[i, 0, 1] * hard
+        after_h = matrix[i, 1, 0] * soft + matrix[i, 1, 1] * hard
         for k in range(3):
-            soft += field[q, k] * enters[0, k]
-            hard += field[q, k] * enters[1, k]
-        after_s = matrix[0, 0] * soft + matrix[0, 1] * hard
-        after_h = matrix[1, 0] * soft + matrix[1, 1] * hard
+            out[q, k] = after_s * leaves[0][k] + after_h * leaves[1][k]
+
+
+@innermost
+def _add(field: np.ndarray, other: np.ndarray, factor: complex) -> None:
+    """Add a field (Q, 3) times a factor to a field in place."""
+    for q in range(len(field)):
         for k in range(3):
-            out[q, k] = after_s * leaves[0, k] + after_h * leaves[1, k]
-    return out
+            field[q, k] += other[q, k] * factor
+
+
+@innermost
+def _received(field: np.ndarray, antenna: Point, factor: complex, level: np.ndarray) -> float:
+    """Write the component of a field (Q, 3) along an antenna axis, times a factor, to `level` (Q,); returns its largest magnitude."""
+    largest = 0.0
+    for q in range(len(field)):
+        level[q] = (field[q, 0] * antenna[0] + field[q, 1] * antenna[1] + field[q, 2] * antenna[2]) * factor
+        largest = max(largest, abs(level[q]))
+    return largest

@@ -20,6 +20,7 @@ import math
 import numpy as np
 
 from radartwin.compiled import compiled
+from radartwin.simulation.flat.obstacles import Point
 from radartwin.simulation.flat.wedge import scaled_tail
 
 _NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
@@ -92,7 +93,7 @@ def _signed(d: float, t: float, whole: complex) -> complex:
 
 @compiled
 def edge_part(
-    start: np.ndarray, along: np.ndarray, side: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float, reach: float
+    start: np.ndarray, along: np.ndarray, side: float, source: Point, receiver: Point, wavenumber: float, reach: float
 ) -> complex:
     """Return [G(d, t_b) - G(d, t_a)]/(2 pi) of an edge, or 0 if d or the nearer end is beyond the Fresnel coordinate `reach`.
 

@@ -16,9 +16,23 @@ import numpy as np
 
 from radartwin.compiled import compiled, shared_out
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import NUDGE, Tables, contains, dot, image, norm, transverse, travelled
+from radartwin.simulation.flat.field import (
+    NUDGE,
+    Tables,
+    contains,
+    distance,
+    dot,
+    image,
+    moved,
+    norm,
+    polarised,
+    toward,
+    transverse,
+    travelled,
+    vector,
+)  # fmt: skip
 from radartwin.simulation.flat.kirchhoff import edge_part
-from radartwin.simulation.flat.obstacles import Hierarchy
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 from radartwin.simulation.flat.room import FlatRoom, key_places
 from radartwin.simulation.flat.shadows import REACH, Outlines, factor
 from radartwin.simulation.reflection_table import lagrange_basis
@@ -263,26 +277,25 @@ def _evaluate(
     """Write the fields of lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
     longest, q = chains.shape[1], tables.te.shape[2]
     images, met = np.empty((longest + 1, 3)), np.empty((longest + 2, 3))
-    none = np.zeros(3)
+    none, found, field = np.zeros(3), np.empty(MAX_PANES, np.int64), np.empty((q, 3), np.complex128)
     part, at_edge = np.empty(len(outlines.length), np.complex128), np.empty((len(outlines.length), 3))
     for n in range(begin, stop):
         m = 0
         while m < longest and chains[which[n], m] >= 0:
             m += 1
         chain = chains[which[n], :m]
-        images[0] = sensor[place[n]] + nudge
+        source, end = moved(vector(sensor, place[n]), nudge, 1.0), vector(points, n)
+        images[0, 0], images[0, 1], images[0, 2] = source
         for i in range(m):
-            p = chain[i]
-            images[i + 1] = images[i] - 2 * (dot(images[i], faces.normal[p]) - faces.offset[p]) * faces.normal[p]
-        end = points[n].copy()
+            images[i + 1, 0], images[i + 1, 1], images[i + 1, 2] = image(faces, images[i], chain[i : i + 1], 1.0)
         if m:  # behind the last face, the field is that just above it, so that it can be interpolated
             p = chain[m - 1]
             side = 1.0 if dot(images[m - 1], faces.normal[p]) > faces.offset[p] else -1.0
             height = side * (dot(end, faces.normal[p]) - faces.offset[p])
             if height < ABOVE_M:
-                end += (ABOVE_M - height) * side * faces.normal[p]
-        met[0], met[m + 1] = images[0], end
-        target = end.copy()
+                end = moved(end, vector(faces.normal, p), (ABOVE_M - height) * side)
+        met[0], met[m + 1] = images[0], np.array(end)
+        target = end
         total = 1.0 + 0j
         for i in range(m - 1, -1, -1):
             p = chain[i]
@@ -293,19 +306,19 @@ def _evaluate(
                 break
             # the source's image behind face p and the end before it, mirrored back over the later faces
             back = image(faces, end, chain[i + 1 :][::-1], 1.0)
-            at = images[i + 1] + below / (below - above) * (target - images[i + 1])
-            met[i + 1] = at
+            at = moved(images[i + 1], toward(images[i + 1], target, 1.0), below / (below - above))
+            met[i + 1, 0], met[i + 1, 1], met[i + 1, 2] = at
             inside = 1.0 if contains(faces, p, at[0], at[1], at[2]) else 0.0
-            total *= _mirror(faces, borders, p, at, inside, images[i + 1], back, wavenumber)
+            total *= _mirror(faces, borders, p, at, inside, vector(images, i + 1), back, wavenumber)
             if abs(total) < WEAK:
                 total = 0j
                 break
             target = at
         if total == 0:
             continue
-        before, rest = 0.0, norm(end - images[m])
+        before, rest = 0.0, distance(end, images[m])
         for i in range(m + 1):
-            step = norm(met[i + 1] - met[i])
+            step = distance(met[i + 1], met[i])
             total *= factor(
                 outlines, tree, opaque, met[i], met[i + 1], before, rest - before - step if i < m else 0.0,
                 faces.normal[chain[i - 1]] if i else none, faces.normal[chain[i]] if i < m else none, wavenumber,
@@ -316,13 +329,11 @@ def _evaluate(
                 break
         if abs(total) < WEAK:
             continue
-        way = end - images[m]
-        way /= norm(way)
-        there = image(faces, way, chain[::-1], 0.0)
-        field = np.zeros((q, 3), np.complex128)
-        field[:] = transverse(axes[place[n]], there)
-        field = travelled(faces, tree, opaque, tables, field, there, chain, met[0], met[1 : m + 1], 1, end)
-        unit = transverse(image(faces, axes[place[n]], chain, 0.0), way)
+        way = toward(images[m], end, rest)
+        there, axis = image(faces, way, chain[::-1], 0.0), vector(axes, place[n])
+        polarised(field, transverse(axis, there))
+        travelled(faces, tree, opaque, tables, field, there, chain, source, met[1 : m + 1], 1, end, found)
+        unit = transverse(image(faces, axis, chain, 0.0), way)
         for k in range(q):
             level = field[k, 0] * unit[0] + field[k, 1] * unit[1] + field[k, 2] * unit[2]
             out[n, k] = level.conjugate() * total
@@ -330,15 +341,15 @@ def _evaluate(
 
 @compiled
 def _mirror(
-    faces: Faces, borders: tuple, p: int, at: np.ndarray, inside: float, source: np.ndarray, receiver: np.ndarray, wavenumber: float
+    faces: Faces, borders: tuple, p: int, at: Vector, inside: float, source: Vector, receiver: Vector, wavenumber: float
 ) -> complex:
     """Return the factor of face `p` as a mirror for exp(+j k L). `at` is the point of reflection, `source` the image behind the face."""
     first, edge, into, sector = borders
     total = complex(inside, 0.0)
     for i in range(first[p], first[p + 1]):
         e = edge[i]
-        if dot(source - faces.start[e], sector[i]) > 0:
+        if dot(toward(faces.start[e], source, 1.0), sector[i]) > 0:
             continue  # the face is lit from its side beyond the sector of this edge
         part = edge_part(faces.start[e], faces.along[e], faces.length[e], source, receiver, wavenumber, 4 * REACH)
-        total -= part if dot(at - faces.start[e], into[i]) >= 0 else -part
+        total -= part if dot(toward(faces.start[e], at, 1.0), into[i]) >= 0 else -part
     return total

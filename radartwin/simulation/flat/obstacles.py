@@ -12,7 +12,8 @@ STACK = 64  # number of boxes that can wait to be split; one for each level of t
 PADDING_M = 1e-9  # boxes are larger by this, because of rounding errors
 CLEAR_M = 1e-5  # a triangle closer than this to an end of a line does not block it, because the end lies on that triangle
 MAX_PANES = 8  # a line that crosses more surfaces that transmit counts as blocked
-Point = np.ndarray | tuple[float, float, float]  # compiled functions take either; tuples are faster to create
+Vector = tuple[float, float, float]
+Point = np.ndarray | Vector  # compiled functions take either; tuples are faster to create
 
 
 class Hierarchy(NamedTuple):

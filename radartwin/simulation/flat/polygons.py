@@ -421,11 +421,10 @@ def _factor(
     direction = ki.copy()
     for i in range(m - 2, -1, -1):
         direction -= 2 * dot(direction, faces.normal[chain[i]]) * faces.normal[chain[i]]
-    field = transverse(ends.transmit, direction)
     antenna = transverse(ends.receive, s)
     te_part, tm_part = np.empty(3), np.empty(3)
     re, im = np.empty((te.shape[2], 3)), np.zeros((te.shape[2], 3))
-    re[:] = field
+    re[:] = np.array(transverse(ends.transmit, direction))
     for i in range(m):
         p = chain[i]
         normal = faces.normal[p]

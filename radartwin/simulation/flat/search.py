@@ -17,8 +17,8 @@ import numpy as np
 from radartwin.compiled import compiled, cores, innermost
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import angle, edge_point, panes_on, reflect_points
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy
+from radartwin.simulation.flat.field import angle, distance, dot, edge_point, moved, panes_on, reflect_points, vector
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
@@ -42,29 +42,6 @@ class Beams:
     corners: np.ndarray
 
 
-Vector = tuple[float, float, float]  # points of the innermost loops are tuples, because small arrays are slow to create
-
-
-@innermost
-def _row(values: np.ndarray, i: int) -> Vector:
-    return float(values[i, 0]), float(values[i, 1]), float(values[i, 2])
-
-
-@innermost
-def _product(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@innermost
-def _apart(a: Vector, b: Vector) -> float:
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@innermost
-def _along(start: Vector, along: Vector, place: float) -> Vector:
-    return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
-
-
 @innermost
 def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int, out: np.ndarray) -> int:
     """Write the planes that bound a beam, as unit normals that point inwards and offsets (count, 4); returns their number.
@@ -73,19 +50,19 @@ def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int
     """
     if last < 0:
         return 0
-    normal = _row(faces.normal, last)
-    side = -1.0 if _product(at, normal) > faces.offset[last] else 1.0
+    normal = vector(faces.normal, last)
+    side = -1.0 if dot(at, normal) > faces.offset[last] else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
     middle = _middle(polygon, count)
     for i in range(count):
-        one, two = _row(polygon, i), _row(polygon, (i + 1) % count)
+        one, two = vector(polygon, i), vector(polygon, (i + 1) % count)
         ax, ay, az, bx, by, bz = one[0] - at[0], one[1] - at[1], one[2] - at[2], two[0] - at[0], two[1] - at[1], two[2] - at[2]
         normal = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        side = 1 / max(math.sqrt(_product(normal, normal)), 1e-30)
-        if _product(normal, middle) < _product(normal, at):
+        side = 1 / max(math.sqrt(dot(normal, normal)), 1e-30)
+        if dot(normal, middle) < dot(normal, at):
             side = -side
         out[1 + i, 0], out[1 + i, 1], out[1 + i, 2] = side * normal[0], side * normal[1], side * normal[2]
-        out[1 + i, 3] = side * _product(normal, at)
+        out[1 + i, 3] = side * dot(normal, at)
     return 1 + count
 
 
@@ -123,12 +100,12 @@ def _grown(
     points, found = np.empty((chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
     for b in range(start, stop):
         m, known = order[b], used
-        before, at = chain[b, :m], _row(image, b)
+        before, at = chain[b, :m], vector(image, b)
         last = chain[b, m - 1] if m else -1
         bounds = _planes(faces, last, at, polygon[b], corners[b], planes)
         for p in range(len(faces.offset)):
-            height = _product(at, _row(faces.normal, p)) - faces.offset[p]
-            if p == last or abs(height) < 1e-6 or loudness[p] == 0 or not _within(planes, bounds, _row(centre, p), radius[p]):
+            height = dot(at, vector(faces.normal, p)) - faces.offset[p]
+            if p == last or abs(height) < 1e-6 or loudness[p] == 0 or not _within(planes, bounds, vector(centre, p), radius[p]):
                 continue
             count = faces.corners[p]
             for i in range(count):
@@ -145,7 +122,7 @@ def _grown(
             lit = False
             for i in range(-1, 2 * count):  # the middle, and two points on the way to each corner
                 share = 0.0 if i < 0 else 0.5 if i < count else 0.9
-                corner = _row(one, i % count)
+                corner = vector(one, i % count)
                 x = (
                     middle[0] + share * (corner[0] - middle[0]),
                     middle[1] + share * (corner[1] - middle[1]),
@@ -201,29 +178,27 @@ def _reach(
     used = 0
     for b in range(len(order)):
         m = order[b]
-        before, at = chain[b, :m], _row(image, b)
+        before, at = chain[b, :m], vector(image, b)
         last = chain[b, m - 1] if m else -1
         bounds = _planes(faces, last, at, polygon[b], corners[b], planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
                 continue
-            start, along = _row(faces.start, e), _row(faces.along, e)
-            low, high = 0.0, faces.length[e]
+            start, along = vector(faces.start, e), vector(faces.along, e)
+            end, low, high = moved(start, along, faces.length[e]), 0.0, faces.length[e]
             for i in range(bounds):
-                level = _level(planes, i, start)
-                slope = planes[i, 0] * along[0] + planes[i, 1] * along[1] + planes[i, 2] * along[2]
-                if abs(slope) < 1e-12:
-                    if level < 0:
-                        high = -1.0
-                elif slope > 0:
-                    low = max(low, -level / slope)
-                else:
-                    high = min(high, -level / slope)
+                first, second = _level(planes, i, start), _level(planes, i, end)
+                if first < 0 and second < 0:
+                    high = -1.0
+                elif first < 0:
+                    low = max(low, faces.length[e] * first / (first - second))
+                elif second < 0:
+                    high = min(high, faces.length[e] * first / (first - second))
                 if low >= high:
                     break
             if low >= high or not _is_open(faces, e, start, at):
                 continue
-            foot = _product((at[0] - start[0], at[1] - start[1], at[2] - start[2]), along)
+            foot = dot((at[0] - start[0], at[1] - start[1], at[2] - start[2]), along)
             for i in range(-1, len(samples)):
                 z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
                 x = edge_point(faces, e, z)
@@ -254,8 +229,8 @@ def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarra
 @innermost
 def _mirrored(faces: Faces, p: int, x: Vector, plane: float) -> Vector:
     """Return the image of a point in face `p`, or of a direction with plane=0."""
-    normal = _row(faces.normal, p)
-    height = 2 * (_product(x, normal) - plane * faces.offset[p])
+    normal = vector(faces.normal, p)
+    height = 2 * (dot(x, normal) - plane * faces.offset[p])
     return x[0] - height * normal[0], x[1] - height * normal[1], x[2] - height * normal[2]
 
 
@@ -264,7 +239,7 @@ def _place(start: Vector, along: Vector, source: Vector, end: Vector) -> float:
     """Return the place along a line where the path from source over the line to end is shortest."""
     z_s = (source[0] - start[0]) * along[0] + (source[1] - start[1]) * along[1] + (source[2] - start[2]) * along[2]
     z_e = (end[0] - start[0]) * along[0] + (end[1] - start[1]) * along[1] + (end[2] - start[2]) * along[2]
-    h_s, h_e = _apart(source, _along(start, along, z_s)), _apart(end, _along(start, along, z_e))
+    h_s, h_e = distance(source, moved(start, along, z_s)), distance(end, moved(start, along, z_e))
     return (z_s * h_e + z_e * h_s) / max(h_s + h_e, 1e-12)
 
 
@@ -279,17 +254,17 @@ def _taper(start: Vector, along: Vector, length: float, wavenumber: float, place
     """Return about the weight of an edge for a point of diffraction at `place`: 1 on the edge, less beyond its ends."""
     if 0 <= place <= length:
         return 1.0
-    near, x = _along(start, along, 0.0 if place < 0 else length), _along(start, along, place)
-    return 2 * _far(wavenumber, _apart(source, near) + _apart(near, end) - _apart(source, x) - _apart(x, end))
+    near, x = moved(start, along, 0.0 if place < 0 else length), moved(start, along, place)
+    return 2 * _far(wavenumber, distance(source, near) + distance(near, end) - distance(source, x) - distance(x, end))
 
 
 @innermost
 def _share(faces: Faces, e: int, wavenumber: float, source: Vector, x: Vector, end: Vector) -> float:
     """Return about the part of the field from source to end that edge `e` diffracts at x, and reflects at its faces: at most 3/2."""
-    total, length = 0.0, _apart(source, x) + _apart(x, end)
+    total, length = 0.0, distance(source, x) + distance(x, end)
     for side in range(-1, 2):
         at = source if side < 0 else _mirrored(faces, faces.sides[e, side], source, 1.0)
-        total += _far(wavenumber, length - _apart(at, end))
+        total += _far(wavenumber, length - distance(at, end))
     return total
 
 
@@ -302,8 +277,8 @@ def _is_open(faces: Faces, e: int, x: Vector, end: Vector) -> bool:
 @innermost
 def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: Vector, end: Vector) -> bool:
     """Return whether two points lie on the same side of face `p` and the reflected line between them can meet it."""
-    normal, middle = _row(faces.normal, p), _row(centre, p)
-    a, b = _product(start, normal) - faces.offset[p], _product(end, normal) - faces.offset[p]
+    normal, middle = vector(faces.normal, p), vector(centre, p)
+    a, b = dot(start, normal) - faces.offset[p], dot(end, normal) - faces.offset[p]
     if a * b <= 1e-12:
         return False
     share, down = a / (a + b), -2 * a * b / (a + b)
@@ -312,7 +287,7 @@ def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start
         start[1] + share * (end[1] - start[1]) + down * normal[1],
         start[2] + share * (end[2] - start[2]) + down * normal[2],
     )
-    return _apart(x, middle) < radius[p]
+    return distance(x, middle) < radius[p]
 
 
 @compiled
@@ -327,9 +302,9 @@ def _linked(
     used, edges = 0, len(faces.length)
     points, chain, found = np.empty((2, 3)), np.empty(1, np.int64), np.empty(MAX_PANES, np.int64)
     for e in range(piece, edges, pieces):
-        middle1 = _along(_row(faces.start, e), _row(faces.along, e), 0.5 * faces.length[e])
+        middle1 = moved(vector(faces.start, e), vector(faces.along, e), 0.5 * faces.length[e])
         for f in range(e, edges):
-            middle2 = _along(_row(faces.start, f), _row(faces.along, f), 0.5 * faces.length[f])
+            middle2 = moved(vector(faces.start, f), vector(faces.along, f), 0.5 * faces.length[f])
             for p in range(-1, len(faces.offset)):
                 if (p < 0 and e == f) or p in (faces.sides[e, 0], faces.sides[e, 1], faces.sides[f, 0], faces.sides[f, 1]):
                     continue
@@ -380,39 +355,39 @@ def _doubles(
         spare = longest - max(own[e], own[f])
         if best[e] == 0 or best[f] == 0 or spare < over:
             continue
-        start1, along1 = _row(faces.start, e), _row(faces.along, e)
-        middle1 = _along(start1, along1, 0.5 * faces.length[e])
-        start2, along2, gain = _row(faces.start, f), _row(faces.along, f), 1.0
+        start1, along1 = vector(faces.start, e), vector(faces.along, e)
+        middle1 = moved(start1, along1, 0.5 * faces.length[e])
+        start2, along2, gain = vector(faces.start, f), vector(faces.along, f), 1.0
         if over:
             gain = loudness[p]
             start2, along2 = _mirrored(faces, p, start2, 1.0), _mirrored(faces, p, along2, 0.0)
         for a in range(first[e], first[e + 1]):
-            at_a = _row(image, a)
-            if order[a] + over > spare or gain * strength[a] * best[f] < least * _apart(at_a, middle1) * 0.4:
+            at_a = vector(image, a)
+            if order[a] + over > spare or gain * strength[a] * best[f] < least * distance(at_a, middle1) * 0.4:
                 continue
             z2 = min(max(_place(start2, along2, at_a, at_a), 0.0), faces.length[f])
-            x2 = _along(start2, along2, z2)
+            x2 = moved(start2, along2, z2)
             z1 = min(max(_place(start1, along1, at_a, x2), 0.0), faces.length[e])
-            x1 = _along(start1, along1, z1)
+            x1 = moved(start1, along1, z1)
             base = gain * strength[a] * _share(faces, e, wavenumber, at_a, x1, x2)
-            length = _apart(at_a, x1) + _apart(x1, x2)
+            length = distance(at_a, x1) + distance(x1, x2)
             if 1.5 * base * best[f] < least * length:
                 continue
             for b in range(first[f] if e != f else a, first[f + 1]):
                 if order[a] + order[b] + over > spare or 1.5 * base * strength[b] < least * length:
                     continue
-                at_b = _row(image, b)
+                at_b = vector(image, b)
                 if over:
                     at_b = _mirrored(faces, p, at_b, 1.0)
-                if 1.5 * base * strength[b] < least * (length + _apart(at_b, x2)):
+                if 1.5 * base * strength[b] < least * (length + distance(at_b, x2)):
                     continue
                 y1, y2 = x1, x2
                 for _ in range(FEW):
                     z2 = _place(start2, along2, y1, at_b)
-                    y2 = _along(start2, along2, z2)
+                    y2 = moved(start2, along2, z2)
                     z1 = _place(start1, along1, at_a, y2)
-                    y1 = _along(start1, along1, z1)
-                worth = gain * strength[a] * strength[b] / (_apart(at_a, y1) + _apart(y1, y2) + _apart(y2, at_b))
+                    y1 = moved(start1, along1, z1)
+                worth = gain * strength[a] * strength[b] / (distance(at_a, y1) + distance(y1, y2) + distance(y2, at_b))
                 worth *= _taper(start1, along1, faces.length[e], wavenumber, z1, at_a, y2)
                 worth *= _taper(start2, along2, faces.length[f], wavenumber, z2, y1, at_b)
                 if 2.25 * worth < least:
@@ -424,7 +399,7 @@ def _doubles(
                     continue
                 # the second edge is mirrored in face p, and so are its faces: compare with the line before the mirror
                 if over:
-                    y1, y2, at_b = _mirrored(faces, p, y1, 1.0), _mirrored(faces, p, y2, 1.0), _row(image, b)
+                    y1, y2, at_b = _mirrored(faces, p, y1, 1.0), _mirrored(faces, p, y2, 1.0), vector(image, b)
                 if not _is_open(faces, f, y2, y1):
                     continue
                 if worth * _share(faces, f, wavenumber, at_b, y2, y1) < least:
@@ -485,7 +460,7 @@ def _closed(
     points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
     end = receiver[0], receiver[1], receiver[2]
     for b in range(len(order)):
-        m, at = order[b], _row(image, b)
+        m, at = order[b], vector(image, b)
         faces_of[:m] = chain[b, :m]
         for p in range(len(faces.offset)):
             faces_of[m] = p
@@ -535,10 +510,10 @@ def _singles(
             for b in range(a, first[e + 1]):
                 if order[a] + order[b] + own[e] > longest:
                     continue
-                start, along, at_a, at_b = _row(faces.start, e), _row(faces.along, e), _row(image, a), _row(image, b)
+                start, along, at_a, at_b = vector(faces.start, e), vector(faces.along, e), vector(image, a), vector(image, b)
                 z = _place(start, along, at_a, at_b)
-                x = _along(start, along, z)
-                worth = strength[a] * strength[b] / (_apart(at_a, x) + _apart(x, at_b))
+                x = moved(start, along, z)
+                worth = strength[a] * strength[b] / (distance(at_a, x) + distance(x, at_b))
                 worth *= _taper(start, along, faces.length[e], wavenumber, z, at_a, at_b)
                 if 1.5 * worth < least or worth * _share(faces, e, wavenumber, at_a, x, at_b) < least:
                     continue

@@ -15,9 +15,9 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import NUDGE, angle, dot, keller, norm
+from radartwin.simulation.flat.field import GRAZING_M, NUDGE, angle, distance, dot, keller, moved, norm, toward, vector
 from radartwin.simulation.flat.kirchhoff import edge_part
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, crossed
 from radartwin.simulation.geometry import Geometry
 
 REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; their waves fade from half of it on, where they are at most 0.06
@@ -164,13 +164,11 @@ def waves(
     """
     found = np.empty(MAX_PANES, np.int64)
     clear = 1.0 if crossed(tree, start, end, opaque, found) >= 0 else 0.0
-    way = end - start
-    length = norm(way)
+    length = distance(start, end)
     if length < 1e-9:
         return clear, 0
-    way /= length
-    source, receiver = start - before * way, end + after * way
-    x = np.empty(3)
+    way = toward(start, end, length)
+    source, receiver = moved(start, way, -before), moved(end, way, after)
     others = opaque.copy()
     count = 0
     for c in range(len(outlines.radius)):
@@ -189,11 +187,10 @@ def waves(
                 continue
             z = min(max(keller(outlines.start[e], outlines.along[e], source, receiver), 0.0), outlines.length[e])
             half = 0.5 * math.pi * outlines.opening[e]
-            reached = 0.0
-            for k in range(3):
-                outwards = math.cos(half) * outlines.into[e, k] + math.sin(half) * outlines.up[e, k]
-                x[k] = outlines.start[e, k] + z * outlines.along[e, k] + OUTSIDE_M * outwards
-                reached += (x[k] - start[k]) * way[k]
+            x = moved(vector(outlines.start, e), vector(outlines.along, e), z)
+            x = moved(x, vector(outlines.into, e), OUTSIDE_M * math.cos(half))
+            x = moved(x, vector(outlines.up, e), OUTSIDE_M * math.sin(half))
+            reached = dot(x, way) - dot(start, way)
             if (before > 0 and reached < -BEYOND_M) or (after > 0 and reached > length + BEYOND_M):
                 continue  # the path has left the line at a mirror
             if abs(value) > SEEN:
@@ -203,7 +200,7 @@ def waves(
                 if hidden:
                     continue
             part[count] = _side(outlines, e, source, receiver) * value
-            place[count] = x
+            place[count, 0], place[count, 1], place[count, 2] = x
             count += 1
     return clear, count
 
@@ -219,17 +216,17 @@ def factor(
 
 
 @innermost
-def _is_silhouette(outlines: Outlines, e: int, source: np.ndarray) -> bool:
+def _is_silhouette(outlines: Outlines, e: int, source: Point) -> bool:
     """Return whether a source sees one of the two faces of edge `e`, so that the edge begins to hide what is behind."""
     over, over_n = 0.0, 0.0
     for k in range(3):
         over += (source[k] - outlines.start[e, k]) * outlines.up[e, k]
         over_n += (source[k] - outlines.start[e, k]) * outlines.other[e, k]
-    return outlines.opening[e] > 1 and (over >= 0) != (over_n >= 0)
+    return outlines.opening[e] > 1 and (over >= -GRAZING_M) != (over_n >= -GRAZING_M)  # a source in the plane of a face sees it
 
 
 @innermost
-def _side(outlines: Outlines, e: int, start: np.ndarray, end: np.ndarray) -> float:
+def _side(outlines: Outlines, e: int, start: Point, end: Point) -> float:
     """Return +1 if edge `e`, which is a silhouette from `start`, hides `end`, and -1 if it hides a place beside `end`."""
     at = outlines.start[e, 0], outlines.start[e, 1], outlines.start[e, 2]
     source = angle(outlines, e, start[0] - at[0], start[1] - at[1], start[2] - at[2])
