@@ -60,12 +60,17 @@ class Bodies(NamedTuple):
 
     def factors(self, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float) -> np.ndarray:
         """Return the factors (N,) of closed paths; arguments as in `radartwin.simulation.flat.shadows.cast`."""
-        out = np.ones(len(points), complex)
+        if not len(points):
+            return np.ones(0, complex)
+        # both directions of a path have the same points
+        rows = np.ascontiguousarray(np.concatenate([sensor, points.reshape(len(points), -1)], axis=1))
+        _, first, which = np.unique(rows.view(f"V{rows.shape[1] * rows.itemsize}").ravel(), return_index=True, return_inverse=True)
+        out = np.ones(len(first), complex)
         shared_out(
-            shadows.cast, len(out), self.outlines, self.blocking, self.opaque, np.ascontiguousarray(sensor), np.ascontiguousarray(points),
-            mirrors, wavenumber, out,
+            shadows.cast, len(out), self.outlines, self.blocking, self.opaque, np.ascontiguousarray(sensor[first]),
+            np.ascontiguousarray(points[first]), mirrors, wavenumber, out,
         )  # fmt: skip
-        return out
+        return out[which]
 
 
 @dataclass(frozen=True)
@@ -135,6 +140,16 @@ class StaticScene:
             own: surfaces of the object. done: other objects whose paths with this object are already traced; they only hide.
             flat: whether paths may reflect at faces.
         """
+        key = tuple(own), tuple(done), flat
+        if key not in self._beside:
+            self._beside[key] = self._without(*key)
+        return self._beside[key]
+
+    @cached_property
+    def _beside(self) -> dict[tuple, FlatRoom]:
+        return {}
+
+    def _without(self, own: Sequence[int], done: Sequence[int], flat: bool) -> FlatRoom:
         room, objects = self.room, self._objects
         mine = self.compact & np.isin(self.geometry.surface, list(own))
         others = geometry_module.subset(self.geometry, self.compact & ~mine)

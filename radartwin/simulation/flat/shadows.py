@@ -17,7 +17,7 @@ from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import GRAZING_M, NUDGE, angle, distance, dot, keller, moved, norm, toward, vector
 from radartwin.simulation.flat.kirchhoff import edge_part
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.geometry import Geometry
 
 REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; their waves fade from half of it on, where they are at most 0.06
@@ -121,18 +121,18 @@ def _parts(owner: np.ndarray, surface: np.ndarray, edges: Sequence[np.ndarray]) 
 
 
 @innermost
-def _is_near(centre: np.ndarray, radius: float, start: np.ndarray, end: np.ndarray, total: float, wavenumber: float) -> bool:
-    """Return whether a ball lies within the Fresnel coordinate REACH of a line, which is part of a path of the length `total`."""
-    square, along, away = 0.0, 0.0, 0.0
-    for k in range(3):
-        square += (end[k] - start[k]) ** 2
-        along += (centre[k] - start[k]) * (end[k] - start[k])
-    share = min(max(along / max(square, 1e-12), 0.0), 1.0)
-    for k in range(3):
-        away += (centre[k] - start[k] - share * (end[k] - start[k])) ** 2
-    # an excess length e over a path of length L reaches at most sqrt(e (2 L + e))/2 to the side
-    excess = math.pi * REACH * REACH / (2 * wavenumber)
-    return math.sqrt(away) < radius + 0.5 * math.sqrt(excess * (2 * total + excess)) + excess + BEYOND_M
+def _is_near(centre: Vector, radius: float, source: Vector, way: Vector, low: float, high: float, total: float, excess: float) -> bool:
+    """Return whether a ball can reach into the ellipsoid about a path of the length `total` and its part from `low` to `high`.
+
+    On the surface of the ellipsoid, the path is longer by `excess`.
+    """
+    along = dot(centre, way) - dot(source, way)
+    aside = math.sqrt(max(distance(centre, source) ** 2 - along * along, 0.0))
+    if along + radius < low or along - radius > high:
+        return False
+    thickest = min(max(0.5 * total, along - radius), along + radius)
+    share = (thickest - 0.5 * total) / (0.5 * (total + excess))
+    return aside < radius + 0.5 * math.sqrt(excess * (2 * total + excess) * max(1 - share * share, 0.0))
 
 
 @innermost
@@ -169,10 +169,12 @@ def waves(
         return clear, 0
     way = toward(start, end, length)
     source, receiver = moved(start, way, -before), moved(end, way, after)
+    total, excess = before + length + after, math.pi * REACH * REACH / wavenumber  # REACH across and along the edge
+    low, high = before - BEYOND_M - excess, before + length + BEYOND_M + excess
     others = opaque.copy()
     count = 0
     for c in range(len(outlines.radius)):
-        if not _is_near(outlines.centre[c], outlines.radius[c], start, end, before + length + after, wavenumber):
+        if not _is_near(vector(outlines.centre, c), outlines.radius[c], source, way, low, high, total, excess):
             continue
         for e in range(outlines.first[c], outlines.first[c + 1]):
             if not _is_silhouette(outlines, e, source):
