@@ -28,7 +28,7 @@ EARLY = 0.3  # threshold at test places over the threshold of paths
 AHEAD = 0.1  # the same at key places, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
 # A resting sensor in a room of at most this many edges gets paths with two diffractions. The search for them takes time with the square of
-# the number of edges: 20 s in the furnished laboratory, which has 257. Other paths have one diffraction.
+# the number of edges: 12 s in the furnished laboratory, which has 257. Other paths have one diffraction.
 MOST_EDGES = 100
 UNEVEN = 0.05  # relative difference of the fields at the outermost channels above which all channels are computed
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
@@ -178,14 +178,14 @@ class FlatRoom:
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
         """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion."""
-        resting = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
-        if resting:  # other sequences can exist at the two ends of the array of a resting sensor
+        stays = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
+        if stays:  # other sequences can exist at the two ends of the array of a resting sensor
             poses = np.concatenate([_shifted(poses[:1], channel) for channel in _outermost(radar)])
             keys = tests = np.arange(len(poses))
         else:
             keys, tests = (_spaced(_points(poses), spacing) for spacing in (KEY_SPACING_M, TEST_SPACING_M))
         points = _points(poses)
-        linked = self.links if resting and len(self.faces.length) <= MOST_EDGES else np.zeros((0, 3), int)
+        linked = self.links if stays and len(self.faces.length) <= MOST_EDGES else np.zeros((0, 3), int)
         every, of_key = search.Sequences.union([self._sequences(poses[k], radar, max_bounces, prune, linked) for k in keys])
         near = _near(points[tests], points[keys], KEY_SPACING_M)
         of_test, used = [], np.zeros(len(every), bool)
@@ -295,13 +295,13 @@ class FlatRoom:
     ) -> Paths:  # fmt: skip
         """Return the paths of pairs (N,) of a pose and a sequence, with both directions of reversible sequences.
 
-        For a resting sensor, the fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they
+        For a single pose, the fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they
         are computed at all channels. The place of a channel is the middle between its two elements. For a moving sensor, they are computed
         at the middle of the array only, because the motion averages over such places.
         """
-        resting = len(poses) == 1
-        channels = _channels(radar) if resting else np.zeros((1, 3))
-        outermost = _outermost(radar) if resting else (np.zeros(3),)
+        single = len(poses) == 1
+        channels = _channels(radar) if single else np.zeros((1, 3))
+        outermost = _outermost(radar) if single else (np.zeros(3),)
         ends = [self._fields(every, pose, which, _shifted(poses, channel), least, self.tables) for channel in outermost]
         middle = len(self.table.frequencies_hz) // 2
         levels = np.abs([values[0][:, middle] for _, values in ends])
@@ -346,7 +346,7 @@ class FlatRoom:
         return Paths(
             len(poses), pose[row], points, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies, inwards,
             outwards, departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror,
-            gain[row].conj() if resting else None, met[row],
+            gain[row].conj() if single else None, met[row],
         )  # fmt: skip
 
     def _mirrors(self, every: search.Sequences) -> np.ndarray:
