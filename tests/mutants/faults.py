@@ -46,7 +46,7 @@ footprint_moments | moment[1] -= part * sine | moment[1] += part * sine | the se
 
 simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power
-pass_caustics | dr.select(one, -im, re * sign) | dr.select(one, im, re * sign) | a caustic has the wrong phase
+pass_caustics | dr.select(one, mi.UInt32(1) | dr.select(one, mi.UInt32(3) | a caustic has the wrong phase
 
 simulation/curved/tube_grid: physics/test_coverage
 covered | (u / depth, v / depth) | (u, v) | corners are not projected onto the grid
@@ -57,7 +57,11 @@ find_shells | 1j * wavenumber | -1j * wavenumber | a wall's thickness shifts the
 find_shells | layered(material).layers[::-1] | () | a wall has no layers from inside
 
 simulation/curved/transit: physics/test_shells
-passed | te_re * s_im + te_im * s_re | te_re * s_im - te_im * s_re | a wall advances the phase instead of delaying it
+Walls.enter | tubes.across, True, active | tubes.across, False, active | a tube enters a shell by the reflection coefficient
+
+simulation/curved/jones: physics/test_rcs physics/test_shells
+_meet | b[i] * turn_cos - a[i] * turn_sin | b[i] * turn_cos + a[i] * turn_sin | a field turns the wrong way
+_amplitudes | complex(value.imag, value.real) | complex(value.imag, -value.real) | an amplitude is conjugated
 
 simulation/reflection_table: physics/test_crossing
 _evaluate | 2j * np.pi | 0j * np.pi | the transmission of a sheet contains the phase of the air that it replaces

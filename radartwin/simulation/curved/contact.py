@@ -4,7 +4,7 @@
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -70,6 +70,27 @@ def across_incidence(direction: Any, normal: Any) -> Any:
     return dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(normal)[0])
 
 
+class Encounter(NamedTuple):
+    """Describe how the field of each tube meets a facet, as in `jones.Encounters`."""
+
+    code: Any  # twice the number of the surface, plus 1 if the tube goes straight through
+    cosine: Any  # cosine of the angle of incidence
+    turn_cos: Any  # cosine of the angle by which the components of the field turn to the plane of incidence
+    turn_sin: Any  # sine of this angle
+
+
+def encounter(device: Device, contact: Contact, direction: Any, across: Any, through: bool, active: Any) -> tuple[Any, Encounter]:
+    """Return the unit vector perpendicular to the plane of incidence, and the encounter of each tube with its facet.
+
+    Args:
+        direction: unit direction of the tube. across: unit vector along which the field's first component lies.
+        through: whether the tube goes straight through the facet; otherwise the facet reflects the tube.
+    """
+    s = across_incidence(direction, contact.normal)
+    code = dr.gather(mi.UInt32, device.surface, contact.face, active) * 2 + int(through)
+    return s, Encounter(code, dr.abs(contact.cosine), dr.dot(across, s), dr.dot(dr.cross(direction, across), s))
+
+
 def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
     """Find the facet that the centre ray of each tube meets next. The function returns a mask of the tubes that meet a facet."""
     hit = device.scene.ray_intersect_preliminary(mi.Ray3f(tubes.origin, tubes.direction), coherent=first, active=alive)
@@ -105,8 +126,8 @@ def surface(device: Device, face: Any, inner_u: Any, inner_v: Any, origin: Any, 
 def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contact, Any]:
     """Move each tube to the facet that `cast` found.
 
-    The function increases the tube's length by the distance to the facet, updates the position derivatives, and turns the phase of the
-    field by 90 degrees at each caustic on the way.
+    The function increases the tube's length by the distance to the facet, updates the position derivatives, and counts the caustics on the
+    way.
 
     Returns:
         The `Contact`, and a mask of the active tubes that do not meet the facet at grazing incidence.
@@ -128,7 +149,7 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
 
 
 def pass_caustics(tubes: Tubes, distance: Any) -> None:
-    """Turn the phase of each tube's field by +90 degrees at each caustic within `distance`, for the time convention exp(+j w t).
+    """Count the caustics within `distance`.
 
     A caustic is a zero of the tube's cross-section. The cross-section is a quadratic function of the distance along the tube. Both zeros of
     this function are real, because the curvature matrix of a wavefront is symmetric.
@@ -146,10 +167,7 @@ def pass_caustics(tubes: Tubes, distance: Any) -> None:
     turning = -0.5 * slope  # turning/between is the fraction of `distance` at which the quadratic cross-section has its extremum
     both = (here * there > 0) & (here * between > 0) & (turning * between > 0) & (dr.abs(turning) < dr.abs(between))
     one = here * there < 0
-    for node in range(len(tubes.field_re)):
-        re, im = tubes.field_re[node], tubes.field_im[node]
-        sign = dr.select(both, -1.0, 1.0)
-        tubes.field_re[node], tubes.field_im[node] = dr.select(one, -im, re * sign), dr.select(one, re, im * sign)
+    tubes.caustics = tubes.caustics + dr.select(one, mi.UInt32(1), dr.select(both, mi.UInt32(2), 0))
 
 
 def limited(origin: Any, direction: Any, reach: Any) -> Any:
@@ -182,7 +200,7 @@ def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
 
 
 def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
-    """Reflect the geometry of tubes and find the next facet of each tube. `scatter` must already have reflected the fields of the tubes.
+    """Reflect the geometry of tubes and find the next facet of each tube. `scatter` must already have noted the encounters of the tubes.
 
     Returns:
         A mask of the tubes that meet another facet.

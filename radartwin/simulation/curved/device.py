@@ -1,4 +1,4 @@
-"""Hold geometry and reflection tables as Dr.Jit arrays on the device that computes (GPU or CPU).
+"""Hold geometries as Dr.Jit arrays on the device that computes (GPU or CPU).
 
 Import this module only after a Mitsuba variant is active. Numbers that change from call to call become opaque Dr.Jit variables, because
 Dr.Jit compiles a kernel again for every new numeric literal.
@@ -12,7 +12,6 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.reflection_table import ReflectionTable
 
 _ALIGNMENT = 64  # memory alignment in bytes, the width of the widest vector register of any CPU
 _DTYPES = {"Float": np.float32, "UInt": np.uint32, "UInt64": np.uint64, "Bool": np.bool_}
@@ -48,9 +47,9 @@ def scalars(values: np.ndarray) -> Callable[[Any], Any]:
 
 
 class Device:
-    """Hold the triangles of a geometry and its reflection table on the GPU or CPU that traces the tubes."""
+    """Hold the triangles of a geometry on the GPU or CPU that traces the tubes."""
 
-    def __init__(self, geometry: Geometry, table: ReflectionTable, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
+    def __init__(self, geometry: Geometry, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
         self.scene = geometry.scene()
         self.hats = dr.opaque(mi.Bool, hats)
         self.corner = upload(mi.Float, geometry.corners)
@@ -58,9 +57,6 @@ class Device:
         self.surface = upload(mi.UInt32, geometry.surface)
         self.cluster = None if cluster is None else upload(mi.UInt32, cluster)
         self.labels = None if labels is None else upload(mi.UInt64, labels + 1)
-        self.nodes = len(table.frequencies_hz)
-        self.cosines = dr.opaque(mi.UInt32, table.te.shape[1])
-        self.coefficients = self.tabulated(table.te, table.tm)
         # Rays start this many metres above a surface. The height is well above the float32 resolution of the surface's coordinates.
         self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
         self.curved = geometry.curved
@@ -76,22 +72,3 @@ class Device:
     def corners(source: Any, face: Any, active: Any) -> list[Any]:
         """Read the three corner positions or the three vertex normals of a facet from the array `source` (`corner` or `normal`)."""
         return [mi.Vector3f(*(dr.gather(mi.Float, source, face * 9 + 3 * c + i, active) for i in range(3))) for c in range(3)]
-
-    @staticmethod
-    def tabulated(te: np.ndarray, tm: np.ndarray) -> list[Any]:
-        """Upload complex TE and TM coefficients (S surfaces, C cosines, Q frequency nodes) in the form that `lookup` reads."""
-        return [upload(mi.Float, part) for c in (te, tm) for part in (np.real(c), np.imag(c))]
-
-    def lookup(self, coefficients: list[Any], face: Any, cosine: Any, node: int, active: Any) -> list[Any]:
-        """Interpolate the coefficients of a facet at one frequency node, linearly in the cosine of incidence.
-
-        Returns:
-            [te.re, te.im, tm.re, tm.im]: real and imaginary parts of the TE and the TM coefficient.
-        """
-        x = dr.clip(cosine, 0, 1) * mi.Float(self.cosines - 1)
-        low = dr.minimum(mi.UInt32(x), self.cosines - 2)
-        weight = x - mi.Float(low)
-        index = (dr.gather(mi.UInt32, self.surface, face, active) * self.cosines + low) * self.nodes + node
-        return [
-            dr.lerp(dr.gather(mi.Float, c, index, active), dr.gather(mi.Float, c, index + self.nodes, active), weight) for c in coefficients
-        ]

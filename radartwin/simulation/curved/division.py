@@ -33,9 +33,7 @@ TUBES_PER_BLOCK = 1 << 20  # number of tubes traced at once; it limits the memor
 SPREADING = 1 << 31  # bit in the number of a patch sequence, set if a curved surface reflects the test ray onto another surface
 
 
-def blocks(
-    device: Device, grid: TubeGrid, corners: np.ndarray, options: TraceOptions, selected: np.ndarray | None, walls: Walls | None
-) -> Iterator[TubeSelection]:
+def blocks(device: Device, grid: TubeGrid, corners: np.ndarray, options: TraceOptions, walls: Walls | None) -> Iterator[TubeSelection]:
     """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or a part of the tubes of one large pose.
 
     The function divides no tube if `options.pieces` is 1 or if the tubes of a pose do not fit into one block.
@@ -46,7 +44,6 @@ def blocks(
         corners: (N, 3, 3) corners of N facets. If the tubes of a pose do not fit into one block, the function leaves out the tubes whose
             centre ray cannot meet a facet.
         options: trace options, of which the function reads the number of bounces, the first cluster and the number of pieces.
-        selected: sorted indices of the tubes to trace; None traces all tubes.
         walls: walls of hollow objects through which the tubes pass; None for tubes that are reflected on the outside of the surfaces.
     Raises:
         BackendError: the grid has more tubes than MAX_TUBES.
@@ -57,9 +54,7 @@ def blocks(
     if options.pieces == 1 or grid.per_pose > TUBES_PER_BLOCK // 2:
         stride = max(1, TUBES_PER_BLOCK // grid.per_pose) * grid.per_pose
         parts = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
-        if selected is not None:
-            parts = _parts(selected)
-        elif grid.per_pose > TUBES_PER_BLOCK:
+        if grid.per_pose > TUBES_PER_BLOCK:
             parts = (part for pose in range(grid.poses) for part in _parts(_covered(grid, pose, corners)))
         yield from (TubeSelection(index.astype(np.uint32)) for index in parts if len(index))
         return
@@ -67,9 +62,6 @@ def blocks(
     for low in range(0, grid.poses, step):
         sequences = patch_sequences(device, grid, (low, min(low + step, grid.poses)), options, walls)
         index, hat_share, in_box = divided(sequences, grid, low, options.pieces, device.curved)
-        if selected is not None:
-            keep = np.isin(index, selected)
-            index, hat_share, in_box = index[keep], hat_share[keep], in_box[keep]
         for start in range(0, len(index), TUBES_PER_BLOCK):
             part = slice(start, start + TUBES_PER_BLOCK)
             yield TubeSelection(index[part].astype(np.uint32), hat_share[part], in_box[part], options.pieces)
@@ -107,7 +99,8 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     origin, direction, *_ = rays(grid, pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
     zero, length = mi.Vector3f(0.0), mi.Float64(0.0)
     tubes = Tubes(
-        index, pose, origin, direction, zero, zero, zero, zero, length, None, None, zero, [], [], length, length, mi.UInt64(0)
+        index, pose, origin, direction, zero, zero, zero, zero, length, None, None, zero, zero, [], mi.UInt32(0), length, length,
+        mi.UInt64(0),
     )  # fmt: skip
     alive, sequence, curved, spreading = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
     for bounce in range(2 if walls else options.max_bounces):

@@ -43,8 +43,9 @@ class Tubes:
     hat_share: Any  # factor of the tube's hat weight, as in TubeSelection
     in_box: Any  # whether the tube contributes on surfaces with box weights, as in TubeSelection
     departure: Any  # unit direction of the ray at the source
-    field_re: list[Any]  # real part of the electric field vector, one entry per frequency node
-    field_im: list[Any]  # imaginary part of the electric field vector, one entry per frequency node
+    across: Any  # unit vector across the direction, along which the field's first component lies, see `jones`
+    encounters: list[Any]  # facets that the tube has met, as `contact.Encounter`
+    caustics: Any  # number of caustics that the tube has passed, each of which turns the phase of the field by 90 degrees
     length: Any  # float64 path length from the source over all hits to the current position, in metres
     first: Any  # float64 path length from the source to the first hit, in metres
     sequence: Any  # packed labels of the facets that the tube has met, see `hits.unpack_labels`
@@ -62,7 +63,9 @@ class Tubes:
         def pick(value: Any) -> Any:
             if value is None:
                 return None
-            return [pick(v) for v in value] if isinstance(value, list) else dr.gather(type(value), value, alive)
+            if isinstance(value, list | tuple):
+                return [pick(v) for v in value]
+            return dr.gather(type(value), value, alive)
 
         return Tubes(*(pick(getattr(self, field.name)) for field in fields(self)))
 
@@ -98,7 +101,7 @@ def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any,
     return origin, direction, direction_du, direction_dv, step_u * step_v * scale * scale * scale
 
 
-def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelection, nodes: int) -> Tubes:
+def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelection) -> Tubes:
     """Start the selected tubes of a grid at their source.
 
     Args:
@@ -106,7 +109,6 @@ def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelectio
         axis: (F, 3) antenna axes. The electric field of a tube lies along the projection of the axis perpendicular to its ray.
         cross: whether the electric field is turned by 90 degrees about the ray, for horizontal (H) polarisation.
         selection: tubes to start.
-        nodes: number of frequency nodes.
     """
     index = upload(mi.UInt32, selection.index)
     per_pose, count_u = dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u)
@@ -137,9 +139,9 @@ def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelectio
         direction_du, direction_dv = mi.Vector3f(nothing), mi.Vector3f(nothing)
     hat_share = None if selection.hat_share is None else upload(mi.Float, selection.hat_share)
     in_box = None if selection.in_box is None else upload(mi.Bool, selection.in_box)
-    length = dr.zeros(mi.Float64, dr.width(index))
-    field_re, field_im = [mi.Vector3f(field) for _ in range(nodes)], [mi.Vector3f(nothing) for _ in range(nodes)]
+    count = dr.width(index)
+    zero, none, sequence = dr.zeros(mi.Float64, count), dr.zeros(mi.UInt32, count), dr.zeros(mi.UInt64, count)
     return Tubes(
         index, pose, origin, direction, position_du, position_dv, direction_du, direction_dv, weight, hat_share, in_box,
-        mi.Vector3f(direction), field_re, field_im, length, dr.zeros(mi.Float64, dr.width(index)), dr.zeros(mi.UInt64, dr.width(index)),
+        mi.Vector3f(direction), field, [], none, zero, mi.Float64(zero), sequence,
     )  # fmt: skip

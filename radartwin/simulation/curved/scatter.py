@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from radartwin.simulation.curved.contact import Contact, across_incidence
+from radartwin.simulation.curved.contact import Contact, encounter
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
 
@@ -28,42 +28,29 @@ class Reception(NamedTuple):
 
     direction: Any  # unit vector from the point on the surface to the receiver
     length: Any  # distance from the point on the surface to the receiver, in metres
-    axis: Any  # receive polarisation vector, or a list with its (real part, imaginary part) at each frequency node
+    across: Any  # receive polarisation vector without walls between the surface and the receiver
     plane: bool  # whether the receiver is infinitely far away, as for the far-field radar cross-section
 
 
-def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> list[tuple[Any, Any]]:
-    """Compute the contribution of every tube to the received signal, and reflect the fields of the tubes.
+def scatter(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> list[Any]:
+    """Add the reflection at the contact to the encounters of the tubes, and compute how the receiver sees the reflected tubes.
 
     Returns:
-        One pair of arrays (real part, imaginary part) per frequency node.
+        The real and the imaginary part of the footprint's factor, and the eight factors `received` of `jones.Coefficients.amplitudes`.
     """
-    s = across_incidence(tubes.direction, contact.normal)
-    mirrored = contact.mirrored(tubes.direction)
-    p_in, p_out = dr.cross(tubes.direction, s), dr.cross(mirrored, s)
-    total_re, total_im = _footprint(device, tubes, contact, reception, wavenumber, active)
-    out = []
-    for node in range(device.nodes):
-        e_re, e_im = tubes.field_re[node], tubes.field_im[node]
-        te_re, te_im, tm_re, tm_im = device.lookup(device.coefficients, contact.face, contact.cosine, node, active)
-        s_re, s_im, p_re, p_im = dr.dot(e_re, s), dr.dot(e_im, s), dr.dot(e_re, p_in), dr.dot(e_im, p_in)
-        r_re = s * (te_re * s_re - te_im * s_im) + p_out * (tm_re * p_re - tm_im * p_im)
-        r_im = s * (te_re * s_im + te_im * s_re) + p_out * (tm_re * p_im + tm_im * p_re)
-        radiated = []
-        for incident, reflected in ((e_re, r_re), (e_im, r_im)):
-            electric = dr.cross(contact.normal, dr.cross(tubes.direction, incident) + dr.cross(mirrored, reflected))
-            magnetic = dr.cross(dr.cross(incident + reflected, contact.normal), reception.direction)
-            radiated.append(electric + magnetic)
-        if isinstance(reception.axis, list):
-            axis_re, axis_im = reception.axis[node]
-            parts = [
-                dr.dot(axis_re, radiated[0]) - dr.dot(axis_im, radiated[1]), dr.dot(axis_re, radiated[1]) + dr.dot(axis_im, radiated[0])
-            ]  # fmt: skip
-        else:
-            parts = [dr.dot(reception.axis, vector) for vector in radiated]
-        out.append((parts[0] * total_re - parts[1] * total_im, parts[0] * total_im + parts[1] * total_re))
-        tubes.field_re[node], tubes.field_im[node] = r_re, r_im
-    return out
+    re, im = _footprint(device, tubes, contact, reception, wavenumber, active)
+    re, im = dr.select(tubes.caustics & 1 == 1, -im, re), dr.select(tubes.caustics & 1 == 1, re, im)
+    sign = dr.select(tubes.caustics & 2 == 2, mi.Float(-1.0), 1.0)
+    s, met = encounter(device, contact, tubes.direction, tubes.across, False, active)
+    tubes.across, tubes.encounters = s, [*tubes.encounters, met]
+    fields = [(way, e) for way in (tubes.direction, contact.mirrored(tubes.direction)) for e in (s, dr.cross(way, s))]
+    radiated = []
+    for way, e in fields:
+        electric = dr.cross(contact.normal, dr.cross(way, e))
+        magnetic = dr.cross(dr.cross(e, contact.normal), reception.direction)
+        radiated.append(electric + magnetic)
+    ends = reception.across, dr.cross(reception.direction, reception.across)
+    return [sign * re, sign * im, *(dr.dot(end, vector) for end in ends for vector in radiated)]
 
 
 def _footprint(device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any) -> tuple[Any, Any]:

@@ -46,10 +46,6 @@ class Shells:
     faces: np.ndarray  # (F,) mask of the faces that belong to a shell and therefore transmit
     inside: ReflectionTable  # reflection coefficients for waves that meet the walls from inside, and transmission coefficients
 
-    def envelope(self) -> "Shells":
-        """Return shells whose coefficients are the largest magnitudes over the frequency sweep, as in `ReflectionTable.envelope`."""
-        return Shells(self.faces, self.inside.envelope())
-
 
 def find_shells(geometry: Geometry, table: ReflectionTable, among: np.ndarray | None = None) -> Shells | None:
     """Return the shells of a geometry, or None if the geometry has no shell.

@@ -3,7 +3,7 @@
 `radartwin.simulation.curved.tubes` explains the formulas and symbols. Import this module only after a Mitsuba variant is active.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import drjit as dr
@@ -13,13 +13,14 @@ import numpy as np
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.curved import contact as contacts
 from radartwin.simulation.curved import division, flight, scatter
-from radartwin.simulation.curved.contact import Contact
+from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
 from radartwin.simulation.curved.device import Device, rows
 from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
+from radartwin.simulation.curved.jones import DOUBT, Coefficients, Encounters
 from radartwin.simulation.curved.scatter import Reception
 from radartwin.simulation.curved.shell import Shells
-from radartwin.simulation.curved.transit import CROSSINGS, Panes, Walls
+from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls, picked
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import ReflectionTable
@@ -41,47 +42,41 @@ class Tracer:
     ):
         """Prepare the tracing. `panes` is a mask (faces,) of the sheets that tubes also pass through; None if there are none."""
         self.geometry, self.grid, self.transmit, self.receive, self.options = geometry, grid, transmit, receive, options
-        self.device = Device(geometry, table, options.cluster, options.labels, options.hats)
-        self.walls = None if shells is None else Walls(self.device, shells)
-        self.panes = None if panes is None else Panes(self.device, table, panes)
+        self.device = Device(geometry, options.cluster, options.labels, options.hats)
+        self.coefficients = Coefficients(table, table if shells is None else shells.inside)
+        self.walls = None if shells is None else Walls(self.device, shells.faces)
+        self.panes = None if panes is None else Panes(self.device, panes)
         self.wavenumber = dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT)
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.receiver_at, self.axis_at, self.forward_at = rows(receive.position), rows(receive.axis), rows(grid.forward)
 
-    def hits(self, selected: np.ndarray | None) -> list[Hits]:
-        """Return the hits of the tubes with the sorted indices `selected` (None: all tubes)."""
-        return self._traced(selected, _read_hits)
+    def hits(self) -> list[Hits]:
+        """Return the hits of all tubes of the grid."""
+        blocks = division.blocks(self.device, self.grid, self.geometry.corners, self.options, self.walls)
+        return [part for selection in blocks for part in self._block(selection)]
 
-    def tube_indices(self) -> list[np.ndarray]:
-        """Return the grid indices of the tubes that contribute to the received signal."""
-        return self._traced(None, _read_indices)
-
-    def _traced(self, selected: np.ndarray | None, read: Callable) -> list:
-        blocks = division.blocks(self.device, self.grid, self.geometry.corners, self.options, selected, self.walls)
-        return [part for selection in blocks for part in self._block(selection, read)]
-
-    def _block(self, selection: flight.TubeSelection, read: Callable) -> Iterator:
-        """Trace one block of tubes. For each bounce with hits, the function yields the value that `read` returns for these hits.
+    def _block(self, selection: flight.TubeSelection) -> Iterator[Hits]:
+        """Trace one block of tubes and yield its hits.
 
         Tubes that meet a pane continue twice, reflected and straight on. All tubes that are traced together have had the same number of
         bounces and of panes.
         """
-        strongest = dr.zeros(mi.Float, self.grid.poses)
-        tubes = flight.start(self.grid, self.transmit.axis, self.transmit.cross, selection, self.device.nodes)
+        strongest = np.zeros(self.grid.poses)
+        tubes = flight.start(self.grid, self.transmit.axis, self.transmit.cross, selection)
         waiting = [(tubes, 1, 0, contacts.cast(self.device, tubes, True))]
         while waiting:
-            found, onward = self._step(*waiting.pop(), strongest, read)
+            found, onward = self._step(*waiting.pop(), strongest)
             yield from found
             waiting += onward
 
-    def _step(self, tubes: Tubes, bounce: int, crossed: int, active: Any, strongest: Any, read: Callable) -> tuple[list, list]:
+    def _step(self, tubes: Tubes, bounce: int, crossed: int, active: Any, strongest: np.ndarray) -> tuple[list[Hits], list]:
         """Reflect tubes at the facets that `contacts.cast` found for them.
 
         Args:
             bounce: number of bounces including this one. crossed: number of panes before.
-            strongest: largest power of a hit of each sensor pose so far; the function updates the array.
+            strongest: (F,) largest amplitude of a hit of each sensor pose so far; the function updates the array.
         Returns:
-            The value of `read` for the hits, if there are any, and the (tubes, bounce, crossed, active) that go on.
+            The hits, if there are any, and the (tubes, bounce, crossed, active) that go on.
         """
         options = self.options
         source, sequence = tubes.origin, tubes.sequence
@@ -90,25 +85,29 @@ class Tracer:
         if self.panes and crossed < CROSSINGS:
             copies, passing = self.panes.behind(tubes, contact, sequence, met)
             straight = [(copies, contacts.cast(self.device, copies, False, passing))]
-        reception, seen = self._reception(tubes, contact, near, bounce == 1 and crossed == 0, active)
-        values = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
+        # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
+        clear = self.monostatic and bounce == 1 and crossed == 0
+        reception, walls, seen = self._reception(tubes, contact, near, clear, active)
+        echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
         lanes = (
-            tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first,
-            tubes.sequence, values, tubes.index,
+            tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first, tubes.sequence,
+            echo, tubes.encounters, walls, contact.facet_point + contact.flat_normal * self.device.lift, reception.across,
         )  # fmt: skip
-        level = sum((re * re + im * im for re, im in values), mi.Float(0.0)) / dr.opaque(mi.Float, self.device.nodes)
-        if options.prune:
-            # Local reduction is necessary, because Dr.Jit's default reduction mode would compile the number of poses into the kernel.
-            dr.scatter_reduce(dr.ReduceOp.Max, strongest, level, tubes.pose, seen, mode=dr.ReduceMode.Local)
         if bounce < options.max_bounces:
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, active))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
         dr.schedule(*(value for copies, passing in straight for value in (*copies.values(), passing)))
-        tubes.evaluate(lanes, level, strongest, seen, *(going for _, going in onwards))
-        if options.prune:
-            seen = seen & (level >= dr.opaque(mi.Float, options.prune**2) * dr.gather(mi.Float, strongest, lanes[0], seen))
+        tubes.evaluate(lanes, seen, *(going for _, going in onwards))
         keep = dr.compress(seen)
-        found = [read(lanes, keep, bounce)] if dr.width(keep) else []
+        found = []
+        if dr.width(keep):
+            *hits, origin, across = picked(lanes, keep)
+            dr.eval(hits, origin, across)
+            groups = [(hits, hits.pop())]
+            if self.panes and not clear:
+                reach = dr.full(mi.Float, dr.inf, dr.width(origin)) if self.grid.plane else (1 - SHADOW_SHORT) * mi.Float(hits[2])
+                groups = ((picked(hits, free), met) for free, met in self.panes.free(Line(origin, hits[4], reach, across), self.grid.plane))
+            found = [self._read(some, met, bounce, strongest) for some, met in groups]
         waiting = []
         for some, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
             for going, mask in some:
@@ -136,49 +135,52 @@ class Tracer:
                 active &= ~contacts.blocked(self.options.occluder, tubes.pose, origin, near.facet_point, active)
         return contact, near, met, active
 
-    def _reception(self, tubes: Tubes, contact: Contact, near: Contact, first: bool, active: Any) -> tuple[Reception, Any]:
-        """Return direction, distance and polarisation of the receiver at each contact, and a mask of contacts that the receiver sees.
+    def _reception(self, tubes: Tubes, contact: Contact, near: Contact, clear: bool, active: Any) -> tuple[Reception, list, Any]:
+        """Find the receiver from each contact. `clear` tells whether the receiver sees all contacts.
 
-        `first` tells whether the contacts are the first facets that the tubes have met.
+        Returns:
+            Direction, distance and polarisation of the receiver at each contact, encounters of the polarisation vector with the walls of
+            shells, and a mask of the contacts that the receiver sees. Panes do not count here.
         """
         plane = self.grid.plane
         receiver = self.receiver_at(tubes.pose, active)
         outgoing = dr.normalize(-self.forward_at(tubes.pose, active) if plane else receiver - contact.point)
         length = dr.dot(receiver - contact.point, outgoing)
         seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
-        # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
-        first_of_receiver = self.monostatic and first
         wall = near
         if self.walls:
-            if not first_of_receiver:
+            if not clear:
                 wall, seen = self.walls.exit(contact, outgoing, length, seen, plane)
-        elif not self.geometry.convex and not first_of_receiver and not self.panes:
+        elif not self.geometry.convex and not clear and not self.panes:
             seen = contacts.visible(self.device, contact, outgoing, length, seen, plane)
-        if self.options.occluder is not None and not first_of_receiver:
+        if self.options.occluder is not None and not clear:
             seen &= ~contacts.blocked(self.options.occluder, tubes.pose, receiver, contact.facet_point, seen)
-        axis = flight.project(self.axis_at(tubes.pose, active), outgoing)
+        across = flight.project(self.axis_at(tubes.pose, active), outgoing)
         if self.receive.cross:
-            axis = dr.cross(outgoing, axis)
-        if self.walls:
-            axis = self.walls.received(wall, outgoing, axis, seen)
-        elif self.panes and not first_of_receiver:
-            axis, seen = self.panes.towards(contact, outgoing, length, axis, seen, plane)
-        return Reception(outgoing, length, axis, plane), seen
+            across = dr.cross(outgoing, across)
+        walls = [contacts.encounter(self.device, wall, outgoing, across, True, seen)[1]] if self.walls else []
+        return Reception(outgoing, length, across, plane), walls, seen
 
-
-def _picked(lanes: tuple, keep: Any) -> list:
-    """Select the tubes at the lane indices `keep`, while the arrays stay on the device."""
-
-    def pick(value: Any) -> Any:
-        return [pick(v) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
-
-    picked = pick(lanes)
-    dr.eval(picked)
-    return picked
-
-
-def _read_indices(lanes: tuple, keep: Any, bounce: int) -> np.ndarray:
-    return _picked(lanes[-1:], keep)[0].numpy()
+    def _read(self, lanes: list, after: list, bounce: int, strongest: np.ndarray) -> Hits:
+        """Compute the amplitudes of hits, and return the strong hits as NumPy arrays. The function updates `strongest` as in `_step`."""
+        dr.eval(lanes, after)
+        pose, length, length_out, departure, outgoing, first, sequence, echo, before = lanes
+        pose, echo = pose.numpy().astype(int), _rows(echo)
+        before, after = (_encounters(some, len(pose)) for some in (before, after))
+        rough = self.coefficients.amplitudes(self.coefficients.few, before, after, echo[2:], echo[:2])
+        level = np.abs(rough).max(axis=1)
+        np.maximum.at(strongest, pose, level)
+        least = self.options.prune * strongest[pose]
+        if self.options.least is not None:
+            least = np.maximum(least, DOUBT * self.options.least[pose])
+        keep = np.flatnonzero(level >= least)
+        if len(self.coefficients.few) < len(self.coefficients.every):
+            chosen = (part.where(keep) for part in (before, after))
+            amplitude = self.coefficients.amplitudes(self.coefficients.every, *chosen, echo[2:, keep], echo[:2, keep])
+        else:
+            amplitude = rough[keep]
+        read = (length.numpy(), length_out.numpy(), _vectors(departure), -_vectors(outgoing), first.numpy(), sequence.numpy())
+        return Hits(pose[keep], np.full(len(keep), bounce), amplitude, *(values[keep] for values in read))
 
 
 def _vectors(lanes: Any) -> np.ndarray:
@@ -189,16 +191,13 @@ def _vectors(lanes: Any) -> np.ndarray:
     return np.stack([component.numpy() for component in lanes], axis=1).astype(float)
 
 
-def _read_hits(lanes: tuple, keep: Any, bounce: int) -> Hits:
-    """Return the hits at the lane indices `keep` as NumPy arrays.
+def _rows(lanes: Sequence[Any]) -> np.ndarray:
+    """Copy K arrays of N numbers from the device to a NumPy array (K, N)."""
+    return np.stack([lane.numpy() for lane in lanes])
 
-    The amplitude is the complex conjugate of -j (re + j im), because `Hits` uses signals with the phase factor exp(+j k L).
-    """
-    pose, length, length_out, departure, outgoing, first, sequence, values = _picked(lanes[:-1], keep)
-    amplitude = np.empty((len(keep), len(values)), complex)
-    for node, (re, im) in enumerate(values):
-        amplitude[:, node] = im.numpy() + 1j * re.numpy()
-    return Hits(
-        pose.numpy().astype(int), np.full(len(keep), bounce), amplitude, length.numpy(), length_out.numpy(),
-        _vectors(departure), -_vectors(outgoing), first.numpy(), sequence.numpy(),
-    )  # fmt: skip
+
+def _encounters(some: Sequence[Sequence[Any]], count: int) -> Encounters:
+    """Copy the encounters of `count` tubes from the device."""
+    if not some:
+        return Encounters(np.zeros((0, count), np.uint32), np.zeros((0, 3, count), np.float32))
+    return Encounters(_rows([met[0] for met in some]), np.stack([_rows(met[1:]) for met in some]))

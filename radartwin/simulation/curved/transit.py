@@ -3,41 +3,42 @@
 Import this module only after a Mitsuba variant is active.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
-from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact, across_incidence, limited, surface
+from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact, Encounter, encounter, limited, surface
 from radartwin.simulation.curved.device import Device, upload
 from radartwin.simulation.curved.flight import Tubes
-from radartwin.simulation.curved.shell import Shells
-from radartwin.simulation.reflection_table import ReflectionTable
 
 CROSSINGS = 4  # largest number of panes that a path crosses before its last reflection, and also after it
+
+
+class Line(NamedTuple):
+    """Describe the lines from points on surfaces to the receiver."""
+
+    origin: Any  # start of the line in metres
+    outgoing: Any  # unit vector towards the receiver
+    reach: Any  # length of the line in metres
+    across: Any  # unit vector along which the first component of the receive polarisation vector lies, see `jones`
 
 
 class Walls:
     """Hold the walls of shells as arrays on the GPU or CPU that traces the tubes."""
 
-    def __init__(self, device: Device, shells: Shells):
-        """Copy the walls of the shells to the device.
-
-        Args:
-            device: geometry with the reflection table for waves inside its shells.
-            shells: shells of this geometry.
-        """
+    def __init__(self, device: Device, faces: Any):
+        """Copy the mask `faces` (F,) of the shells of a geometry to the device."""
         self.device = device
-        self.faces = upload(mi.Bool, shells.faces)
-        self.coefficients = device.tabulated(shells.inside.through_te, shells.inside.through_tm)
+        self.faces = upload(mi.Bool, faces)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
         """Pass tubes straight through shell walls that they meet from outside. The function returns a mask of the tubes that pass."""
         active = active & dr.gather(mi.Bool, self.faces, near.face, active) & near.outside
-        for node in range(len(tubes.field_re)):
-            re, im = tubes.field_re[node], tubes.field_im[node]
-            tubes.field_re[node], tubes.field_im[node] = passed(self.device, self.coefficients, near, tubes.direction, re, im, node, active)
+        tubes.across, met = encounter(self.device, near, tubes.direction, tubes.across, True, active)
+        tubes.encounters = [*tubes.encounters, met]
         tubes.origin = near.facet_point - near.flat_normal * self.device.lift
         tubes.length = tubes.length + mi.Float64(dr.dot(tubes.origin - near.point, tubes.direction))
         return active
@@ -57,24 +58,14 @@ class Walls:
         ray = limited(wall.facet_point - wall.flat_normal * self.device.lift, outgoing, reach)
         return wall, seen & ~self.device.scene.ray_test(ray, seen)
 
-    def received(self, wall: Contact, outgoing: Any, axis: Any, active: Any) -> list[tuple[Any, Any]]:
-        """Return the receive polarisation vector on the inner side of the wall, as (real part, imaginary part) at each frequency node.
-
-        The function transmits the polarisation vector through the wall like a field, because transmission is reciprocal.
-        """
-        nothing = dr.zeros(mi.Vector3f)
-        device, table = self.device, self.coefficients
-        return [passed(device, table, wall, outgoing, axis, nothing, node, active) for node in range(device.nodes)]
-
 
 class Panes:
     """Hold the faces of sheets that transmit, as arrays on the GPU or CPU that traces the tubes."""
 
-    def __init__(self, device: Device, table: ReflectionTable, faces: Any):
-        """Copy the mask `faces` (F,) of the panes of a geometry, and the transmission coefficients of its table, to the device."""
+    def __init__(self, device: Device, faces: Any):
+        """Copy the mask `faces` (F,) of the panes of a geometry to the device."""
         self.device = device
         self.faces = upload(mi.Bool, faces)
-        self.coefficients = device.tabulated(table.through_te, table.through_tm)
 
     def behind(self, tubes: Tubes, contact: Contact, sequence: Any, active: Any) -> tuple[Tubes, Any]:
         """Return copies of the tubes that go straight through the panes that they meet, and a mask of these copies.
@@ -84,55 +75,45 @@ class Panes:
             sequence: packed labels of the tubes before this contact.
         """
         active = active & dr.gather(mi.Bool, self.faces, contact.face, active)
-        fields = [
-            passed(self.device, self.coefficients, contact, tubes.direction, re, im, node, active)
-            for node, (re, im) in enumerate(zip(tubes.field_re, tubes.field_im, strict=True))
-        ]
+        across, met = encounter(self.device, contact, tubes.direction, tubes.across, True, active)
         origin = contact.facet_point - contact.flat_normal * self.device.lift
         length = tubes.length + mi.Float64(dr.dot(origin - contact.point, tubes.direction))
-        re, im = ([field[part] for field in fields] for part in range(2))
-        return replace(tubes, origin=origin, length=length, sequence=sequence, field_re=re, field_im=im), active
+        encounters = [*tubes.encounters, met]
+        return replace(tubes, origin=origin, length=length, sequence=sequence, across=across, encounters=encounters), active
 
-    def towards(
-        self, contact: Contact, outgoing: Any, length_out: Any, axis: Any, seen: Any, plane: bool
-    ) -> tuple[list[tuple[Any, Any]], Any]:
-        """Return the receive polarisation vector behind the panes between each contact and the receiver, and a mask of the free lines.
+    def free(self, line: Line, plane: bool) -> Iterator[tuple[Any, list[Encounter]]]:
+        """Follow lines to the receiver through panes.
 
-        The vector is given as (real part, imaginary part) at each frequency node. The function transmits it like a field, because
-        transmission is reciprocal.
+        Yields:
+            The indices of lines that meet no further surface behind the same number of panes, and the encounters of the receive
+            polarisation vector with these panes. Lines through more than CROSSINGS panes, and blocked lines, are left out.
         """
-        device = self.device
-        fields = [(mi.Vector3f(axis), dr.zeros(mi.Vector3f)) for _ in range(device.nodes)]
-        origin = contact.facet_point + contact.flat_normal * device.lift
-        reach = mi.Float(dr.largest(mi.Float)) if plane else mi.Float((1 - SHADOW_SHORT) * length_out)
-        going = seen
-        for _ in range(CROSSINGS):
-            hit = device.scene.ray_intersect_preliminary(limited(origin, outgoing, reach), coherent=False, active=going)
-            going = going & hit.is_valid()
-            pane = surface(device, hit.prim_index, hit.prim_uv.x, hit.prim_uv.y, origin, outgoing, going)
-            free = dr.gather(mi.Bool, self.faces, pane.face, going)
-            seen = seen & (~going | free)
-            going = going & free
-            for node, (re, im) in enumerate(fields):
-                through = passed(device, self.coefficients, pane, outgoing, re, im, node, going)
-                fields[node] = dr.select(going, through[0], re), dr.select(going, through[1], im)
-            beyond = pane.facet_point - pane.flat_normal * device.lift
-            if not plane:
-                reach = dr.select(going, reach - dr.dot(beyond - origin, outgoing), reach)
-            origin = dr.select(going, beyond, origin)
-        return fields, seen & ~device.scene.ray_test(limited(origin, outgoing, reach), going)
+        device, encounters = self.device, []
+        index = dr.arange(mi.UInt32, dr.width(line.across))
+        for crossed in range(CROSSINGS + 1):
+            ray = limited(line.origin, line.outgoing, line.reach)
+            if crossed == CROSSINGS:
+                ahead = device.scene.ray_test(ray)
+                going, onward = mi.Bool(False), encounters
+            else:
+                hit = device.scene.ray_intersect_preliminary(ray, coherent=False)
+                ahead = hit.is_valid()
+                pane = surface(device, hit.prim_index, hit.prim_uv.x, hit.prim_uv.y, line.origin, line.outgoing, ahead)
+                going = ahead & dr.gather(mi.Bool, self.faces, pane.face, ahead)
+                across, met = encounter(device, pane, line.outgoing, line.across, True, going)
+                beyond = pane.facet_point - pane.flat_normal * device.lift
+                reach = line.reach if plane else line.reach - dr.dot(beyond - line.origin, line.outgoing)
+                line, onward = Line(beyond, line.outgoing, reach, across), [*encounters, met]
+            dr.eval(ahead, going, *line, onward)
+            clear = dr.compress(~ahead)
+            if dr.width(clear):
+                yield dr.gather(mi.UInt32, index, clear), picked(encounters, clear)
+            more = dr.compress(going)
+            if not dr.width(more):
+                return
+            index, line, encounters = dr.gather(mi.UInt32, index, more), Line(*picked(line, more)), picked(onward, more)
 
 
-def passed(device: Device, coefficients: list[Any], wall: Contact, direction: Any, re: Any, im: Any, node: int, active: Any) -> tuple:
-    """Multiply the TE and TM parts of a field (real part `re`, imaginary part `im`) by a wall's transmission coefficients.
-
-    The field is perpendicular to the direction of propagation `direction`. The coefficients come from `Device.tabulated`.
-    """
-    s = across_incidence(direction, wall.normal)
-    p = dr.cross(direction, s)
-    te_re, te_im, tm_re, tm_im = device.lookup(coefficients, wall.face, dr.abs(wall.cosine), node, active)
-    s_re, s_im, p_re, p_im = dr.dot(re, s), dr.dot(im, s), dr.dot(re, p), dr.dot(im, p)
-    return (
-        s * (te_re * s_re - te_im * s_im) + p * (tm_re * p_re - tm_im * p_im),
-        s * (te_re * s_im + te_im * s_re) + p * (tm_re * p_im + tm_im * p_re),
-    )
+def picked(value: Any, keep: Any) -> Any:
+    """Return arrays at the lane indices `keep`, for an array or nested sequences of arrays."""
+    return [picked(v, keep) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)

@@ -43,8 +43,6 @@ computes an integral per tube.
 
 from dataclasses import replace
 
-import numpy as np
-
 from radartwin.simulation.curved import shell
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.tube_grid import TubeGrid
@@ -57,9 +55,7 @@ def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: 
 
     Tubes that meet a sheet of layers with air behind it go on reflected and straight, up to `transit.CROSSINGS` times, and their echoes
     return through sheets in the same way. Tubes also pass through the walls of hollow objects (`shell.find_shells`). They enter straight
-    through the near wall, are reflected inside and leave straight through a wall. In a room with several frequency nodes and pruning, the
-    tracer works in two steps. It first traces all tubes at a single frequency node, with the largest reflection over the frequency sweep,
-    and so finds the few percent of the tubes that contribute. It then traces only these tubes at all frequency nodes.
+    through the near wall, are reflected inside and leave straight through a wall.
 
     Args:
         geometry: triangles of the surfaces.
@@ -70,38 +66,16 @@ def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: 
         options: number of bounces, pruning, occlusion and division of tubes.
     """
     # A ray that leaves a convex body does not meet this body again, so one bounce is enough.
+    from radartwin.simulation.curved.tracer import Tracer
+
+    if not len(geometry.corners):
+        return Hits.none(len(table.frequencies_hz))
     cluster = options.cluster
     shells = shell.find_shells(geometry, table, None if cluster is None else cluster == options.first_cluster)
     outside = replace(options, max_bounces=1) if geometry.convex else options
     panes = None if geometry.convex else shell.find_panes(geometry, table)
-    parts = _traced(geometry, table, None, grid, transmit, receive, outside, panes)
+    parts = Tracer(geometry, table, None, grid, transmit, receive, outside, panes).hits()
     if shells is not None:
         inside = replace(options, max_bounces=min(options.max_bounces, shell.INSIDE))
-        parts += _traced(geometry, shells.inside, shells, grid, transmit, receive, inside)
+        parts += Tracer(geometry, shells.inside, shells, grid, transmit, receive, inside).hits()
     return Hits.concatenate(parts) if parts else Hits.none(len(table.frequencies_hz))
-
-
-def _traced(
-    geometry: Geometry,
-    table: ReflectionTable,
-    shells: shell.Shells | None,
-    grid: TubeGrid,
-    transmit: Antennas,
-    receive: Antennas,
-    options: TraceOptions,
-    panes: np.ndarray | None = None,
-) -> list[Hits]:
-    """Return the hits of tubes that stay outside all surfaces or, if `shells` is given, of tubes that pass through the walls of shells."""
-    from radartwin.simulation.curved import tracer
-
-    if not len(geometry.corners):
-        return []
-    selected = None
-    if options.prune and options.hats and len(table.frequencies_hz) > 1:
-        envelope = None if shells is None else shells.envelope()
-        found = tracer.Tracer(geometry, table.envelope(), envelope, grid, transmit, receive, options, panes).tube_indices()
-        matters = np.zeros(max((int(part.max()) + 1 for part in found), default=0), bool)
-        for part in found:
-            matters[part] = True
-        selected = np.flatnonzero(matters)
-    return tracer.Tracer(geometry, table, shells, grid, transmit, receive, options, panes).hits(selected)

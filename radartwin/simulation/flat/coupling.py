@@ -93,19 +93,22 @@ def group_paths(
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]
     out, back = ends
     straight = (out_leg == DIRECT) & (back_leg == DIRECT)
-    found = []
-    for rows, cell in ((straight, cell_m), (~straight, coupled_cell_m)) if coupled_cell_m else ((np.ones(len(pose), bool), cell_m),):
-        if rows.any():
-            part = _traced(built, table, ends, np.flatnonzero(rows), cell, max_bounces)
-            if part is None:
-                return None
-            found.append(part)
-    hits = Hits.concatenate(found)
     reflections = legs.order[out_leg] + legs.order[back_leg]
     strength = legs.share[place_of[pose], out_leg] * legs.share[place_of[pose], back_leg]
-    keep = hits.bounce + reflections[hits.pose] <= max_bounces
-    keep &= _matters(np.abs(hits.amplitude).max(axis=1, initial=0) * strength[hits.pose], pose[hits.pose], frames, EARLY * prune)
-    hits = hits.where(keep)
+    found, strongest = [], np.zeros(frames)
+    for over, cell in ((False, cell_m), (True, coupled_cell_m or cell_m)):
+        rows = np.flatnonzero(straight != over)
+        if not len(rows):
+            continue
+        least = EARLY * prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)
+        part = _traced(built, table, ends, rows, cell, max_bounces, least)
+        if part is None:
+            return None
+        part = part.where(part.bounce + reflections[part.pose] <= max_bounces)
+        level = np.abs(part.amplitude).max(axis=1, initial=0) * strength[part.pose]
+        np.maximum.at(strongest, pose[part.pose], level)
+        found.append((part, level))
+    hits = Hits.concatenate([part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])) for part, level in found])
     row, frame = hits.pose, pose[hits.pose]
     points = [
         _to_world(object_poses[frame], end.place[row] + direction * length[:, None])
@@ -145,8 +148,10 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
     return Paths.concatenate([part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)])
 
 
-def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int) -> Hits | None:
-    """Trace the object for the chosen pairs of an outgoing and a returning leg.
+def _traced(
+    built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int, least: np.ndarray
+) -> Hits | None:
+    """Trace the object for the chosen pairs of an outgoing and a returning leg. Hits below the amplitude `least` (rows,) may be missing.
 
     An object of flat faces is traced by its polygons, any other object by ray tubes. Return None if an object that needs tubes is too close
     to the sensor for a planar ray grid.
@@ -161,7 +166,7 @@ def _traced(built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: n
         return None
     transmit, receive = (Antennas(end.place[rows], end.axis[rows]) for end in ends)
     pieces = 3 if grid.per_pose <= FEW_TUBES else 1
-    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(max_bounces, prune=SCOUT_PRUNE, pieces=pieces))
+    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(max_bounces, prune=SCOUT_PRUNE, least=least, pieces=pieces))
     return replace(hits, pose=rows[hits.pose])
 
 
@@ -198,13 +203,6 @@ class _End:
 def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Transform points (N, 3) from the objects' frames to the world."""
     return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
-
-
-def _matters(level: np.ndarray, frame: np.ndarray, frames: int, share: float) -> np.ndarray:
-    """Return a mask (N,) of the levels that are at least `share` (0 to 1) times the largest level of their frame."""
-    largest = np.zeros(frames)
-    np.maximum.at(largest, frame, level)
-    return (level >= share * largest[frame]) & (level > 0)
 
 
 def _loudest(part: Paths, radar: Radar) -> float:

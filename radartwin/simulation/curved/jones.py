@@ -1,0 +1,105 @@
+"""Compute the amplitudes of hits from the facets that their tubes met, for many frequencies at once (Jones calculus).
+
+The tracer finds where tubes meet facets, which does not depend on frequency. This module then computes the fields. The field of a tube has
+one component along a unit vector across its direction, and one component along the cross product of the direction with this vector. At each
+facet, the two components turn by an angle to the TE and TM components of the facet's plane of incidence. Reflection or transmission then
+multiplies each component by its coefficient. The receive polarisation vector passes through walls in the same way, because transmission is
+reciprocal.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.compiled import compiled, innermost, shared_out
+from radartwin.simulation.reflection_table import ReflectionTable
+
+FEW_NODES = 4  # number of frequency nodes by which weak hits are found
+DOUBT = 0.3  # factor on the least amplitude of hits that are evaluated at FEW_NODES frequency nodes only
+
+
+@dataclass(frozen=True)
+class Encounters:
+    """Hold the K facets that each of N tubes met in turn. `code` is twice the number of the surface, plus 1 for transmission."""
+
+    code: np.ndarray  # (K, N) uint32
+    turn: np.ndarray  # (K, 3, N) float32: cosine of incidence, and cosine and sine of the angle by which the field's components turn
+
+    def where(self, keep: np.ndarray) -> "Encounters":
+        """Return the encounters of the tubes that the indices `keep` select."""
+        return Encounters(np.ascontiguousarray(self.code[:, keep]), np.ascontiguousarray(self.turn[:, :, keep]))
+
+
+class Coefficients:
+    """Hold the reflection and transmission coefficients (S surfaces, C cosines, Q frequency nodes) by which fields are multiplied."""
+
+    def __init__(self, reflecting: ReflectionTable, transmitting: ReflectionTable):
+        values = reflecting.te, reflecting.tm, transmitting.through_te, transmitting.through_tm
+        self.values = tuple(np.ascontiguousarray(value, np.complex128) for value in values)
+        nodes = reflecting.te.shape[2]
+        self.every = np.arange(nodes)
+        self.few = np.unique(np.linspace(0, nodes - 1, min(nodes, FEW_NODES)).round().astype(int))
+
+    def amplitudes(self, nodes: np.ndarray, before: Encounters, after: Encounters, received: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """Return the complex amplitudes (N, nodes) of N hits for signals with the phase factor exp(+j k L).
+
+        Args:
+            nodes: indices of the frequency nodes.
+            before: encounters of the tubes; the last encounter reflects the tube to the receiver.
+            after: encounters of the receive polarisation vector with the walls between the last reflection and the receiver.
+            received: (8, N) factors of the last field on the receive polarisation vector without walls, for the incident TE and TM
+                components and the reflected TE and TM components, and the same for the cross product of the direction with this vector.
+            size: (2, N) real and imaginary part of the factor of a footprint.
+        """
+        out = np.empty((received.shape[1], len(nodes)), complex)
+        shared_out(_amplitudes, len(out), nodes, before.code, before.turn, after.code, after.turn, received, size, *self.values, out)
+        return out
+
+
+@innermost
+def _meet(a, b, nodes, code, cosine, turn_cos, turn_sin, te, tm, through_te, through_tm) -> None:  # fmt: skip
+    """Turn the components `a`, `b` (Q,) of fields to the plane of incidence, and multiply them by the coefficients of the facet."""
+    surface = code >> 1
+    place = min(max(cosine, 0.0), 1.0) * (te.shape[1] - 1)
+    low = min(int(place), te.shape[1] - 2)
+    high = place - low
+    for i in range(len(nodes)):
+        q = nodes[i]
+        s, p = a[i] * turn_cos + b[i] * turn_sin, b[i] * turn_cos - a[i] * turn_sin
+        if code & 1:
+            a[i] = s * (through_te[surface, low, q] * (1 - high) + through_te[surface, low + 1, q] * high)
+            b[i] = p * (through_tm[surface, low, q] * (1 - high) + through_tm[surface, low + 1, q] * high)
+        else:
+            a[i] = s * (te[surface, low, q] * (1 - high) + te[surface, low + 1, q] * high)
+            b[i] = p * (tm[surface, low, q] * (1 - high) + tm[surface, low + 1, q] * high)
+
+
+@compiled
+def _amplitudes(
+    first, last, nodes, code_before, before, code_after, after, received, size, te, tm, through_te, through_tm, out
+) -> None:  # fmt: skip
+    count, end = len(nodes), len(code_before) - 1
+    work = np.empty((6, count), np.complex128)
+    a, b, x, y, s, p = work[0], work[1], work[2], work[3], work[4], work[5]
+    for n in range(first, last):
+        a[:], b[:], x[:], y[:] = 1, 0, 1, 0
+        back_cos, back_sin = 1.0, 0.0  # of the angle by which the components `x` and `y` have turned
+        for k in range(end):
+            code, turn = np.int64(code_before[k, n]), before[k, :, n]
+            _meet(a, b, nodes, code, turn[0], turn[1], turn[2], te, tm, through_te, through_tm)
+        for k in range(len(code_after)):
+            code, turn = np.int64(code_after[k, n]), after[k, :, n]
+            _meet(x, y, nodes, code, turn[0], turn[1], turn[2], te, tm, through_te, through_tm)
+            back_cos, back_sin = back_cos * turn[1] - back_sin * turn[2], back_sin * turn[1] + back_cos * turn[2]
+        turn = before[end, :, n]
+        for i in range(count):
+            s[i], p[i] = a[i] * turn[1] + b[i] * turn[2], b[i] * turn[1] - a[i] * turn[2]
+            a[i], b[i] = s[i], p[i]
+        _meet(a, b, nodes, np.int64(code_before[end, n]), turn[0], np.float32(1), np.float32(0), te, tm, through_te, through_tm)
+        factor = complex(size[0, n], size[1, n])
+        for i in range(count):
+            along = received[0, n] * s[i] + received[1, n] * p[i] + received[2, n] * a[i] + received[3, n] * b[i]
+            aside = received[4, n] * s[i] + received[5, n] * p[i] + received[6, n] * a[i] + received[7, n] * b[i]
+            mine, other = x[i] * back_cos - y[i] * back_sin, x[i] * back_sin + y[i] * back_cos
+            value = factor * (mine * along + other * aside)
+            out[n, i] = complex(value.imag, value.real)
