@@ -40,7 +40,9 @@ class Coefficients:
         self.every = np.arange(nodes)
         self.few = np.unique(np.linspace(0, nodes - 1, min(nodes, FEW_NODES)).round().astype(int))
 
-    def amplitudes(self, nodes: np.ndarray, before: Encounters, after: Encounters, received: np.ndarray, size: np.ndarray) -> np.ndarray:
+    def amplitudes(
+        self, nodes: np.ndarray, before: Encounters, after: Encounters, received: np.ndarray, size: np.ndarray, least: np.ndarray
+    ) -> np.ndarray:
         """Return the complex amplitudes (N, nodes) of N hits for signals with the phase factor exp(+j k L).
 
         Args:
@@ -50,9 +52,10 @@ class Coefficients:
             received: (8, N) factors of the last field on the receive polarisation vector without walls, for the incident TE and TM
                 components and the reflected TE and TM components, and the same for the cross product of the direction with this vector.
             size: (2, N) real and imaginary part of the factor of a footprint.
+            least: (N,) amplitudes below which hits may have the amplitude zero.
         """
         out = np.empty((received.shape[1], len(nodes)), complex)
-        shared_out(_amplitudes, len(out), nodes, before.code, before.turn, after.code, after.turn, received, size, *self.values, out)
+        shared_out(_amplitudes, len(out), nodes, before.code, before.turn, after.code, after.turn, received, size, least, *self.values, out)
         return out
 
 
@@ -74,9 +77,18 @@ def _meet(a, b, nodes, code, cosine, turn_cos, turn_sin, te, tm, through_te, thr
             b[i] = p * (tm[surface, low, q] * (1 - high) + tm[surface, low + 1, q] * high)
 
 
+@innermost
+def _largest_power(a, b) -> float:
+    """Return the largest power of fields with the components `a`, `b` (Q,)."""
+    most = 0.0
+    for i in range(len(a)):
+        most = max(most, a[i].real ** 2 + a[i].imag ** 2 + b[i].real ** 2 + b[i].imag ** 2)
+    return most
+
+
 @compiled
 def _amplitudes(
-    first, last, nodes, code_before, before, code_after, after, received, size, te, tm, through_te, through_tm, out
+    first, last, nodes, code_before, before, code_after, after, received, size, least, te, tm, through_te, through_tm, out
 ) -> None:  # fmt: skip
     count, end = len(nodes), len(code_before) - 1
     work = np.empty((6, count), np.complex128)
@@ -84,9 +96,22 @@ def _amplitudes(
     for n in range(first, last):
         a[:], b[:], x[:], y[:] = 1, 0, 1, 0
         back_cos, back_sin = 1.0, 0.0  # of the angle by which the components `x` and `y` have turned
+        # No facet increases the power of a field, so the amplitude is at most `most` times the magnitude of the field.
+        most = 0.0
+        for i in range(0, 8, 4):
+            incident = np.sqrt(received[i, n] ** 2 + received[i + 1, n] ** 2)
+            most += (incident + np.sqrt(received[i + 2, n] ** 2 + received[i + 3, n] ** 2)) ** 2
+        most *= size[0, n] ** 2 + size[1, n] ** 2
+        power = 1.0
         for k in range(end):
+            if most * power < least[n] ** 2:
+                break
             code, turn = np.int64(code_before[k, n]), before[k, :, n]
             _meet(a, b, nodes, code, turn[0], turn[1], turn[2], te, tm, through_te, through_tm)
+            power = _largest_power(a, b)
+        if most * power < least[n] ** 2:
+            out[n] = 0
+            continue
         for k in range(len(code_after)):
             code, turn = np.int64(code_after[k, n]), after[k, :, n]
             _meet(x, y, nodes, code, turn[0], turn[1], turn[2], te, tm, through_te, through_tm)

@@ -167,18 +167,16 @@ class Tracer:
         pose, length, length_out, departure, outgoing, first, sequence, echo, before = lanes
         pose, echo = pose.numpy().astype(int), _rows(echo)
         before, after = (_encounters(some, len(pose)) for some in (before, after))
-        rough = self.coefficients.amplitudes(self.coefficients.few, before, after, echo[2:], echo[:2])
+        coefficients, prune = self.coefficients, self.options.prune
+        floor = np.zeros(len(strongest)) if self.options.least is None else DOUBT * self.options.least
+        rough = coefficients.amplitudes(coefficients.few, before, after, echo[2:], echo[:2], np.maximum(floor, prune * strongest)[pose])
         level = np.abs(rough).max(axis=1)
         np.maximum.at(strongest, pose, level)
-        least = self.options.prune * strongest[pose]
-        if self.options.least is not None:
-            least = np.maximum(least, DOUBT * self.options.least[pose])
-        keep = np.flatnonzero(level >= least)
-        if len(self.coefficients.few) < len(self.coefficients.every):
+        keep = np.flatnonzero(level >= np.maximum(floor, prune * strongest)[pose])
+        amplitude = rough[keep]
+        if len(coefficients.few) < len(coefficients.every):
             chosen = (part.where(keep) for part in (before, after))
-            amplitude = self.coefficients.amplitudes(self.coefficients.every, *chosen, echo[2:, keep], echo[:2, keep])
-        else:
-            amplitude = rough[keep]
+            amplitude = coefficients.amplitudes(coefficients.every, *chosen, echo[2:, keep], echo[:2, keep], np.zeros(len(keep)))
         read = (length.numpy(), length_out.numpy(), _vectors(departure), -_vectors(outgoing), first.numpy(), sequence.numpy())
         return Hits(pose[keep], np.full(len(keep), bounce), amplitude, *(values[keep] for values in read))
 
