@@ -69,6 +69,21 @@ class Tubes:
 
         return Tubes(*(pick(getattr(self, field.name)) for field in fields(self)))
 
+    @staticmethod
+    def joined(parts: "list[Tubes]") -> "Tubes":
+        """Join tubes that have met equally many facets."""
+
+        def join(values: list[Any]) -> Any:
+            if values[0] is None:
+                return None
+            if isinstance(values[0], list | tuple):
+                return [join(list(some)) for some in zip(*values, strict=True)]
+            if isinstance(values[0], mi.Vector3f):
+                return mi.Vector3f(*(dr.concat(list(some)) for some in zip(*values, strict=True)))
+            return dr.concat(values)
+
+        return parts[0] if len(parts) == 1 else Tubes(*(join([getattr(part, f.name) for part in parts]) for f in fields(Tubes)))
+
     def values(self) -> Iterator[Any]:
         """Return all arrays of the state."""
         return (value for field in fields(self) if (value := getattr(self, field.name)) is not None)

@@ -63,11 +63,15 @@ class Tracer:
         """
         strongest = np.zeros(self.grid.poses)
         tubes = flight.start(self.grid, self.transmit.axis, self.transmit.cross, selection)
-        waiting = [(tubes, 1, 0, contacts.cast(self.device, tubes, True))]
+        active = contacts.cast(self.device, tubes, True)
+        waiting: dict[tuple[int, int], list[Tubes]] = {(1, 0): [tubes]}
         while waiting:
-            found, onward = self._step(*waiting.pop(), strongest)
+            done = min(waiting, key=sum)  # no tubes still to be traced can join these tubes
+            found, onward = self._step(Tubes.joined(waiting.pop(done)), *done, active, strongest)
             yield from found
-            waiting += onward
+            for going, following in onward:
+                waiting.setdefault(following, []).append(going)
+            active = mi.Bool(True)
 
     def _step(self, tubes: Tubes, bounce: int, crossed: int, active: Any, strongest: np.ndarray) -> tuple[list[Hits], list]:
         """Reflect tubes at the facets that `contacts.cast` found for them.
@@ -76,7 +80,7 @@ class Tracer:
             bounce: number of bounces including this one. crossed: number of panes before.
             strongest: (F,) largest amplitude of a hit of each sensor pose so far; the function updates the array.
         Returns:
-            The hits, if there are any, and the (tubes, bounce, crossed, active) that go on.
+            The hits, if there are any, and the tubes that go on with their (bounce, crossed).
         """
         options = self.options
         source, sequence = tubes.origin, tubes.sequence
@@ -113,7 +117,7 @@ class Tracer:
             for going, mask in some:
                 alive = dr.compress(mask)
                 if dr.width(alive):
-                    waiting.append((going.compacted(alive), *more, mi.Bool(True)))
+                    waiting.append((going.compacted(alive), more))
         return found, waiting
 
     def _meet(self, tubes: Tubes, origin: Any, bounce: int, active: Any) -> tuple[Contact, Contact, Any, Any]:
