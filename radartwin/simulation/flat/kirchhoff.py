@@ -118,7 +118,7 @@ def edge_part(
 ) -> complex:
     """Return [G(d, t_b) - G(d, t_a)]/(2 pi) of an edge, or 0 if d or the nearer end is beyond the Fresnel coordinate `reach`.
 
-    From half of this coordinate on, the value falls smoothly to 0, so that the waves of the two edges of a thin bar still cancel.
+    Over the last sixteenth of this coordinate, the value falls smoothly to 0, so that the waves of the two edges of a thin bar still cancel.
 
     Args:
         start, along, side: the edge's start (3,), its unit direction (3,) and its length. source, receiver: (3,) ends of the straight
@@ -147,5 +147,5 @@ def edge_part(
     if t_a > reach or t_b < -reach:
         return 0j
     d = math.sqrt(scale * max(least, 0.0))
-    taper = math.cos(0.5 * math.pi * min(max(2 * d / reach - 1, 0.0), 1.0)) ** 2
+    taper = math.cos(0.5 * math.pi * min(max(16 * d / reach - 15, 0.0), 1.0)) ** 2
     return taper * edge_wave(d, t_a, t_b) / (2 * math.pi)

@@ -20,7 +20,7 @@ from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.geometry import Geometry
 
-REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; their waves fade from half of it on, where they are at most 0.06
+REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; such an edge changes a factor by at most 0.04
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
