@@ -118,7 +118,7 @@ def edge_part(
 ) -> complex:
     """Return [G(d, t_b) - G(d, t_a)]/(2 pi) of an edge, or 0 if d or the nearer end is beyond the Fresnel coordinate `reach`.
 
-    Over the last sixteenth of this coordinate, the value falls smoothly to 0, so that the waves of the two edges of a thin bar still cancel.
+    Over the last sixteenth of this coordinate, the value falls smoothly to 0, so that the two edges of a thin bar still cancel.
 
     Args:
         start, along, side: the edge's start (3,), its unit direction (3,) and its length. source, receiver: (3,) ends of the straight
