@@ -1,7 +1,9 @@
-"""Benchmarks of run time per frame. The results are ratios of run times within one run of the benchmarks, because absolute times differ
-between machines.
+"""Benchmarks of run time and memory, against the targets in `bench_figures` and against earlier runs.
 
-    python -m experiments.speed.bench [--repeats 5] [--only synthesis frames memory scan] [--variant cuda] [--history]
+    python -m experiments.speed.bench [--repeats 5] [--only synthesis frames single drives memory scan] [--variant cuda] [--history]
+
+The exit status is 0 even if a figure misses its target or differs from earlier runs, because run times depend on the machine and its load.
+Ratios of run times within one run can also be compared between machines.
 
 The timed methods alternate, so that a slow phase of the machine affects all methods. The direct sum is timed on DIRECT_PATHS instead of
 PATHS paths, and the measured time is scaled up, because the time of the direct sum is proportional to the number of paths.
@@ -14,31 +16,36 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 import radartwin as rt
+from experiments.speed.bench_figures import FIGURES, Values, table
 from experiments.speed.bench_scan import line, measure
 from experiments.speed.machine import processor
 from experiments.validation.oracles import sampling
 from radartwin.io import files
 from radartwin.runs import checkout
 from radartwin.scene import objects, rooms
+from radartwin.scene.rooms.parts import GAP, Bench
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import variant as variant_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.signal.synthesis import synthesize
+from radartwin.simulation.drives import Drives
+from radartwin.simulation.signal.synthesis import received, synthesize
 
-PATHS, DIRECT_PATHS = 100_000, 1_000
+PATHS, FRAME_PATHS, DIRECT_PATHS = 100_000, 5_000, 1_000
 FRAMES = 100
 ROOM_FRAMES = 20  # with a room around the object
 MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves 2 cm per frame; with tubes, frames share no work
+CALLS = 20  # calls of one frame each
+WARM_UP = slice(20, 26)  # poses of a drive that compile the kernels
+ASIDE_M = 1e-3  # shift of the sensor between repetitions, so that no paths come from a cache
 MEMORY_RAYS = 3_000_000
 HISTORY = Path(__file__).with_name("bench_history.csv")
-Rows = dict[str, float]  # measured ratios by name
 
 
 def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
@@ -57,21 +64,27 @@ def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
     return {name: np.array(values) for name, values in seconds.items()}
 
 
-def show(name: str, seconds: np.ndarray, note: str) -> float:
+def show(name: str, seconds: np.ndarray, note: str = "") -> float:
     """Print the run times of a method with a note. Returns the median run time in seconds."""
     median = float(np.median(seconds))
-    print(f"  {name:44s} {median * 1e3:9.2f} ms  ({seconds.min() * 1e3:.2f} to {seconds.max() * 1e3:.2f})  {note}")
+    print(f"  {name:44s} {median * 1e3:9.2f} ms  ({seconds.min() * 1e3:.2f} to {seconds.max() * 1e3:.2f})  {note}".rstrip())
     return median
 
 
-def ratio(rows: Rows, name: str, value: float) -> None:
-    print(f"  ratio {name}: {value:.3g}")
-    rows[name] = value
+def on_stand(bench: Bench) -> list[rt.Surface]:
+    """Return a corner reflector that faces the sensor from 1.5 m, and the disc and the post of the stand below the reflector."""
+    at, sensor = bench.target_position(1.5), bench.sensor_pose[:3, 3]
+    mesh = objects.trihedral(0.1).apply_transform(trajectory.look_at(at, sensor))
+    low = mesh.bounds[0, 2] - GAP
+    return [rt.Surface(mesh, "metal", "reflector", role="object"), *rooms.support(np.array([*at[:2], low]))]
 
 
-def synthesis(repeats: int, rows: Rows, variant: str) -> None:
+def synthesis(repeats: int, values: Values, variant: str) -> None:
     """Compare the run time of sample synthesis by gridding with the direct sum, and of `elements="planar"` with `elements="exact"`."""
     radar = sampling.RADAR
+    frame = sampling.scattered_paths(FRAME_PATHS, 0.5, 0)
+    (seconds,) = timed({"": lambda: synthesize(frame, radar)}, repeats).values()
+    values[f"gridding of {FRAME_PATHS:,} paths x 8 channels"] = 1e3 * show(f"gridding of {FRAME_PATHS:,} paths", seconds)
     for rate in (0.0, 0.5):
         paths, few = sampling.scattered_paths(PATHS, rate, 0), sampling.scattered_paths(DIRECT_PATHS, rate, 0)
         methods = {
@@ -86,12 +99,13 @@ def synthesis(repeats: int, rows: Rows, variant: str) -> None:
         print(f"IQ synthesis, {PATHS} paths x {radar.num_chirps} chirps x 8 channels, speeds up to {rate} m/s:")
         notes = {"gridding": f"relative error {error:.1e}", "direct sum in NumPy": f"scaled from {DIRECT_PATHS} paths"}
         at = f" at {rate} m/s"
-        grid, planar, direct = (show(name + at, values, notes.get(name, "")) for name, values in seconds.items())
-        ratio(rows, f"direct sum to gridding{at}", direct / grid)
-        ratio(rows, f"exact to planar elements{at}", grid / planar)
+        grid, planar, direct = (show(name + at, each, notes.get(name, "")) for name, each in seconds.items())
+        values[f"gridding of {PATHS:,} paths{at}"] = 1e3 * grid
+        values[f"direct sum to gridding{at}"] = direct / grid
+        values[f"exact to planar elements{at}"] = grid / planar
 
 
-def frames(repeats: int, rows: Rows, variant: str) -> None:
+def frames(repeats: int, values: Values, variant: str) -> None:
     """Time the simulation of whole frames, from poses to IQ samples."""
     radar, bench = rt.Radar.iwr1843(), rooms.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), FRAMES, radar.frame_rate_hz)
@@ -101,38 +115,89 @@ def frames(repeats: int, rows: Rows, variant: str) -> None:
     some = {"reflector": turning[:: FRAMES // ROOM_FRAMES]}
     calls = itertools.count()
 
-    def moving(room: str) -> None:
-        """Simulate a moving sensor and object. Each call of this function shifts the sensor, so that no paths of the room come from
-        the cache.
+    def moving(room: str, scene: rt.Scene, motion: Mapping[str, np.ndarray]) -> None:
+        """Simulate a scene with a moving sensor and with objects in `motion`. Each call of this function shifts the sensor, so that no
+        paths of the room come from the cache.
         """
         frames = MOVING_FRAMES[room]
         sensor = np.repeat(pose, frames, axis=0)
-        sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + 1e-3 * next(calls)
-        tracer = MitsubaBackend(TraceSettings(variant=variant, room=room))
-        rt.simulate(lab + target, radar, sensor, motion={"reflector": turning[:frames]}, simulator=tracer)
+        sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + ASIDE_M * next(calls)
+        some = {name: poses[:frames] for name, poses in motion.items()}
+        rt.simulate(scene, radar, sensor, motion=some, simulator=MitsubaBackend(TraceSettings(variant=variant, room=room)))
 
     began = time.perf_counter()
     rt.simulate(lab, radar, pose, variant=variant)
     first = time.perf_counter() - began
     methods = {
-        "object only": (FRAMES, lambda: rt.simulate(target, radar, pose, motion=motion, variant=variant)),
+        "object only, 100 frames in one call": (FRAMES, lambda: rt.simulate(target, radar, pose, motion=motion, variant=variant)),
         "object in a static furnished room": (ROOM_FRAMES, lambda: rt.simulate(lab + target, radar, pose, motion=some, variant=variant)),
-        "moving sensor and object, panel images": (MOVING_FRAMES["panels"], lambda: moving("panels")),
-        "moving sensor and object, tubes alone": (MOVING_FRAMES["tubes"], lambda: moving("tubes")),
-    }
+        "moving sensor and object, flat faces": (MOVING_FRAMES["panels"], lambda: moving("panels", lab + target, motion)),
+        "moving sensor and object, tubes alone": (MOVING_FRAMES["tubes"], lambda: moving("tubes", lab + target, motion)),
+        "moving sensor, resting target, flat faces": (
+            MOVING_FRAMES["panels"], lambda: moving("panels", lab + rt.Scene(on_stand(bench)), {})
+        ),
+    }  # fmt: skip
     seconds = timed({name: method for name, (_, method) in methods.items()}, repeats)
-    print(f"Frames, corner reflector on a turntable at 1.5 m, 8 channels, {variant_module.activate(variant)}:")
-    medians = {}
-    for name, values in seconds.items():
-        each = values / methods[name][0]
-        medians[name] = show(name, each, f"a frame, {1 / np.median(each):.0f} frames/s")
+    print(f"Frames, corner reflector at 1.5 m, 8 channels, {variant_module.activate(variant)}:")
+    for name, each in seconds.items():
+        values[name] = 1e3 * show(name, each / methods[name][0], "a frame")
     print(f"  the room at rest is traced once, {first:.1f} s with compilation")
-    ratio(rows, "static room to object only", medians["object in a static furnished room"] / medians["object only"])
-    panels, alone = medians["moving sensor and object, panel images"], medians["moving sensor and object, tubes alone"]
-    ratio(rows, "moving, tubes alone to panel images", alone / panels)
+    alone = values["object only, 100 frames in one call"]
+    values["static room to object only"] = values["object in a static furnished room"] / alone
+    faces, tubes = (values[f"moving sensor and object, {method}"] for method in ("flat faces", "tubes alone"))
+    values["moving, tubes alone to flat faces"] = tubes / faces
+    values["object only, 100 frames in one call"] = 1e3 / alone
 
 
-def memory(repeats: int, rows: Rows, variant: str) -> None:
+def single(repeats: int, values: Values, variant: str) -> None:
+    """Time calls that simulate one frame of one object each, at another sensor pose in each call."""
+    radar = rt.Radar.iwr1843()
+    shapes = {"sphere": objects.sphere(0.05), "corner reflector": objects.trihedral(0.1)}
+    scenes = {name: rt.Scene([rt.Surface(mesh, "metal", name)]) for name, mesh in shapes.items()}
+    calls = itertools.count()
+
+    def call(scene: rt.Scene) -> None:
+        for _ in range(CALLS):
+            pose = trajectory.look_at([1.5, ASIDE_M * next(calls), 0.0], [0.0, 0.0, 0.0])
+            rt.simulate(scene, radar, pose[None], variant=variant)
+
+    print(f"One frame in one call, sphere of 10 cm diameter and corner reflector with 10 cm edges at 1.5 m, {CALLS} calls:")
+    seconds = timed({name: lambda scene=scene: call(scene) for name, scene in scenes.items()}, repeats)
+    for name, each in seconds.items():
+        values[f"one frame in one call, {name}"] = 1e3 * show(name, each / CALLS, "a call")
+
+
+def drives(repeats: int, values: Values, variant: str) -> None:
+    """Time drives along one track past a corner reflector on a stand, traced as a campaign traces them (`campaign.target.seen`).
+
+    The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. Another
+    room compiles the kernels, so that the set-up takes no results from a cache.
+    """
+    radar, bench = rt.Radar.iwr1843(), rooms.bench("lab")
+    reflector, disc, post = on_stand(bench)
+    nominal, still = trajectory.lateral_sweep(bench.sensor_pose), np.eye(4)[None]
+    seconds: list[float] = []
+    for room, poses, count in ((rooms.lab((6.1, 5.0, 2.8)), nominal[WARM_UP], 1), (rooms.lab(), nominal, repeats)):
+        began = time.perf_counter()
+        track = Drives(list(room), radar, poses, TraceSettings(variant=variant))
+        track.room(poses)
+        shared = time.perf_counter()
+        over = track.over_room([disc, reflector])
+        set_up = shared - began, time.perf_counter() - shared
+        seconds.clear()
+        for k in range(count):
+            actual = poses.copy()
+            actual[:, 0, 3] += ASIDE_M * (k + 1)
+            began = time.perf_counter()
+            parts = track.room(actual) + track.moving([disc, reflector], actual, still, False) + track.moving([post], actual, still, False)
+            received(parts + over.seen(actual, radar.frame_rate_hz), radar, len(actual))
+            seconds.append((time.perf_counter() - began) / len(actual))
+    print(f"Drives of {len(nominal)} frames through the furnished laboratory:")
+    values["drive frame"] = 1e3 * show("drive frame", np.array(seconds))
+    values["track set-up"], values["object track set-up"] = set_up
+
+
+def memory(repeats: int, values: Values, variant: str) -> None:
     """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
     code = (
         "import resource, numpy as np, radartwin as rt; from radartwin.scene import rooms\n"
@@ -142,47 +207,65 @@ def memory(repeats: int, rows: Rows, variant: str) -> None:
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     gibibytes = int(answer.stdout.split()[-1]) / 2**20
     print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {gibibytes:.2f} GiB at most")
+    values["memory of a furnished room"] = gibibytes
 
 
-def scan(repeats: int, rows: Rows, variant: str) -> None:
+def scan(repeats: int, values: Values, variant: str) -> None:
     """Time the reconstruction of a scan of half a million triangles."""
-    print(line(measure()))
+    found = measure()
+    print(line(found))
+    values["reconstruction of a scan"], values["memory of a scan reconstruction"] = found["seconds"], found["peak_gib"]
 
 
-def append(machine: Mapping[str, object], ratios: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line with commit, machine and ratios to the history file, and return the path of this file. The history file is replaced as a
+def measured(benchmarks: Sequence[str], repeats: int, variant: str) -> Values:
+    """Run benchmarks by name and return all their figures. Raises RuntimeError if a benchmark does not measure a figure declared for it."""
+    values = Values()
+    for name in benchmarks:
+        BENCHMARKS[name](repeats, values, variant)
+        if absent := [figure.name for figure in FIGURES if figure.benchmark == name and figure.name not in values]:
+            raise RuntimeError(f"the benchmark {name} did not measure {', '.join(absent)}; correct FIGURES or the benchmark")
+    return values
+
+
+def read(history: Path = HISTORY) -> pd.DataFrame:
+    """Return the history with all cells as text, one row per run; an empty table if the file does not exist."""
+    return pd.read_csv(history, dtype=str) if history.is_file() else pd.DataFrame()
+
+
+def append(machine: Mapping[str, object], values: Mapping[str, float], history: Path = HISTORY) -> Path:
+    """Add a line with commit, machine and figures to the history file, and return the path of this file. The history file is replaced as a
     whole.
 
-    If the run did not measure a ratio, the cell of this ratio is empty. A ratio that is new in the history file adds a column at the end.
+    If the run did not measure a figure, the cell of this figure is empty. A figure that is new in the history file adds a column at the
+    end.
     """
     head, changed = checkout.commit()
     line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}
-    line |= {name: f"{value:.4g}" for name, value in ratios.items()}
-    earlier = pd.read_csv(history, dtype=str) if history.is_file() else pd.DataFrame()
-    return files.write_atomically(history, pd.concat([earlier, pd.DataFrame([line])]).to_csv(index=False, lineterminator="\n"))
+    line |= {figure.column: f"{values[figure.name]:.4g}" for figure in FIGURES if figure.name in values}
+    return files.write_atomically(history, pd.concat([read(history), pd.DataFrame([line])]).to_csv(index=False, lineterminator="\n"))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Benchmarks, as ratios within one run.")
+    parser = argparse.ArgumentParser(description="Benchmarks of run time and memory, against targets and earlier runs.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
     parser.add_argument("--variant", choices=("llvm", "cuda"), default="llvm", help="Mitsuba variant of the tracer")
-    parser.add_argument("--history", action="store_true", help="add the ratios as a line to bench_history.csv")
+    parser.add_argument("--history", action="store_true", help="add the figures as a line to bench_history.csv")
     chosen = parser.parse_args()
     machine = {
         "processor": processor(), "cores": os.cpu_count(), "load": f"{os.getloadavg()[0]:.1f}", "python": platform.python_version(),
         "repeats": chosen.repeats, "variant": chosen.variant,
     }  # fmt: skip
     print(f"{machine}, NumPy {np.__version__}")
-    rows: Rows = {}
-    for name in BENCHMARKS:
-        if name in chosen.only:
-            BENCHMARKS[name](chosen.repeats, rows, chosen.variant)
+    values = measured([name for name in BENCHMARKS if name in chosen.only], chosen.repeats, chosen.variant)
+    print(f"\nTargets hold for 2 processor cores.\n{table(values, read(), machine)}")
     if chosen.history:
-        print(f"history: {append(machine, rows)}")
+        print(f"history: {append(machine, values)}")
 
 
-BENCHMARKS: dict[str, Callable[[int, Rows, str], None]] = {"synthesis": synthesis, "frames": frames, "memory": memory, "scan": scan}
+BENCHMARKS: dict[str, Callable[[int, Values, str], None]] = {
+    "synthesis": synthesis, "frames": frames, "single": single, "drives": drives, "memory": memory, "scan": scan,
+}  # fmt: skip
 
 if __name__ == "__main__":
     main()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import miepython
@@ -13,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.figures import choosing
-from experiments.speed import bench, chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
+from experiments.speed import chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
 from experiments.stability.sweeps import SWEEPS
 from experiments.validation.oracles import fullwave, furnished_motions, traced
@@ -256,12 +254,3 @@ def test_choosing_page_names_the_cause_of_every_sweep() -> None:
     page = choosing.PAGE.read_text(encoding="utf-8")
     for sweep in SWEEPS:
         assert f"| {sweep.title} | {sweep.kind.removeprefix('a ')} |" in page
-
-
-def test_benchmark_history_gets_a_line_and_a_column_for_a_new_ratio(tmp_path: Path) -> None:
-    history, machine = tmp_path / "history.csv", {"processor": "a, b", "cores": 2, "variant": "llvm"}
-    bench.append(machine, {"direct sum to gridding": 812.345}, history)
-    bench.append(machine | {"variant": "cuda"}, {"moving, tubes alone to panel images": 12.0}, history)
-    first, second = csv.DictReader(history.read_text().splitlines())
-    assert (first["processor"], first["direct sum to gridding"], first["moving, tubes alone to panel images"]) == ("a, b", "812.3", "")
-    assert (second["variant"], second["moving, tubes alone to panel images"]) == ("cuda", "12")

@@ -1,0 +1,113 @@
+"""Tests of the benchmark figures: targets, comparison with earlier runs, and the history file. No test measures run times."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from experiments.speed import bench
+from experiments.speed.bench_figures import FEWEST, FIGURES, LAST, Figure, Values, change, earlier, table
+
+MACHINE = {"processor": "a, b", "cores": 2, "variant": "llvm"}
+DRIVE = next(figure for figure in FIGURES if figure.name == "drive frame")
+SINGLE = next(figure for figure in FIGURES if figure.name == "object only, 100 frames in one call")
+STEADY = [100.0, 101.0, 99.0, 102.0, 100.0]
+
+
+def history(values: list[float], **other: str) -> pd.DataFrame:
+    """Return a history of drive frames with one run per value, on MACHINE with the cells `other` changed."""
+    machine = {name: str(value) for name, value in MACHINE.items()} | other
+    return pd.DataFrame([machine | {DRIVE.column: f"{value:.4g}"} for value in values])
+
+
+@pytest.mark.parametrize(
+    ("before", "value", "expected"),
+    [
+        (STEADY, 110.0, "+10 %"),  # below 15 %
+        (STEADY, 130.0, "+30 % STEP slower"),
+        (STEADY, 70.0, "-30 % STEP faster"),
+        ([100.0, 130.0, 70.0, 100.0, 60.0, 140.0], 150.0, "+50 %"),  # within 3 median absolute deviations of 30
+        ([100.0, 101.0, 500.0, 99.0, 100.0], 102.0, "+2 %"),  # an earlier outlier changes neither median nor scatter
+        ([100.0, 101.0, 500.0, 99.0, 100.0], 130.0, "+30 % STEP slower"),
+        ([100.0, 100.0, 100.0], 114.9, "+15 %"),  # equal runs have no scatter
+        (STEADY[: FEWEST - 1], 500.0, "no history yet"),
+        ([], 1.0, "no history yet"),
+    ],
+)
+def test_step_is_a_change_beyond_scatter_and_15_percent(before: list[float], value: float, expected: str) -> None:
+    assert change(DRIVE, value, before) == expected
+
+
+def test_step_of_a_figure_that_is_better_if_larger() -> None:
+    assert change(SINGLE, 70.0, STEADY) == "-30 % STEP slower"
+    assert change(SINGLE, 130.0, STEADY) == "+30 % STEP faster"
+
+
+def test_step_of_memory_is_a_size() -> None:
+    memory = next(figure for figure in FIGURES if figure.unit == "GiB")
+    assert change(memory, 130.0, STEADY) == "+30 % STEP larger"
+    assert change(memory, 70.0, STEADY) == "-30 % STEP smaller"
+
+
+@pytest.mark.parametrize("other", [{"processor": "c"}, {"cores": "16"}, {"variant": "cuda"}])
+def test_runs_of_another_machine_are_ignored(other: dict[str, str]) -> None:
+    runs = pd.concat([history([100.0, 101.0, 99.0]), history([500.0] * 9, **other)])
+    assert earlier(runs, MACHINE, DRIVE.column) == [100.0, 101.0, 99.0]
+
+
+def test_last_runs_with_a_value_are_compared() -> None:
+    runs = pd.concat([history([1.0, *map(float, range(100, 100 + LAST))]), history([1.0]).drop(columns=DRIVE.column)])
+    assert earlier(runs, MACHINE, DRIVE.column) == list(range(100, 100 + LAST))
+    assert earlier(runs, MACHINE, "a new column") == []
+
+
+def test_table_shows_target_verdict_and_change() -> None:
+    values = Values()
+    values["drive frame"], values["track set-up"], values["one frame in one call, sphere"] = 130.0, 7.25, 3.0
+    values["object only, 100 frames in one call"] = 999.0
+    head, *rows = table(values, history(STEADY), MACHINE).splitlines()
+    assert head.split("  ")[0] == "figure"
+    found = [[cell.strip() for cell in row.split("  ") if cell.strip()] for row in rows]
+    assert found == [
+        ["object only, 100 frames in one call, frames/s", "999", "at least 1000", "miss", "no history yet"],
+        ["one frame in one call, sphere, ms", "3", "at most 3", "pass", "no history yet"],
+        ["drive frame, ms/frame", "130", "at most 30", "miss", "+30 % STEP slower"],
+        ["track set-up, s", "7.25", "-", "-", "no history yet"],
+    ]
+
+
+def test_table_without_history_file(tmp_path: Path) -> None:
+    assert "no history yet" in table({"drive frame": 20.0}, bench.read(tmp_path / "absent.csv"), MACHINE)
+
+
+def test_undeclared_figures_are_impossible(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(KeyError, match="'drive frames' is not a declared figure"):
+        Values()["drive frames"] = 1.0
+    monkeypatch.setitem(bench.BENCHMARKS, "drives", lambda repeats, values, variant: values.__setitem__("drive frame", 1.0))
+    with pytest.raises(RuntimeError, match=r"drives did not measure track set-up, object track set-up;"):
+        bench.measured(["drives"], 1, "llvm")
+
+
+def test_figures_have_distinct_columns_known_benchmarks_and_sources() -> None:
+    assert len({figure.column for figure in FIGURES}) == len({figure.name for figure in FIGURES}) == len(FIGURES)
+    assert {figure.benchmark for figure in FIGURES} == set(bench.BENCHMARKS)
+    assert all(bool(figure.source) == (figure.target is not None) for figure in FIGURES)
+    assert Figure("a", "", 80, "source", "frames", "larger").passes(80.0)
+
+
+def test_history_gets_a_line_of_figures_and_a_column_for_a_new_figure(tmp_path: Path) -> None:
+    path = tmp_path / "history.csv"
+    bench.append(MACHINE, {"direct sum to gridding at 0.0 m/s": 812.345}, path)
+    bench.append(MACHINE | {"variant": "cuda"}, {"moving, tubes alone to flat faces": 12.0, "drive frame": 25.0}, path)
+    first, second = csv.DictReader(path.read_text().splitlines())
+    assert (first["processor"], first["direct sum to gridding at 0.0 m/s"], first["drive frame, ms/frame"]) == ("a, b", "812.3", "")
+    assert (second["variant"], second["moving, tubes alone to flat faces"], second["drive frame, ms/frame"]) == ("cuda", "12", "25")
+
+
+def test_columns_of_the_stored_history_are_machine_fields_or_figures() -> None:
+    fields = {"date", "commit", "changed", "processor", "cores", "load", "python", "repeats", "variant"}
+    stored = {name for name in bench.read().columns if not name.startswith("rfgenesis to radartwin")}
+    assert fields <= stored <= fields | {figure.column for figure in FIGURES}
