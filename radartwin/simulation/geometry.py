@@ -2,8 +2,12 @@
 
 An edge between two faces whose normals differ by less than 30 degrees counts as smooth, so that the tracer treats a can made of triangles
 as a curved surface. All other edges stay sharp, even if the faces share vertices.
+
+`build` and `subset` return the same geometry for the same content, so that its hull, convexity and Mitsuba scene are computed once. The
+process keeps the most recently used geometries of up to CACHED_FACES faces together, which take about 0.5 kB per face.
 """
 
+import atexit
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,12 +19,17 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
+from radartwin.store.digest import array_digest, spec_digest
+from radartwin.store.recent import Recent
+
 SMOOTH_EDGE_RAD = np.radians(30.0)
+CACHED_FACES = 200_000  # largest number of faces of all cached geometries together
+SUBSETS = 4  # largest number of faces of all cached subsets of a geometry, as a multiple of its own number of faces
 
 
 @dataclass(eq=False)
 class Geometry:
-    """Hold the F triangular faces of one or more surfaces."""
+    """Hold the F triangular faces of one or more surfaces. Do not write to the arrays, because several callers share a geometry."""
 
     corners: np.ndarray  # (F, 3, 3) float64 positions of the three corners of each face, in metres
     normals: np.ndarray  # (F, 3, 3) float64 unit normals at the three corners of each face
@@ -36,8 +45,9 @@ class Geometry:
             self.patch = np.arange(len(self.corners))
         if len(self.hollow_m) != len(self.corners):
             self.hollow_m = np.zeros(len(self.corners))
+        self.subsets: Recent[Geometry] = Recent(SUBSETS * len(self.corners))
 
-    @property
+    @functools.cached_property
     def extent_m(self) -> float:
         """Return the largest absolute coordinate in metres, which determines the float32 resolution of a hit."""
         return float(np.abs(self.corners).max(initial=1e-3))
@@ -55,6 +65,11 @@ class Geometry:
         points = self.corners - self.centre
         return bool(ConvexHull(np.unique(points.reshape(-1, 3), axis=0)).volume <= _signed_volume(points) * (1 + 1e-6))
 
+    @functools.cached_property
+    def digest(self) -> str:
+        """Return the digest of the faces, for keys of stored paths."""
+        return spec_digest([array_digest(array) for array in (self.corners, self.normals, self.surface, self.patch, self.hollow_m)])
+
     @property
     def grid_shift(self) -> tuple[float, float]:
         """Return the offset of the tube grid against the bounding box of the target along both grid axes, in grid cells.
@@ -66,7 +81,7 @@ class Geometry:
         """
         return (0.25, 0.25) if self.curved else (0.0, 0.0)
 
-    @property
+    @functools.cached_property
     def centre(self) -> np.ndarray:
         """Return the centre (3,) of the geometry's bounding box, in metres."""
         points = self.corners.reshape(-1, 3)
@@ -153,7 +168,12 @@ def _groups(links: np.ndarray, count: int) -> np.ndarray:
 
 def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
     """Return a geometry with only those faces that the mask `keep` (F,) selects."""
-    return Geometry(geometry.corners[keep], geometry.normals[keep], geometry.surface[keep], hollow_m=geometry.hollow_m[keep])
+    arrays = geometry.corners, geometry.normals, geometry.surface
+
+    def chosen() -> Geometry:
+        return Geometry(*(array[keep] for array in arrays), hollow_m=geometry.hollow_m[keep])
+
+    return geometry.subsets.get(keep.tobytes(), np.count_nonzero(keep), chosen)
 
 
 def _hollow_m(mesh: trimesh.Trimesh) -> float:
@@ -161,6 +181,10 @@ def _hollow_m(mesh: trimesh.Trimesh) -> float:
     if not mesh.is_watertight:
         return 0.0
     return max(0.0, 2 * _signed_volume(np.asarray(mesh.triangles, float)) / float(mesh.area))
+
+
+_cached: Recent[Geometry] = Recent(CACHED_FACES)
+atexit.register(_cached.clear)  # Mitsuba scenes must be freed before Mitsuba is unloaded
 
 
 def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
@@ -172,9 +196,16 @@ def build(meshes: Sequence[trimesh.Trimesh]) -> Geometry:
     Args:
         meshes: one mesh per surface, all in the same coordinate frame, in metres.
     """
+    contents = [(np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)) for mesh in meshes]
+    key = tuple(array.tobytes() for content in contents for array in content)
+    return _cached.get(key, sum(len(faces) for _, faces in contents), lambda: _built(contents))
+
+
+def _built(contents: Sequence[tuple[np.ndarray, np.ndarray]]) -> Geometry:
+    """Return the geometry of `build` from the vertices (V, 3) and faces (F, 3) of each mesh."""
     corners, normals, surface, patch, hollow = [], [], [], [], []
-    for index, mesh in enumerate(meshes):
-        clean = trimesh.Trimesh(np.asarray(mesh.vertices, float), np.asarray(mesh.faces), process=False)
+    for index, (vertices, faces) in enumerate(contents):
+        clean = trimesh.Trimesh(vertices, faces, process=False)
         clean.merge_vertices(digits_vertex=7)
         clean.update_faces(clean.unique_faces() & (clean.area_faces > 1e-14))
         if not clean.is_winding_consistent:

@@ -34,6 +34,7 @@ import numpy as np
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, layered, reflection, transmission
 from radartwin.materials.containers import EMPTY
+from radartwin.store.digest import array_digest, spec_digest
 
 # Largest error of a coefficient by interpolation between frequency nodes, and by interpolation between cosines. It is -50 dB relative to
 # the incident field, smaller than all other errors of the tracer.
@@ -66,6 +67,12 @@ class ReflectionTable:
     def opaque(self) -> np.ndarray:
         """Return the mask (S,) of the surfaces that transmit nothing."""
         return np.array([not (te.any() or tm.any()) for te, tm in zip(self.through_te, self.through_tm, strict=True)], bool)
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Return the digest of the coefficients and frequencies, for keys of stored paths."""
+        arrays = self.te, self.tm, self.through_te, self.through_tm, self.frequencies_hz
+        return spec_digest([array_digest(array) for array in arrays])
 
     def envelope(self) -> "ReflectionTable":
         """Return a table with a single frequency node that holds the largest magnitude of each coefficient over the frequency sweep.

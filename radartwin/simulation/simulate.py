@@ -75,11 +75,10 @@ def simulate(
     tracer = resolve(simulator, settings)
     parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
     frames = len(sensor)
-    oscillator, receiver = (
-        np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in (b"oscillator noise", b"receiver noise")
-    )
-    iq = received(parts, radar, frames, elements=elements, oscillator=oscillator if noise else None)
+    oscillator = _generator(seed, b"oscillator noise") if noise else None
+    iq = received(parts, radar, frames, elements=elements, oscillator=oscillator)
     if noise:
+        receiver = _generator(seed, b"receiver noise")
         for start in range(0, frames, FRAMES_PER_BLOCK):
             block = iq[start : start + FRAMES_PER_BLOCK]
             block += thermal_noise(block.shape, radar, receiver)
@@ -90,6 +89,11 @@ def simulate(
         "elements": elements, "noise": noise, "seed": seed, "surfaces": list(scene.names),
     }  # fmt: skip
     return Recording(iq, radar, sensor, provenance=provenance)
+
+
+def _generator(seed: int, name: bytes) -> np.random.Generator:
+    """Return the random generator of the noise `name`."""
+    return np.random.default_rng(np.random.SeedSequence([seed, *name]))
 
 
 def trace_paths(

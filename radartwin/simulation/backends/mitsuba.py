@@ -11,6 +11,7 @@ If the sensor is at rest, the simulator traces the static surfaces only once and
 between two groups of surfaces that move differently.
 """
 
+import atexit
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
@@ -28,10 +29,14 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import PRUNE, Target
 from radartwin.simulation.flat import coupling
 from radartwin.simulation.paths import Paths, traced_once
+from radartwin.store.recent import Recent
 
 # The simulator drops a path between a small static object and the room if its amplitude is below this factor times the amplitude of the
 # room's strongest path. The resulting error is 0.002 of the signal in the simulated room "atrium" with many objects.
 PAIRS = 1e-2
+# Prepared static surfaces. Together they have at most as many faces as all cached geometries.
+_static_scenes: Recent[StaticScene] = Recent(geometry_module.CACHED_FACES)
+atexit.register(_static_scenes.clear)
 
 
 @dataclass(frozen=True)
@@ -78,10 +83,11 @@ class MitsubaBackend:
 
         The simulator traces these paths once per room. All frames, objects, repetitions and chirp timings then use the cached paths.
         """
-        geometry, table = static.geometry, static.table
         spec = {
             "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in static.surfaces],
+            "geometry": static.geometry.digest,
+            "reflection": static.table.digest,
             # Static paths depend only on these properties of the radar and on the reflection table. They depend on the frame rate only if
             # the radar moves.
             "element": radar.element,
@@ -89,11 +95,7 @@ class MitsubaBackend:
             "wavelength_m": radar.wavelength_m,
             "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
         }
-        arrays = {
-            "corners": geometry.corners, "normals": geometry.normals, "surface": geometry.surface, "te": table.te, "tm": table.tm,
-            "frequencies_hz": table.frequencies_hz, "poses": poses,
-        }  # fmt: skip
-        return traced_once(spec, arrays, lambda: self._static_paths(static, radar, poses))
+        return traced_once(spec, {"poses": poses}, lambda: self._static_paths(static, radar, poses))
 
     def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
         settings = self.settings
@@ -154,8 +156,13 @@ class MitsubaBackend:
 
 
 def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:
-    """Prepare static surfaces for tracing. A Mitsuba variant must be active."""
-    return StaticScene(surfaces, *target(surfaces, radar))
+    """Prepare static surfaces for tracing, or return the same prepared surfaces as in a previous call. A Mitsuba variant must be active."""
+    geometry, table = target(surfaces, radar)
+    # The meshes are copied, so that a later change of a mesh does not change the prepared surfaces.
+    return _static_scenes.get(
+        (geometry, id(table), *((s.name, s.role) for s in surfaces)), len(geometry.corners),
+        lambda: StaticScene([s.replaced(mesh=s.mesh.copy()) for s in surfaces], geometry, table),
+    )  # fmt: skip
 
 
 def target(surfaces: list[Surface], radar: Radar) -> Target:

@@ -124,8 +124,8 @@ def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]
 
     Surfaces whose bounding boxes are closer than NEIGHBOUR_M belong to one cluster.
     """
-    if not len(chosen):
-        return []
+    if len(chosen) < 2:
+        return [[i] for i in chosen.tolist()]
     box = np.array([surfaces[i].mesh.bounds for i in chosen])
     gap = np.maximum(box[:, None, 0] - box[None, :, 1], box[None, :, 0] - box[:, None, 1]).max(axis=2)
     number, label = connected_components(gap < NEIGHBOUR_M, directed=False)
