@@ -1,15 +1,20 @@
 """Compile functions with Numba, and run compiled functions on all processor cores.
 
 Numba caches the machine code in the folder of the source file. If the folder of the source file is read-only, Numba caches the machine code
-in the user's cache folder. If both folders are read-only, the machine code stays in memory only.
+in the user's cache folder. If both folders are read-only, the machine code stays in memory only. While a process compiles a function, other
+processes that need the function wait and then read it from the cache. The lock is a file next to the machine code.
 """
 
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any
 
+from filelock import FileLock
 from numba import njit
+from numba.core.compiler_lock import global_compiler_lock
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -32,9 +37,21 @@ def innermost(function: Callable[..., Any]) -> Any:
 
 def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     try:
-        return njit(cache=True, nogil=True, **options)(function)
+        dispatcher = njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written
         return njit(nogil=True, **options)(function)
+    compile_or_load = dispatcher.compile
+    lock = FileLock(Path(dispatcher.stats.cache_path) / f"{function.__module__}.{function.__qualname__}.lock")
+
+    def compile_once(signature: Any) -> Any:
+        # A thread waits for a file only while it holds Numba's own lock, so that two threads cannot wait for each other.
+        with global_compiler_lock, ExitStack() as held:
+            with suppress(OSError, NotImplementedError):  # without file locks, two processes may compile the same function
+                held.enter_context(lock)
+            return compile_or_load(signature)
+
+    dispatcher.compile = compile_once
+    return dispatcher
 
 
 def cores() -> int:

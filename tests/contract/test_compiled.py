@@ -1,4 +1,6 @@
-"""Newly compiled machine code and machine code from Numba's cache give bit-identical results."""
+"""Newly compiled machine code and machine code from Numba's cache give bit-identical results. Processes that start together compile each
+function once.
+"""
 
 import os
 import subprocess
@@ -16,6 +18,42 @@ radar = rt.Radar.iwr1843()
 pose = rooms.bench("lab").sensor_pose
 print(hashlib.sha256(rt.simulate(rooms.room("lab", detail="shell"), radar, pose[None]).iq.tobytes()).hexdigest())
 """
+
+TOGETHER = """
+import time
+
+from function import square
+from numba.core import event
+
+
+class Slow(event.Listener):
+    def on_start(self, event):
+        time.sleep(3)  # so that the other process needs the function before it is compiled
+
+    def on_end(self, event):
+        pass
+
+
+event.register("numba:compile", Slow())
+print("ready", flush=True)
+input()
+square(2.0)
+print(sum(square.stats.cache_misses.values()), sum(square.stats.cache_hits.values()))
+"""
+
+
+def test_two_processes_compile_a_function_once(tmp_path):
+    (tmp_path / "function.py").write_text("from radartwin.compiled import compiled\n\n\n@compiled\ndef square(x):\n    return x * x\n")
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    processes = [subprocess.Popen([sys.executable, "-c", TOGETHER], env=environment, **pipes) for _ in range(2)]
+    for process in processes:
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    counts = sorted(process.communicate(timeout=120)[0] for process in processes)
+    assert counts == ["0 1\n", "1 0\n"], "(misses, hits) of each process"
 
 
 @pytest.mark.slow
