@@ -51,8 +51,10 @@ clean:
 	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Install everything that the radartwin command needs in a checkout, and nothing more.
+# Install everything that the radartwin command needs in a checkout, and nothing more. Compile the simulator ahead of its first use.
 setup: llvm
+	@echo "setting up: compiling the simulator, one to two minutes the first time"
+	@$(PY) -m radartwin.simulation.compile_ahead
 setup-test: $(VENV)/.ready-test
 
 llvm: $(VENV)/.ready
