@@ -37,7 +37,7 @@ def innermost(function: Callable[..., Any]) -> Any:
 
 def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     try:
-        dispatcher = njit(cache=True, nogil=True, **options)(function)
+        dispatcher: Any = njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written
         return njit(nogil=True, **options)(function)
     compile_or_load = dispatcher.compile

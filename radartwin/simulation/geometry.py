@@ -173,7 +173,7 @@ def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
     def chosen() -> Geometry:
         return Geometry(*(array[keep] for array in arrays), hollow_m=geometry.hollow_m[keep])
 
-    return geometry.subsets.get(keep.tobytes(), np.count_nonzero(keep), chosen)
+    return geometry.subsets.get(keep.tobytes(), int(np.count_nonzero(keep)), chosen)
 
 
 def _hollow_m(mesh: trimesh.Trimesh) -> float:

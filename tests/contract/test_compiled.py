@@ -48,8 +48,10 @@ def test_two_processes_compile_a_function_once(tmp_path):
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     processes = [subprocess.Popen([sys.executable, "-c", TOGETHER], env=environment, **pipes) for _ in range(2)]
     for process in processes:
+        assert process.stdout
         assert process.stdout.readline() == "ready\n"
     for process in processes:
+        assert process.stdin
         process.stdin.write("\n")
         process.stdin.flush()
     counts = sorted(process.communicate(timeout=120)[0] for process in processes)
