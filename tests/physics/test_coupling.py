@@ -267,7 +267,7 @@ def two_openings(low, high, d1, between, to=None, points=1501):
     """
     fields, at = [], []
     for ends in ((low, high), to or (low, high)):
-        x, step = np.linspace(*ends, points, retstep=True)
+        x, step = np.linspace(ends[0], ends[1], points, retstep=True)
         weight = np.full(points, step)
         weight[[0, -1]] /= 2
         fields.append(weight * np.exp(1j * K * x**2 / (2 * d1)))

@@ -379,7 +379,8 @@ def test_points_of_static_scene_cancel_exactly_between_frames():
     backend = MitsubaBackend(TraceSettings())
     sensor = at((0, 0, 0), (0, 0, 0), (0, 0, 0))
     parts = backend.paths(scene, ISOTROPIC, sensor)
-    iq = sum(np.broadcast_to(synthesize(part, ISOTROPIC), (3, *synthesize(part, ISOTROPIC).shape[1:])) for part in parts)
+    samples = [synthesize(part, ISOTROPIC) for part in parts]
+    iq = np.sum([np.broadcast_to(one, (3, *one.shape[1:])) for one in samples], axis=0)
     assert not (iq[1:] - iq[:1]).any()
 
 

@@ -1,5 +1,7 @@
 """Tests of ray tubes: their spreading after curved surfaces, energy, polarisation and reciprocity."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -153,7 +155,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
     axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
     foot_u, foot_v = (-(axes.T / np.array(foci_m)) @ axes)[:2].tolist()
     names = "index", "pose", "origin", "weight", "hat_share", "in_box", "departure", "across", "encounters", "length", "first", "sequence"
-    none = {name: None for name in names}
+    none: Any = {name: None for name in names}
     tube = flight.Tubes(
         **none, direction=mi.Vector3f(0, 0, 1), position_du=mi.Vector3f(1, 0, 0), position_dv=mi.Vector3f(0, 1, 0),
         direction_du=mi.Vector3f(*foot_u), direction_dv=mi.Vector3f(*foot_v),
