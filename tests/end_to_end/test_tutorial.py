@@ -37,6 +37,7 @@ def test_the_tutorial_shows_what_it_says(tmp_path: Path) -> None:
     assert found["peak_m"] == {"void": pytest.approx(2.0, abs=0.03), "room": pytest.approx(2.0, abs=0.03)}
     assert -1.5 < found["near_db"] < -0.2
     assert abs(found["level_db"]) < 1.0, "the strongest bin reads the level of the near-field cross-section"
-    assert found["agreement"]["room"][1] > found["agreement"]["void"][1] + 0.3
+    # mean of six pairs of noise seeds: 0.305, from 0.29 to 0.32
+    assert found["agreement"]["room"][1] > found["agreement"]["void"][1] + 0.25
     assert found["walls_db"]["wall_front"] < 0.1
     assert list(tmp_path.iterdir()) == []

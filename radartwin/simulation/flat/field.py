@@ -38,6 +38,14 @@ class Tables(NamedTuple):
     through_te: np.ndarray
     through_tm: np.ndarray
 
+    @staticmethod
+    def of(*values: np.ndarray) -> "Tables":
+        """Return tables whose arrays are contiguous and read-only, so that compiled functions have one version only."""
+        views = [np.ascontiguousarray(one).view() for one in values]
+        for view in views:
+            view.flags.writeable = False
+        return Tables(*views)
+
 
 @innermost
 def norm(x: Point) -> float:

@@ -67,12 +67,12 @@ class FlatRoom:
     @cached_property
     def tables(self) -> field.Tables:
         """Return the coefficients of the surfaces."""
-        return field.Tables(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
+        return field.Tables.of(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
 
     @cached_property
     def _middle(self) -> field.Tables:
         """Return the coefficients of the surfaces in the middle of the sweep."""
-        return field.Tables(*(np.ascontiguousarray(values[:, :, values.shape[2] // 2, None]) for values in self.tables))
+        return field.Tables.of(*(values[:, :, values.shape[2] // 2, None] for values in self.tables))
 
     @cached_property
     def loudness(self) -> np.ndarray:
@@ -273,7 +273,8 @@ class FlatRoom:
         )  # fmt: skip
         shared_out(
             field.evaluate, n, self.faces, self.blocking, self.table.opaque, tables, self.wavenumber,
-            field.NUDGE / self.wavenumber, every.count, every.chain, every.edge, pose, which, np.ascontiguousarray(poses[:, :3, 3]),
+            field.NUDGE / self.wavenumber, every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
+            np.ascontiguousarray(poses[:, :3, 3]),
             np.ascontiguousarray(poses[:, :3, 2]), least, *values, pieces=16,
         )  # fmt: skip
         return np.flatnonzero(values[1][:, 0] > 0), values

@@ -445,7 +445,7 @@ class Sequences:
         every, index = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
         bounds = np.cumsum([0] + [len(part) for part in parts])
         return (
-            Sequences(every[:, :3], every[:, 3:5], np.ascontiguousarray(every[:, 5:-1]), every[:, -1].astype(bool)),
+            Sequences(*(np.ascontiguousarray(part) for part in np.split(every[:, :-1], (3, 5), axis=1)), every[:, -1].astype(bool)),
             [np.unique(index.ravel()[a:b]) for a, b in pairwise(bounds)],
         )
 
