@@ -26,7 +26,7 @@ Only a door of 40 mm wood needs more nodes for transmission (3) than for reflect
 import functools
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -73,16 +73,6 @@ class ReflectionTable:
         """Return the digest of the coefficients and frequencies, for keys of stored paths."""
         arrays = self.te, self.tm, self.through_te, self.through_tm, self.frequencies_hz
         return spec_digest([array_digest(array) for array in arrays])
-
-    def envelope(self) -> "ReflectionTable":
-        """Return a table with a single frequency node that holds the largest magnitude of each coefficient over the frequency sweep.
-
-        The tracer uses this table to find the tubes whose contribution is not negligible.
-        """
-        largest = (np.abs(c).max(axis=2, keepdims=True).astype(complex) for c in (self.te, self.tm, self.through_te, self.through_tm))
-        te, tm, through_te, through_tm = largest
-        middle = self.frequencies_hz.mean(keepdims=True)
-        return replace(self, te=-te, tm=tm, through_te=through_te, through_tm=through_tm, frequencies_hz=middle)
 
 
 def chebyshev_nodes(low_hz: float, high_hz: float, count: int) -> np.ndarray:
