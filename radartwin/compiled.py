@@ -46,7 +46,8 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     def compile_once(signature: Any) -> Any:
         # A thread waits for a file only while it holds Numba's own lock, so that two threads cannot wait for each other.
         with global_compiler_lock, ExitStack() as held:
-            with suppress(OSError, NotImplementedError):  # without file locks, two processes may compile the same function
+            # The lock only saves time. Where a file system has no locks, two processes compile the same function.
+            with suppress(OSError, NotImplementedError):
                 held.enter_context(lock)
             return compile_or_load(signature)
 

@@ -156,17 +156,6 @@ def _noise(method: Method, value: float) -> float:
     return _damaged(method, noise_m=value / 1e3)
 
 
-def _tilt(method: Method, value: float) -> float:
-    """Return the level error in dB of a tilted plate.
-
-    The power is averaged over tilt angles within one degree, so that a single null of the pattern does not dominate the error.
-    """
-    mesh, turns = objects.plate(0.1, 0.1), value + np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
-    found = np.mean([10 ** (level_db(samples(method, *alone(mesh, 1.0, turn))) / 10) for turn in turns])
-    true = np.mean([abs(facing(mesh, 1.0, turn)) ** 2 for turn in turns])
-    return float(min(abs(10 * np.log10((found + 1e-30) / true) + gain_db(method)), DYNAMIC_DB))
-
-
 def _near(method: Method, value: float) -> float:
     mesh = objects.trihedral(0.15)
     return off(method, samples(method, *alone(mesh, value, 5.0)), facing(mesh, value, 5.0))
@@ -280,8 +269,6 @@ SWEEPS = (
           "what is not scanned returns nothing: 20 lg of the area that is left"),
     Sweep("noise", "height noise of a scanned plate", "mm rms", "physical", (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), _noise,
           "a tenth of the wavelength destroys the flash of any plate, real ones too; planes fitted to a scan average it away"),
-    Sweep("tilt", "tilt of a 10 cm plate", "deg", "numerical", (0, 10, 20, 40, 60, 75, 85), _tilt,
-          "sidelobes 40 dB down; beyond 60 deg physical optics itself is no truth"),
     Sweep("near", "distance of a 15 cm trihedral", "m", "physical", (8.0, 4.0, 2.0, 1.0, 0.5, 0.3), _near,
           "a far-field cross-section holds beyond 2 D^2/lambda = 20 m"),
     Sweep("bounces", "bounces traced (bare office)", "bounces", "a setting", (5, 4, 3, 2, 1), _bounces,

@@ -46,7 +46,7 @@ footprint_moments | moment[1] -= part * sine | moment[1] += part * sine | the se
 
 simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power
-pass_caustics | mi.UInt32(1) | mi.UInt32(3) | a caustic has the wrong phase
+count_caustics | mi.UInt32(1) | mi.UInt32(3) | a caustic has the wrong phase
 
 simulation/curved/tube_grid: physics/test_coverage
 covered | (u / depth, v / depth) | (u, v) | corners are not projected onto the grid

@@ -161,7 +161,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
         direction_du=mi.Vector3f(*foot_u), direction_dv=mi.Vector3f(*foot_v),
         caustics=mi.UInt32(0),
     )  # fmt: skip
-    contact.pass_caustics(tube, mi.Float(way))
+    contact.count_caustics(tube, mi.Float(way))
     assert 1j ** int(tube.caustics.numpy()[0]) == pytest.approx(expected, abs=1e-5)
 
 

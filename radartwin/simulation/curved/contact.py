@@ -135,7 +135,7 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
     contact = surface(device, tubes.face, tubes.inner_u, tubes.inner_v, tubes.origin, tubes.direction, active)
     distance = dr.dot(mi.Vector3d(contact.point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
     if device.curved and not first:
-        pass_caustics(tubes, mi.Float(distance))
+        count_caustics(tubes, mi.Float(distance))
     tubes.position_du, tubes.position_dv = (
         tubes.position_du + tubes.direction_du * mi.Float(distance),
         tubes.position_dv + tubes.direction_dv * mi.Float(distance),
@@ -148,7 +148,7 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
     return contact, active & (contact.cosine > COS_GRAZING)
 
 
-def pass_caustics(tubes: Tubes, distance: Any) -> None:
+def count_caustics(tubes: Tubes, distance: Any) -> None:
     """Count the caustics within `distance`.
 
     A caustic is a zero of the tube's cross-section. The cross-section is a quadratic function of the distance along the tube. Both zeros of

@@ -90,6 +90,7 @@ def _largest_power(a, b) -> float:
 def _amplitudes(
     first, last, nodes, code_before, before, code_after, after, received, size, least, te, tm, through_te, through_tm, out
 ) -> None:  # fmt: skip
+    """Write the amplitudes of hits `first` to `last` - 1 to `out` (N, nodes); the arguments are those of `Coefficients.amplitudes`."""
     count, end = len(nodes), len(code_before) - 1
     work = np.empty((6, count), np.complex128)
     a, b, x, y, s, p = work[0], work[1], work[2], work[3], work[4], work[5]

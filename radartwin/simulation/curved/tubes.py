@@ -65,13 +65,13 @@ def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: 
         receive: receive antennas at the F sensor poses. Transmit and receive antennas at equal positions have one common phase centre.
         options: number of bounces, pruning, occlusion and division of tubes.
     """
-    # A ray that leaves a convex body does not meet this body again, so one bounce is enough.
     from radartwin.simulation.curved.tracer import Tracer
 
     if not len(geometry.corners):
         return Hits.none(len(table.frequencies_hz))
     cluster = options.cluster
     shells = shell.find_shells(geometry, table, None if cluster is None else cluster == options.first_cluster)
+    # A ray that leaves a convex body does not meet this body again, so one bounce is enough.
     outside = replace(options, max_bounces=1) if geometry.convex else options
     panes = None if geometry.convex else shell.find_panes(geometry, table)
     parts = Tracer(geometry, table, None, grid, transmit, receive, outside, panes).hits()

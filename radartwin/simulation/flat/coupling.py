@@ -100,8 +100,8 @@ def group_paths(
         rows = np.flatnonzero(straight != over)
         if not len(rows):
             continue
-        least = EARLY * prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)
-        part = _traced(built, table, ends, rows, cell, max_bounces, least)
+        weakest = EARLY * prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)
+        part = _traced(built, table, ends, rows, cell, max_bounces, weakest)
         if part is None:
             return None
         part = part.where(part.bounce + reflections[part.pose] <= max_bounces)
