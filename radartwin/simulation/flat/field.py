@@ -28,6 +28,7 @@ INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an 
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests of existence, in units of 1/k
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
+CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
 
 
 class Tables(NamedTuple):
@@ -138,6 +139,25 @@ def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, p
             return False
         points[i, 0], points[i, 1], points[i, 2] = x, y, z
     return True
+
+
+@innermost
+def reversed_at_corners(chain: np.ndarray, points: np.ndarray, close: float, out: np.ndarray) -> bool:
+    """Write a chain in which faces that reflect at one corner have the reverse order; returns whether there is such a corner.
+
+    A path from the sensor to itself over perpendicular faces meets the line of their corner, where both orders carry half of the field.
+    If the faces have layers and the path is not perpendicular to the line, the fields of the two orders differ.
+
+    Args:
+        points: (len(chain), 3) points of reflection. close: largest distance between two successive points at a corner, m.
+    """
+    start, found = 0, False
+    for i in range(len(chain)):
+        if i + 1 == len(chain) or distance(vector(points, i), vector(points, i + 1)) > close:
+            for j in range(start, i + 1):
+                out[j] = chain[start + i - j]
+            found, start = found or i > start, i + 1
+    return found
 
 
 @innermost
@@ -413,7 +433,7 @@ def evaluate(
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
     """
     points, points2, points3 = np.empty((3, chain.shape[1] + 1, 3))
-    found = np.empty(MAX_PANES, np.int64)
+    found, other_order = np.empty(MAX_PANES, np.int64), np.empty(chain.shape[1], chain.dtype)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2]
     field, slope = np.empty((2, q, 3), np.complex128)
     level, matrix1, matrix2 = np.empty(q, np.complex128), np.empty((3, 2, 2), np.complex128), np.empty((3, 2, 2), np.complex128)
@@ -433,9 +453,15 @@ def evaluate(
                 continue
             back = toward(exact, place, size)
             there = image(faces, back, first[::-1], 0.0)
+            orders = 2 if reversed_at_corners(first, points, CORNER / wavenumber, other_order) else 1
+            factor = 1 / (orders * size)
             polarised(field, transverse(antenna, there))
             reflected(faces, te, tm, field, there, first)
-            if _received(field, transverse(antenna, back), 1 / size, level) < least[pose[n]]:
+            if orders == 2:
+                polarised(slope, transverse(antenna, there))
+                reflected(faces, te, tm, slope, there, other_order[:m0])
+                _add(field, slope, 1.0)
+            if _received(field, transverse(antenna, back), factor, level) < least[pose[n]]:
                 continue
             panes = panes_on(tree, opaque, source, points, m0, receiver, found)
             if panes < 0:
@@ -443,7 +469,11 @@ def evaluate(
             if panes:
                 polarised(field, transverse(antenna, there))
                 travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, receiver, found)
-                _received(field, transverse(antenna, back), 1 / size, level)
+                if orders == 2:
+                    polarised(slope, transverse(antenna, there))
+                    travelled(faces, tree, opaque, tables, slope, there, other_order[:m0], source, points, 1, receiver, found)
+                    _add(field, slope, 1.0)
+                _received(field, transverse(antenna, back), factor, level)
             met[n, :m0] = points[:m0]
             amplitude[n] = level
             length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
