@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.speed import bench
+from experiments.speed import bench, frameworks
 from experiments.speed.bench_figures import FEWEST, FIGURES, LAST, Figure, Values, change, earlier, table
 
 MACHINE = {"processor": "a, b", "cores": 2, "variant": "llvm"}
@@ -111,3 +112,9 @@ def test_columns_of_the_stored_history_are_machine_fields_or_figures() -> None:
     fields = {"date", "commit", "changed", "processor", "cores", "load", "python", "repeats", "variant"}
     stored = {name for name in bench.read().columns if not name.startswith("rfgenesis to radartwin")}
     assert fields <= stored <= fields | {figure.column for figure in FIGURES}
+
+
+@pytest.mark.parametrize("by", [frameworks.by_torch, frameworks.by_drjit])
+def test_compared_frameworks_compute_equal_terms(by) -> None:
+    paths = frameworks.sample(500)
+    np.testing.assert_allclose(by(paths)(), frameworks.by_numba(paths)(), rtol=1e-9)

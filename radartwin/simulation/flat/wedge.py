@@ -23,10 +23,10 @@ from scipy.special import wofz
 
 from radartwin.compiled import compiled
 
-_STEPS, _LAST = 2048, 8.0  # table of `scaled_tail`; cubic interpolation between its steps has an error below 1e-12
-_GRID = np.linspace(0, _LAST, _STEPS + 1)
-_TAIL = np.sqrt(np.pi) / 2 * np.exp(-0.25j * np.pi) * wofz(1j * np.exp(0.25j * np.pi) * _GRID)
-_SLOPE = (2j * _GRID * _TAIL - 1) * (_LAST / _STEPS)
+STEPS, LAST = 2048, 8.0  # table of `scaled_tail`; cubic interpolation between its steps has an error below 1e-12
+_GRID = np.linspace(0, LAST, STEPS + 1)
+TAIL = np.sqrt(np.pi) / 2 * np.exp(-0.25j * np.pi) * wofz(1j * np.exp(0.25j * np.pi) * _GRID)
+TAIL_SLOPE = (2j * _GRID * TAIL - 1) * (LAST / STEPS)
 _NEAR = 1e-6  # sine of an angle to a boundary below which the limits of the terms are used
 _TURN = cmath.exp(0.25j * math.pi)
 
@@ -34,15 +34,15 @@ _TURN = cmath.exp(0.25j * math.pi)
 @compiled
 def scaled_tail(u: float) -> complex:
     """Return exp(j u^2) times the integral of exp(-j t^2) from u >= 0 to infinity."""
-    if u >= _LAST:
+    if u >= LAST:
         x = u * u
         return (1 + 0.5j / x - 0.75 / (x * x) - 1.875j / (x * x * x)) / (2j * u)
-    place = u * (_STEPS / _LAST)
+    place = u * (STEPS / LAST)
     i = int(place)
     t = place - i
     rest = 1 - t
-    ends = _TAIL[i] * (1 + 2 * t) * rest * rest + _TAIL[i + 1] * t * t * (3 - 2 * t)
-    return ends + _SLOPE[i] * t * rest * rest - _SLOPE[i + 1] * t * t * rest
+    ends = TAIL[i] * (1 + 2 * t) * rest * rest + TAIL[i + 1] * t * t * (3 - 2 * t)
+    return ends + TAIL_SLOPE[i] * t * rest * rest - TAIL_SLOPE[i + 1] * t * t * rest
 
 
 @compiled
