@@ -19,6 +19,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.flat import room as flat_room
 
 RADAR = traced.MONOSTATIC
 FREQUENCY = RADAR.center_frequency_hz
@@ -291,6 +292,17 @@ def test_strip_turned_by_45_degrees_echoes_at_its_edges():
         assert ours == pytest.approx(keller(angle, distance, -1), rel=0.08)
 
 
+def test_room_with_too_many_edges_warns_and_has_one_diffraction_a_path(monkeypatch):
+    strip = rooms.rectangle([1.0, -0.02, -1.0], [0.8, 0.6, 0.0], np.eye(3)[2], (0.05, 2.0))
+    scene = rt.Scene([rt.Surface(strip, "metal", "strip", role="room")])
+    twice = sum(len(part) for part in paths_of(scene, looking((0, 0, 0), ROLLED)))
+    monkeypatch.setattr(flat_room, "MAX_EDGES", 3)
+    with pytest.warns(flat_room.RoomWarning, match="4 edges, over MAX_EDGES = 3; its paths have at most one diffraction"):
+        once = sum(len(part) for part in paths_of(scene, looking((1e-6, 0, 0), ROLLED)))  # another place, whose paths no cache holds
+    assert once == 2
+    assert twice > 2
+
+
 @pytest.mark.parametrize("side", [6.0, 0.15, 0.3])
 def test_equal_planes_count_once(side):
     """A second wall in the place of the first, and a patch of the same material in the plane of a wall, change nothing. Panel images gave
@@ -400,10 +412,13 @@ def test_signal_is_smooth_along_a_motion(places):
     assert steps.max() < 0.015
 
 
-def test_poses_are_nearly_independent():
+@pytest.mark.filterwarnings("ignore::radartwin.simulation.flat.room.RoomWarning")
+def test_poses_are_nearly_independent(monkeypatch):
     """Reflection sequences that are found at one pose can add paths at other poses, but cannot remove any. A moving sensor has one
-    amplitude for all channels, a resting one has an amplitude per channel; this alone changes 0.05 to 0.08 of the signal.
+    amplitude for all channels, a resting one has an amplitude per channel; this alone changes 0.05 to 0.08 of the signal. The test limits
+    both to one diffraction a path.
     """
+    monkeypatch.setattr(flat_room, "MAX_EDGES", 0)
     poses = along((1.0, -0.6, 1.0), (1.0, 0.6, 1.0), 5)
     scene = rooms.lab(detail="furnished")
     parts = paths_of(scene, poses, max_bounces=2)

@@ -21,7 +21,7 @@ from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles, shadows
-from radartwin.simulation.flat.room import FlatRoom, Searched
+from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import ReflectionTable
@@ -33,10 +33,6 @@ MAX_FACES = 1500  # rooms with more flat faces are traced by tubes, with a warni
 # and 2.1 dB. A wall behind boxes of 2 cm: 0.02 of its echo instead of 1.5.
 THIN_M = 0.0115
 SHADED = 1e-3  # a shadow that changes a path by less than this share is left out
-
-
-class RoomWarning(UserWarning):
-    """Warn that a room of flat faces is traced by tubes because it has too many faces."""
 
 
 class Surroundings(NamedTuple):

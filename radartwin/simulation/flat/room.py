@@ -4,6 +4,7 @@ Sequences of faces and edges are searched at a few key places along the motion o
 places. Each pose then evaluates the sequences of the test places near it, exactly and at its own place.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,13 +26,17 @@ TEST_SPACING_M = 0.04  # distance between test places
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
 NEAR = 1.5  # a place uses the sequences of all key or test places within this distance, in units of their spacing
 EARLY = 0.3  # threshold at test places over the threshold of paths
-AHEAD = 0.1  # the same at key places, because a path can be ten times stronger at a test place
+AHEAD = 0.1  # the same at key places along a motion, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
-# A resting sensor in a room of at most this many edges gets paths with two diffractions. The search for them takes time with the square of
-# the number of edges: 12 s in the furnished laboratory, which has 257. Other paths have one diffraction.
-MOST_EDGES = 100
+# A resting sensor gets paths with two diffractions if the room has at most this many edges. The search for them takes time with the square
+# of the number of edges: 8 s of processor time in the furnished laboratory, which has 257. A moving sensor gets one diffraction a path.
+MAX_EDGES = 1000
 UNEVEN = 0.05  # relative difference of the fields at the outermost channels above which all channels are computed
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
+
+
+class RoomWarning(UserWarning):
+    """Warn that a room has so many faces or edges that it is traced in a simpler way."""
 
 
 @dataclass(frozen=True)
@@ -177,16 +182,25 @@ class FlatRoom:
         return [part.where(mask) for part, mask in zip(parts, masks, strict=True)]
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
-        """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion."""
+        """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion.
+
+        For a resting sensor, edges are joined to paths with two diffractions, as seen from one end of the array.
+        """
         stays = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
+        twice = stays and len(self.faces.length) <= MAX_EDGES
+        if stays and not twice:
+            warnings.warn(
+                f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction",
+                RoomWarning, stacklevel=2,
+            )  # fmt: skip
         if stays:  # other sequences can exist at the two ends of the array of a resting sensor
             poses = np.concatenate([_shifted(poses[:1], channel) for channel in _outermost(radar)])
             keys = tests = np.arange(len(poses))
         else:
             keys, tests = (_spaced(_points(poses), spacing) for spacing in (KEY_SPACING_M, TEST_SPACING_M))
-        points = _points(poses)
-        linked = self.links if stays and len(self.faces.length) <= MOST_EDGES else np.zeros((0, 3), int)
-        every, of_key = search.Sequences.union([self._sequences(poses[k], radar, max_bounces, prune, linked) for k in keys])
+        points, ahead = _points(poses), EARLY if stays else AHEAD
+        found = [self._sequences(poses[k], radar, max_bounces, ahead * prune, twice and k == 0) for k in keys]
+        every, of_key = search.Sequences.union(found)
         near = _near(points[tests], points[keys], KEY_SPACING_M)
         of_test, used = [], np.zeros(len(every), bool)
         for test, chosen in zip(tests, near, strict=True):
@@ -220,8 +234,11 @@ class FlatRoom:
         source = place + 1.5 * field.NUDGE / self.wavenumber
         return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, source, longest)
 
-    def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float, linked: np.ndarray) -> search.Sequences:
-        """Return the sequences with a path as strong as AHEAD times `prune` times the strongest path, at a pose (4, 4)."""
+    def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> search.Sequences:
+        """Return the sequences with a path as strong as `prune` times the strongest path, at a pose (4, 4).
+
+        twice: whether paths may have two diffractions.
+        """
         place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
         found = self._beams(place, max_bounces - 1)
         closed = search.closed(self.faces, self.balls, found, self.loudness, place + nudge, place + 2 * nudge, max_bounces)
@@ -229,10 +246,11 @@ class FlatRoom:
         strongest = levels.max(initial=0.0)
         arrivals = search.reached(self.faces, self.blocking, self.table.opaque, place + 1.5 * nudge, found, max_bounces)
         strength = self._strengths(found, arrivals, pose, radar)
-        least = AHEAD / EARLY * self._least(radar, prune) * strongest
+        linked = self.links if twice else np.zeros((0, 3), int)
+        least = self._least(radar, prune) / EARLY * strongest
         edged = search.sequences(self.faces, found, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least)
         edged_there, edged_levels = self._levels(edged, np.arange(len(edged)), pose, radar, least)
-        limit = AHEAD * prune * max(strongest, edged_levels.max(initial=0.0))
+        limit = prune * max(strongest, edged_levels.max(initial=0.0))
         return search.Sequences.union([closed.where(there[levels > limit]), edged.where(edged_there[edged_levels > limit])])[0]
 
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:

@@ -347,8 +347,8 @@ def _doubles(
     used = 0
     best = np.zeros(len(faces.length))
     for f in range(len(faces.length)):
-        for b in range(first[f], first[f + 1]):
-            best[f] = max(best[f], strength[b])
+        if first[f] < first[f + 1]:
+            best[f] = strength[first[f]]
     for link in range(piece, len(linked), pieces):
         e, f, p = linked[link]
         over = 1 if p >= 0 else 0
@@ -374,7 +374,9 @@ def _doubles(
             if 1.5 * base * best[f] < least * length:
                 continue
             for b in range(first[f] if e != f else a, first[f + 1]):
-                if order[a] + order[b] + over > spare or 1.5 * base * strength[b] < least * length:
+                if 1.5 * base * strength[b] < least * length:
+                    break  # the strength falls with the index
+                if order[a] + order[b] + over > spare:
                     continue
                 at_b = vector(image, b)
                 if over:
@@ -555,6 +557,8 @@ def sequences(
         linked: (L, 3) of `links`.
         loudness: (P,) largest reflection coefficient of each face. longest: largest number of reflections.
     """
+    falling = np.lexsort((-strength, arrivals[:, 0]))
+    arrivals, strength = arrivals[falling], strength[falling]
     first = np.searchsorted(arrivals[:, 0], np.arange(len(faces.length) + 1))
     beam = arrivals[:, 1]
     order, image = found.order[beam], found.image[beam]
