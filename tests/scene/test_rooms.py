@@ -138,7 +138,7 @@ def test_squash_court_is_regulation():
     assert np.allclose(scene.bounds, [[0, -3.2, 0], [9.75, 3.2, 5.64]])
     tin = next(s for s in scene if s.name == "tin")
     assert tin.mesh.bounds[1, 2] == pytest.approx(0.48)
-    assert 9.75 - tin.mesh.bounds[0, 0] <= 0.045 + 1e-9
+    assert 9.75 - tin.mesh.bounds[0, 0] <= 0.045 + 1e-6  # coordinates are float32 numbers
     door = next(s for s in scene if s.name == "door")
     assert np.allclose(door.mesh.extents, [0, 0.9, 2.13])
     glass = rooms.squash_court(back="glass")

@@ -146,7 +146,14 @@ def room_scene(
     """
     names = {s.name for s in surfaces}
     present = [name for name in clutter if name in names]
-    return Scene(surfaces, {"room": room, "size_m": [float(v) for v in size_m], "detail": detail, "clutter": present, **more})
+    described = {"room": room, "size_m": [float(v) for v in size_m], "detail": detail, "clutter": present, **more}
+    return Scene([s.replaced(mesh=_stored(s.mesh)) for s in surfaces], described)
+
+
+def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return a mesh whose coordinates are float32 numbers, as in a saved scene. A room that is saved and read is then the same room."""
+    points = np.asarray(mesh.vertices, np.float32)
+    return trimesh.Trimesh(points, mesh.faces, vertex_normals=mesh.vertex_normals, visual=mesh.visual, process=False)
 
 
 def check_options(
