@@ -55,6 +55,7 @@ from radartwin.simulation.curved.hits import Occluder
 from radartwin.simulation.flat import crossing, obstacles
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, traced_once
+from radartwin.simulation.pruning import DIFFUSE_POWER
 from radartwin.simulation.reflection_table import ReflectionTable
 from radartwin.store.digest import array_digest, spec_digest
 
@@ -65,8 +66,6 @@ WIDE = 0.1
 # Number of points on a curved surface, times the width of its lobe. About a dozen points of a cylinder are then in its lobe.
 CURVED_POINTS = 40.0
 MAX_POINTS = 50_000  # largest number of points on surfaces that move together
-# Largest fraction of the diffuse power at a sensor pose that the simulator may drop. The resulting error is 1 % of the diffuse amplitude.
-PRUNED_POWER = 1e-4
 LANES = 200_000  # number of pairs of a point and a sensor pose computed at once, which need about 30 MB
 _SAMPLING_HZ = 77e9  # frequency at which `cloud` computes the lobe widths that set the number of points on each surface
 
@@ -248,7 +247,7 @@ def static_paths(static: Body, radar: Radar, sensor_poses: np.ndarray) -> Paths:
     """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), from the array cache if it has them."""
     scatterers, strength = cloud(static.surfaces, static.geometry), strengths(static.surfaces, radar)
     velocity = poses_module.relative(sensor_poses, None, radar.frame_rate_hz)[1]
-    spec = {"diffuse": PRUNED_POWER, "element": radar.element, "frequency_hz": strength.frequency_hz, "strength": strength.digest}
+    spec = {"diffuse": DIFFUSE_POWER, "element": radar.element, "frequency_hz": strength.frequency_hz, "strength": strength.digest}
     arrays = {name: getattr(scatterers, name) for name in ("points", "normals", "area", "field", "surface")}
     arrays |= {"corners": static.geometry.corners, "owner": static.geometry.surface, "poses": sensor_poses, "velocity": velocity}
     return traced_once(spec, arrays, lambda: [paths(scatterers, strength, static.geometry, radar, sensor_poses, velocity)])[0]
@@ -283,7 +282,7 @@ def paths(
         velocity: (F, 3) velocity of the sensor in the frame of the cloud in m/s; None if the sensor is at rest.
     Returns:
         Paths of F poses at one frequency node. The function drops a point at a pose if its received power, including the element gain, is
-        below PRUNED_POWER times the mean power of all points at this pose. At most the fraction PRUNED_POWER of the power is lost.
+        below DIFFUSE_POWER times the mean power of all points at this pose. At most the fraction DIFFUSE_POWER of the power is lost.
     """
     frames = len(poses)
     velocity = np.zeros((frames, 3)) if velocity is None else velocity
@@ -320,7 +319,7 @@ def _block(
         CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm, strength.width,
         np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic",
     )  # fmt: skip
-    share = PRUNED_POWER / max(len(scatterers), 1)
+    share = DIFFUSE_POWER / max(len(scatterers), 1)
     weight = power * element_gain(radar.element, towards) ** 4
     passed, extra = np.zeros(len(pose), complex), np.zeros(len(pose))
     examined = np.zeros(len(pose), bool)

@@ -23,18 +23,12 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene, target
 from radartwin.simulation.backends.static_scene import Surroundings, shadows_of_mover
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.backends.tube_paths import PRUNE
 from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.04  # distance between places along a track
 OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
 CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of a metal umbrella stand, 0.10 of that of a litter bin)
-PAIRS = 0.1  # paths between clutter and room weaker than this times the strongest room path are dropped; a resting radar uses a tenth
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
-# Paths weaker than this times the strongest path of a clutter object are dropped (errors: 0.003 of its direct signal, 0.01 of its signal
-# with the room).
-CLUTTER_PRUNE = 1e-2
-THING_PRUNE = 3e-3  # the same for an object under test; a third of this threshold changes the object's signal by 0.006
 TOGETHER = 8  # number of places traced at once; limits memory
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
@@ -185,26 +179,26 @@ class Drives:
             if (poses == poses[0]).all():
                 parts = self._backend.cached_static_paths(self._still, self._radar, poses[:1])
             else:
-                parts = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, PRUNE, self._searched)
+                parts = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
             self._latest = key, parts
         return self._latest[1]
 
     @cached_property
     def _searched(self):
         assert self._still is not None
-        return self._still.room.searched(self._places, self._radar, self._backend.settings.max_bounces, PRUNE)
+        return self._still.room.searched(self._places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE)
 
     @cached_property
     def _clutter(self) -> Track:
         still = self._still
         assert still is not None
         places = self._places
-        walls = still.room_paths(places, self._radar, self._backend.settings.max_bounces, PRUNE, self._searched)
+        walls = still.room_paths(places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
         loudest = max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
 
         def traced(some: np.ndarray) -> list[Paths]:
-            parts = self._small.object_paths(still, self._radar, some, PAIRS * loudest)
-            return [pruning.pruned(part, self._radar, CLUTTER_PRUNE) for part in parts]
+            parts = self._small.object_paths(still, self._radar, some, pruning.PAIRS_OF_DRIVES * loudest)
+            return [pruning.pruned(part, self._radar, pruning.CLUTTER) for part in parts]
 
         return self._track(traced)
 
@@ -266,5 +260,5 @@ class Drives:
         if not coupled:
             backend = MitsubaBackend(replace(backend.settings, coupling=False))
         return backend.group_paths(
-            group, Surroundings(self._beside, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=THING_PRUNE
+            group, Surroundings(self._beside, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=pruning.THING
         )

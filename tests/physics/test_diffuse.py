@@ -243,7 +243,7 @@ def test_directional_antennas_have_no_paths_behind():
 def test_pruned_points_have_less_power_than_stated(monkeypatch):
     wide = WALL.replaced(mesh=rectangle(0.3, (-6.0, -6.0), (6.0, 6.0)))
     found = np.abs(traced([wide], at((0, 0, 0)), count=20_000).amplitude) ** 2
-    monkeypatch.setattr(diffuse, "PRUNED_POWER", 0.0)
+    monkeypatch.setattr(diffuse, "DIFFUSE_POWER", 0.0)
     everything = np.abs(traced([wide], at((0, 0, 0)), count=20_000).amplitude) ** 2
     assert len(found) < 0.9 * len(everything)
     assert 0 < 1 - found.sum() / everything.sum() < 1.5e-4

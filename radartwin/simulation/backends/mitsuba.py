@@ -26,14 +26,11 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
 from radartwin.simulation.backends.static_scene import StaticScene, Surroundings, shadows_of_mover
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.backends.tube_paths import PRUNE, Target
+from radartwin.simulation.backends.tube_paths import Target
 from radartwin.simulation.flat import coupling
 from radartwin.simulation.paths import Paths, traced_once
 from radartwin.store.recent import Recent
 
-# The simulator drops a path between a small static object and the room if its amplitude is below this factor times the amplitude of the
-# room's strongest path. The resulting error is 0.002 of the signal in the simulated room "atrium" with many objects.
-PAIRS = 1e-2
 # Prepared static surfaces. Together they have at most as many faces as all cached geometries.
 _static_scenes: Recent[StaticScene] = Recent(geometry_module.CACHED_FACES)
 atexit.register(_static_scenes.clear)
@@ -100,9 +97,9 @@ class MitsubaBackend:
     def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
         settings = self.settings
         if settings.room == "panels" or (settings.room == "auto" and settings.rays is None and static.is_flat):
-            parts = static.room_paths(poses, radar, settings.max_bounces, PRUNE)
+            parts = static.room_paths(poses, radar, settings.max_bounces, pruning.PRUNE)
             loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in parts)
-            return [*parts, *self.object_paths(static, radar, poses, PAIRS * loudest)]
+            return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
         return [tube_paths.room_paths(static.surfaces, Target(static.geometry, static.table), settings, radar, poses)]
 
     def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
@@ -128,7 +125,7 @@ class MitsubaBackend:
         poses: np.ndarray,
         least: float = 0.0,
         ball: tuple[np.ndarray, float] | None = None,
-        prune: float = PRUNE,
+        prune: float = pruning.PRUNE,
     ) -> list[Paths]:
         """Trace the paths of a group of surfaces that move together.
 

@@ -24,6 +24,7 @@ from radartwin.simulation.flat import obstacles, shadows
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import SHADED
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
@@ -32,7 +33,6 @@ MAX_FACES = 1500  # rooms with more flat faces are traced by tubes, with a warni
 # physical optics and shadows are more accurate than edges. A wall behind frames with bars of 1 cm: errors below 0.2 dB instead of 2.9
 # and 2.1 dB. A wall behind boxes of 2 cm: 0.02 of its echo instead of 1.5.
 THIN_M = 0.0115
-SHADED = 1e-3  # a shadow that changes a path by less than this share is left out
 
 
 class Surroundings(NamedTuple):

@@ -22,7 +22,7 @@ from radartwin.simulation.curved.hits import Antennas, Hits, Occluder, TraceOpti
 from radartwin.simulation.flat import polygons
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import Pruner, pruned
+from radartwin.simulation.pruning import PRUNE, TRACED, Pruner, pruned
 from radartwin.simulation.reflection_table import ReflectionTable
 
 # Ratio of tube width to sqrt(wavelength x distance) in a room. Flat walls alone would allow a ratio of 1, but furniture needs narrower
@@ -30,10 +30,6 @@ from radartwin.simulation.reflection_table import ReflectionTable
 WIDTH_RULE = 0.3
 NEAREST_M = 0.5  # smallest distance in metres from which the number of tubes is computed
 MAX_AROUND = 6_000_000  # largest number of tubes in all directions together; a body that needs more gets wider tubes and a warning
-# The simulator drops paths whose amplitude, including antenna gains, is below this factor times that of the strongest path at the same
-# pose. The resulting error is 0.2 % of the signal in the simulated furnished lab.
-PRUNE = 1e-3
-TRACE_PRUNE = 2e-4  # factor for dropping weak hits during tracing, where amplitudes do not yet include antenna gains
 ROOM = 0  # number of the cluster that contains the large surfaces of the room
 NEIGHBOUR_M = 0.05  # objects whose bounding boxes are closer than this distance in metres form a cluster
 
@@ -163,7 +159,7 @@ def _collect(
     pruners: dict[int, Pruner] = {}
     parts: dict[int, list[Paths]] = {}
     for grid, label in grids:
-        options = TraceOptions(settings.max_bounces, cluster, label, occluder=occluder, prune=TRACE_PRUNE, hats=label == ROOM)
+        options = TraceOptions(settings.max_bounces, cluster, label, occluder=occluder, prune=TRACED, hats=label == ROOM)
         hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
         part = _in_sensor_frame(hits, target.table, sensor, velocity)
         parts.setdefault(label, []).append(pruners.setdefault(label, Pruner(radar, PRUNE, len(sensor))).add(part))

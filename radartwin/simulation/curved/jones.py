@@ -15,7 +15,6 @@ from radartwin.compiled import compiled, innermost, shared_out
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FEW_NODES = 4  # number of frequency nodes by which weak hits are found
-DOUBT = 0.3  # factor on the least amplitude of hits that are evaluated at FEW_NODES frequency nodes only
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,13 @@ from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
 from radartwin.simulation.curved.device import Device, rows
 from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
-from radartwin.simulation.curved.jones import DOUBT, Coefficients, Encounters
+from radartwin.simulation.curved.jones import Coefficients, Encounters
 from radartwin.simulation.curved.scatter import Reception
 from radartwin.simulation.curved.shell import Shells
 from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls, picked
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.pruning import EARLY
 from radartwin.simulation.reflection_table import ReflectionTable
 
 
@@ -172,7 +173,7 @@ class Tracer:
         pose, echo = pose.numpy().astype(int), _rows(echo)
         before, after = (_encounters(some, len(pose)) for some in (before, after))
         coefficients, prune = self.coefficients, self.options.prune
-        floor = np.zeros(len(strongest)) if self.options.least is None else DOUBT * self.options.least
+        floor = np.zeros(len(strongest)) if self.options.least is None else EARLY * self.options.least
         rough = coefficients.amplitudes(coefficients.few, before, after, echo[2:], echo[:2], np.maximum(floor, prune * strongest)[pose])
         level = np.abs(rough).max(axis=1)
         np.maximum.at(strongest, pose, level)

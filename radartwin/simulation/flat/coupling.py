@@ -19,16 +19,14 @@ from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
 from radartwin.simulation.flat import polygons
-from radartwin.simulation.flat.legs import DIRECT, SHARE, Legs
+from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import strong_masks
+from radartwin.simulation.pruning import EARLY, LEGS, TRACED, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
-SCOUT_PRUNE = 2e-4  # threshold of paths during tracing, before antenna gains are applied
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
-EARLY = 0.3  # early threshold over the final one; weaker hits, with the largest field of their legs, are dropped before legs are evaluated
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
@@ -62,7 +60,7 @@ def group_paths(
     """
     if polygons.of(built, table) is not None:
         table = polygons.with_nodes(table, radar)
-    share, most = SHARE, np.inf
+    share, most = LEGS, np.inf
     longest = max_bounces - 1 if coupled else 0
     if room is not None and least > 0:
         alone = group_paths(  # without the room, because an object hidden from the sensor may be visible from an image
@@ -71,7 +69,7 @@ def group_paths(
         if alone is None:
             return None
         loudest = BISTATIC * max((_loudest(part, radar) for part in alone), default=0.0)
-        share = max(SHARE, least / loudest) if loudest > 0 else np.inf
+        share = max(LEGS, least / loudest) if loudest > 0 else np.inf
         longest = longest if share < 1 else 0
         most = COUPLED / max(1, sum(len(part) for part in alone))
     frames = len(sensor_poses)
@@ -166,7 +164,7 @@ def _traced(
         return None
     transmit, receive = (Antennas(end.place[rows], end.axis[rows]) for end in ends)
     pieces = 3 if grid.per_pose <= FEW_TUBES else 1
-    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(max_bounces, prune=SCOUT_PRUNE, least=least, pieces=pieces))
+    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(max_bounces, prune=TRACED, least=least, pieces=pieces))
     return replace(hits, pose=rows[hits.pose])
 
 

@@ -35,19 +35,17 @@ from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 from radartwin.simulation.flat.room import FlatRoom, key_places
 from radartwin.simulation.flat.shadows import REACH, Outlines, factor
+from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
 from radartwin.simulation.reflection_table import lagrange_basis
 
 DIRECT = 0
-SHARE = 0.02  # pairs of legs with a field below this times the undisturbed direct field are dropped, and therefore also such legs
 LONGEST = 2  # largest number of reflections of a leg
-MARGIN = 0.3  # factor on SHARE at the object's centre, because the edge of a leg's shadow may cross the object
 LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
 COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
 ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
 ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
 UNDISTURBED = 1e-3  # largest change of a direct leg's field that needs no weight
-WEAK = 1e-4  # a leg whose mirrors reflect less than this has no field
 KEPT = 64  # number of cache entries, each for a few places
 _kept: "OrderedDict[tuple, tuple[FlatRoom, Legs]]" = OrderedDict()  # an entry also holds the room, so that no other room gets its id
 
@@ -119,7 +117,7 @@ def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.nd
 
 
 def find(
-    room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = SHARE
+    room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, longest: int, least: float = LEGS
 ) -> Legs:
     """Find the strong connections (legs) of sensor and object, and compute their fields.
 
@@ -149,7 +147,7 @@ def find(
     length = np.linalg.norm(np.einsum("nij,nj->ni", mirror[g], sensor[u]) + shift[g] - centre[u], axis=1)
     bound = np.zeros(len(codes))
     np.maximum.at(bound, code, room.loudness_of(chains)[which])
-    wanted = bound * direct[u] >= MARGIN * least * np.maximum(length - radius, 1e-9)
+    wanted = bound * direct[u] >= EARLY * least * np.maximum(length - radius, 1e-9)
     carried: dict[tuple[int, int], np.ndarray] = {}
     fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
     for side in (2, fine):
@@ -310,7 +308,7 @@ def _evaluate(
             met[i + 1, 0], met[i + 1, 1], met[i + 1, 2] = at
             inside = 1.0 if contains(faces, p, at[0], at[1], at[2]) else 0.0
             total *= _mirror(faces, borders, p, at, inside, vector(images, i + 1), back, wavenumber)
-            if abs(total) < WEAK:
+            if abs(total) < MIRRORED:
                 total = 0j
                 break
             target = at
@@ -325,9 +323,9 @@ def _evaluate(
                 chain[0] if m else -1, chain[m - 1] if m else -1, part, at_edge,
             )  # fmt: skip
             before += step
-            if abs(total) < WEAK:
+            if abs(total) < MIRRORED:
                 break
-        if abs(total) < WEAK:
+        if abs(total) < MIRRORED:
             continue
         way = toward(images[m], end, rest)
         there, axis = image(faces, way, chain[::-1], 0.0), vector(axes, place[n])

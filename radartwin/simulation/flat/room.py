@@ -18,15 +18,14 @@ from radartwin.radar.chirp import Radar
 from radartwin.simulation.flat import field, obstacles, search, shadows
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import level, strong_masks
+from radartwin.simulation.pruning import EARLY, level, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable
 
 KEY_SPACING_M = 0.2  # distance between key places
 TEST_SPACING_M = 0.04  # distance between test places
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
 NEAR = 1.5  # a place uses the sequences of all key or test places within this distance, in units of their spacing
-EARLY = 0.3  # threshold at test places over the threshold of paths
-AHEAD = 0.1  # the same at key places along a motion, because a path can be ten times stronger at a test place
+AHEAD = 0.1  # factor on thresholds at key places along a motion, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
 # A resting sensor gets paths with two diffractions if the room has at most this many edges. The search for them takes time with the square
 # of the number of edges: 8 s of processor time in the furnished laboratory, which has 257. A moving sensor gets one diffraction a path.
