@@ -346,8 +346,9 @@ def _mirror(
     total = complex(inside, 0.0)
     for i in range(first[p], first[p + 1]):
         e = edge[i]
-        if dot(toward(faces.start[e], source, 1.0), sector[i]) > 0:
+        start = vector(faces.start, e)
+        if dot(toward(start, source, 1.0), vector(sector, i)) > 0:
             continue  # the face is lit from its side beyond the sector of this edge
-        part = edge_part(faces.start[e], faces.along[e], faces.length[e], source, receiver, wavenumber, 4 * REACH)
-        total -= part if dot(toward(faces.start[e], at, 1.0), into[i]) >= 0 else -part
+        part, _ = edge_part(start, vector(faces.along, e), faces.length[e], source, receiver, wavenumber, 4 * REACH)
+        total -= part if dot(toward(start, at, 1.0), vector(into, i)) >= 0 else -part
     return total

@@ -15,7 +15,7 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import GRAZING_M, NUDGE, angle, distance, dot, keller, moved, norm, toward, vector
+from radartwin.simulation.flat.field import GRAZING_M, NUDGE, distance, dot, moved, norm, toward, vector
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.geometry import Geometry
@@ -184,20 +184,20 @@ def waves(
                 own |= outlines.sides[e, k] >= 0 and (outlines.sides[e, k] in (mirror_a, mirror_b))
             if own:
                 continue
-            value = edge_part(outlines.start[e], outlines.along[e], outlines.length[e], source, receiver, wavenumber, REACH)
+            begin, along = vector(outlines.start, e), vector(outlines.along, e)
+            value, z = edge_part(begin, along, outlines.length[e], source, receiver, wavenumber, REACH)
             if value == 0:
                 continue
-            z = min(max(keller(outlines.start[e], outlines.along[e], source, receiver), 0.0), outlines.length[e])
+            z = min(max(z, 0.0), outlines.length[e])
             half = 0.5 * math.pi * outlines.opening[e]
-            x = moved(vector(outlines.start, e), vector(outlines.along, e), z)
-            x = moved(x, vector(outlines.into, e), OUTSIDE_M * math.cos(half))
+            x = moved(moved(begin, along, z), vector(outlines.into, e), OUTSIDE_M * math.cos(half))
             x = moved(x, vector(outlines.up, e), OUTSIDE_M * math.sin(half))
             reached = dot(x, way) - dot(start, way)
             if (before > 0 and reached < -BEYOND_M) or (after > 0 and reached > length + BEYOND_M):
                 continue  # the path has left the line at a mirror
             if abs(value) > SEEN:
                 others[outlines.surface[c]] = False  # a thick body hides its own outline, but the wave creeps around it
-                hidden = crossed(tree, start, x, others, found) < 0 or crossed(tree, x, end, others, found) < 0
+                hidden = others.any() and (crossed(tree, start, x, others, found) < 0 or crossed(tree, x, end, others, found) < 0)
                 others[outlines.surface[c]] = opaque[outlines.surface[c]]
                 if hidden:
                     continue
@@ -230,12 +230,13 @@ def _is_silhouette(outlines: Outlines, e: int, source: Point) -> bool:
 @innermost
 def _side(outlines: Outlines, e: int, start: Point, end: Point) -> float:
     """Return +1 if edge `e`, which is a silhouette from `start`, hides `end`, and -1 if it hides a place beside `end`."""
-    at = outlines.start[e, 0], outlines.start[e, 1], outlines.start[e, 2]
-    source = angle(outlines, e, start[0] - at[0], start[1] - at[1], start[2] - at[2])
-    receiver = angle(outlines, e, end[0] - at[0], end[1] - at[1], end[2] - at[2])
-    if source < math.pi:
-        return 1.0 if receiver > source + math.pi else -1.0
-    return 1.0 if receiver < source - math.pi or receiver > outlines.opening[e] * math.pi else -1.0
+    at, into, up = vector(outlines.start, e), vector(outlines.into, e), vector(outlines.up, e)
+    source, receiver = toward(at, start, 1.0), toward(at, end, 1.0)
+    above = dot(receiver, up) >= 0  # face 0; `turned` has the sign of the sine of the angle from source to receiver
+    turned = dot(source, into) * dot(receiver, up) - dot(source, up) * dot(receiver, into)
+    if dot(source, up) >= 0:
+        return 1.0 if not above and turned < 0 else -1.0
+    return 1.0 if (above and turned > 0) or (not above and dot(receiver, vector(outlines.other, e)) < 0) else -1.0
 
 
 @compiled
