@@ -301,3 +301,14 @@ def test_a_simulated_plate_behind_a_wall_of_glass_is_heard(material):
     else:
         expected = np.mean([abs(transmitted(PANES["glass 6 mm"], np.cos(np.radians(20)), one)[0]) ** 2 for one in f])
         assert 20 * np.log10(behind / alone / expected) == pytest.approx(0, abs=0.5)
+
+
+def test_delay_of_layers_is_the_slope_of_the_phase():
+    """The delay is the least-squares slope of the unwrapped phase over the frequency nodes."""
+    nodes = 79e9 - 2e9 * np.cos(np.pi * (np.arange(12) + 0.5) / 12)
+    rng = np.random.default_rng(0)
+    extra, ripple = rng.uniform(0, 0.05, (20, 1)), rng.normal(0, 0.1, (20, 12))
+    factor = np.exp(-2j * np.pi * nodes / C * extra + 1j * ripple)
+    found = crossing.delayed(factor, nodes, 79e9)[1]
+    slope = np.polyfit(2 * np.pi * nodes / C, np.unwrap(np.angle(factor), axis=1).T, 1)[0]
+    assert found == pytest.approx(-slope, rel=1e-6)

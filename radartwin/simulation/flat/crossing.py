@@ -108,7 +108,8 @@ def delayed(factor: np.ndarray, nodes_hz: np.ndarray, at_hz: float) -> tuple[np.
     wavenumber = 2 * np.pi / SPEED_OF_LIGHT * (nodes_hz - at_hz)
     extra = np.zeros(len(factor))
     if len(nodes_hz) > 1 and len(factor):
-        extra = -np.polyfit(wavenumber, np.unwrap(np.angle(factor), axis=1).T, 1)[0]
+        steps = np.cumsum(np.angle(factor[:, 1:] * factor[:, :-1].conj()), axis=1)  # unwrapped phase from the first node
+        extra = -steps @ np.linalg.pinv(np.stack([wavenumber, np.ones_like(wavenumber)], axis=1))[0, 1:]
     value = (factor @ lagrange_basis(nodes_hz, np.array([at_hz])))[:, 0]
     return value * np.exp(2j * np.pi * at_hz / SPEED_OF_LIGHT * extra), extra
 
