@@ -68,7 +68,7 @@ def negated(paths: Paths, sensor: np.ndarray, obstacles: Sequence[Occluder]) -> 
         sensor, obstacles: as in `hidden`; the frame of the points is the world.
     """
     parts = [(np.zeros(0, int), np.zeros(0, int))]
-    for frame, row in _pairs(paths, len(sensor)):
+    for frame, row in pairs(paths, len(sensor)):
         blocked = _blocked(frame, paths.departure[row], paths.length_in_m[row], sensor, obstacles)
         parts.append((frame[blocked], row[blocked]))
     frame, row = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -76,7 +76,7 @@ def negated(paths: Paths, sensor: np.ndarray, obstacles: Sequence[Occluder]) -> 
     return replace(chosen, poses=len(sensor), pose=frame, amplitude=-chosen.amplitude)
 
 
-def _pairs(paths: Paths, frames: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def pairs(paths: Paths, frames: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the frame and the row in `paths` of all paths of all frames, in blocks of about LANES pairs."""
     if paths.poses == frames:
         for first in range(0, len(paths), LANES):

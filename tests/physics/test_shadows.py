@@ -16,7 +16,7 @@ from radartwin.scene import objects
 from radartwin.scene.surface import Surface
 from radartwin.simulation import geometry
 from radartwin.simulation.backends.mitsuba import static_scene
-from radartwin.simulation.backends.static_scene import Bodies
+from radartwin.simulation.backends.static_scene import Bodies, _distinct
 from radartwin.simulation.flat import kirchhoff, legs, shadows
 
 RADAR = Radar.iwr1843("isotropic")
@@ -309,3 +309,12 @@ def test_shadow_is_continuous_across_the_outline_of_a_box():
     for step in (1e-8, 1e-6, 1e-5):
         sides = [shadow(box, (-1.0, s * step, 0.02), (1.0, s * step, 0.02)) for s in (-1, 1)]
         assert abs(sides[0] - sides[1]) < 1e-3 + 200 * step
+
+
+def test_equal_rows_are_evaluated_once():
+    rows = np.random.default_rng(0).random((50, 9))
+    rows[:, 6:] = np.nan
+    order = np.random.default_rng(1).integers(0, 50, 200)
+    first, which = _distinct(rows[order])
+    assert len(first) == len(np.unique(order))
+    assert np.array_equal(rows[order][first][which], rows[order], equal_nan=True)

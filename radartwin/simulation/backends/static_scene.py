@@ -19,6 +19,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
+from radartwin.simulation import visibility
 from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles, shadows
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
@@ -58,9 +59,7 @@ class Bodies(NamedTuple):
         """Return the factors (N,) of closed paths; arguments as in `radartwin.simulation.flat.shadows.cast`."""
         if not len(points):
             return np.ones(0, complex)
-        # both directions of a path have the same points
-        rows = np.ascontiguousarray(np.concatenate([sensor, points.reshape(len(points), -1)], axis=1))
-        _, first, which = np.unique(rows.view(f"V{rows.shape[1] * rows.itemsize}").ravel(), return_index=True, return_inverse=True)
+        first, which = _distinct(np.concatenate([sensor, points.reshape(len(points), -1)], axis=1))
         out = np.ones(len(first), complex)
         shared_out(
             shadows.cast, len(out), self.outlines, self.blocking, self.opaque, np.ascontiguousarray(sensor[first]),
@@ -181,25 +180,34 @@ def shadows_of_mover(
     """
     body = Bodies.of(geometry, np.ones(int(geometry.surface.max(initial=0)) + 1, bool))
     inverse, frames = poses_module.inverse(poses), len(poses)
+    sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
     out = []
     for part in parts:
         if part.points is None:
             continue
-        rows, frame_of, change = [], [], []
-        for frame in range(frames):
-            row = np.arange(len(part)) if part.poses == 1 else np.flatnonzero(part.pose == frame)
-            points = part.points[row] @ inverse[frame, :3, :3].T + inverse[frame, :3, 3]
-            at = inverse[frame, :3, :3] @ sensor_poses[min(frame, len(sensor_poses) - 1), :3, 3] + inverse[frame, :3, 3]
-            factor = body.factors(np.repeat(at[None], len(row), axis=0), points, part.mirror is not None, wavenumber) - 1
-            kept = np.abs(factor) > SHADED
-            rows.append(row[kept])
-            frame_of.append(np.full(int(kept.sum()), frame))
-            change.append(factor[kept])
-        row = np.concatenate(rows)
+        kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
+        for frame, row in visibility.pairs(part, frames):
+            points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
+            change = body.factors(sensor[frame], points, part.mirror is not None, wavenumber) - 1
+            shaded = np.abs(change) > SHADED
+            kept.append((frame[shaded], row[shaded], change[shaded]))
+        frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))
         chosen = part.where(row)
-        amplitude = chosen.amplitude * np.concatenate(change)[:, None]
-        out.append(replace(chosen, poses=frames, pose=np.concatenate(frame_of), amplitude=amplitude, points=None))
+        out.append(replace(chosen, poses=frames, pose=frame, amplitude=chosen.amplitude * change[:, None], points=None))
     return out
+
+
+def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return indices of rows (N, K) among which each row occurs, and for each row its place (N,) among these indices.
+
+    Both directions of a path have the same points. The rows are sorted by a hash, because sorting whole rows is slow.
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    order = np.argsort(bits @ np.random.default_rng(0).integers(1, 2**64, bits.shape[1], np.uint64, endpoint=False), kind="stable")
+    new = np.append(True, (bits[order[1:]] != bits[order[:-1]]).any(axis=1))
+    which = np.empty(len(rows), int)
+    which[order] = np.cumsum(new) - 1
+    return order[new], which
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:
