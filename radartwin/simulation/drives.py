@@ -5,8 +5,9 @@ share traced paths unchanged, but they share two results. First, the sequences o
 for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter, and the
 paths between an object and the room, are traced only at sensor positions with a spacing of 4 cm along the track (places). For each other
 sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes; lengths, directions and rates of change are
-exact for the first and last points of the path. Paths of the flat room and direct echoes of a target are not moved but traced at every
-pose, because the phase between edge waves and specular echo changes within millimetres (error: 0.23 of the signal).
+exact for the first and last points of the path. Moved paths that the radar cannot resolve become one path (`merging`). Paths of the flat
+room and direct echoes of a target are not moved but traced at every pose, because the phase between edge waves and specular echo changes
+within millimetres (error: 0.23 of the signal).
 """
 
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from radartwin.compiled import compiled, shared_out
+from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
@@ -23,6 +25,7 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene, target
 from radartwin.simulation.backends.static_scene import Surroundings, shadows_of_mover
 from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths
 
 SPACING_M = 0.04  # distance between places along a track
@@ -41,23 +44,37 @@ class Track:
 
     places: np.ndarray
     parts: Sequence[Paths]
+    radar: Radar
+
+    @cached_property
+    def _gains(self) -> list[np.ndarray]:
+        """Return the antenna gain (N,) of the paths of each part, at both ends together."""
+        element = self.radar.element
+        return [element_gain(element, part.departure) * element_gain(element, part.arrival) for part in self.parts]
 
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
-        """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each."""
+        """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each.
+
+        Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`).
+        """
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         along = self.places[-1, :3, 3] - self.places[0, :3, 3]
         where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
         place = np.clip(np.round(where), 0, len(self.places) - 1).astype(int)
         frame, there = poses[:, :3, :3], self.places[place, :3, :3]
         shift = np.einsum("fji,fj->fi", there, poses[:, :3, 3] - self.places[place, :3, 3])
-        return [self._carried(part, place, shift, np.swapaxes(frame, 1, 2) @ there, velocity) for part in self.parts]
+        turn = np.swapaxes(frame, 1, 2) @ there
+        return [self._carried(part, gain, place, shift, turn, velocity) for part, gain in zip(self.parts, self._gains, strict=True)]
 
-    def _carried(self, part: Paths, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray) -> Paths:
-        """Move the paths of the nearest traced sensor position (index (F,)) to each of F sensor poses.
+    def _carried(
+        self, part: Paths, gain: np.ndarray, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray
+    ) -> Paths:
+        """Move the paths of the nearest traced sensor position (index (F,)) to each of F sensor poses, and merge them.
 
         Args:
-            shift: (F, 3) from place to pose, in the sensor frame at the place. turn: (F, 3, 3) from this frame to the sensor frame at the
-                pose.
+            gain: (N,) antenna gain of the paths of `part`.
+            shift: (F, 3) from place to pose, in the sensor frame at the place.
+            turn: (F, 3, 3) from this frame to the sensor frame at the pose.
             velocity: (F, 3) of the sensor in the sensor frame at the pose.
         """
         assert part.mirror is None
@@ -71,7 +88,8 @@ class Track:
         read = (part.amplitude, part.bounces, part.length_in_m, part.length_out_m, part.departure, part.arrival)
         shared_out(_carry, len(place), start, first[place], shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
         pose = np.repeat(np.arange(len(place)), count)
-        return Paths(len(place), pose, bounces, amplitude, part.frequencies_hz, length[0], length[1], way[0], way[1], rate)
+        moved = Paths(len(place), pose, bounces, amplitude, part.frequencies_hz, length[0], length[1], way[0], way[1], rate)
+        return merged(moved, self.radar, gain[np.arange(total) + (first[place] - start[:-1])[pose]])
 
 
 @compiled
@@ -216,7 +234,8 @@ class Drives:
         places = self._places
         some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
         longest = max(len(parts) for parts in some)
-        return Track(places, [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)])
+        parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)]
+        return Track(places, parts, self._radar)
 
     def moving(
         self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None

@@ -122,7 +122,7 @@ waves | _side(outlines, e, source, receiver) * value | -_side(outlines, e, sourc
 cast | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 
 simulation/flat/legs: physics/test_shadows
-_mirror | dot(toward(faces.start[e], source, 1.0), sector[i]) > 0 | False | outer edges of a corner end its mirrors
+_mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors
 
 simulation/flat/coupling: physics/test_coupling
 group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only
@@ -135,6 +135,10 @@ _evaluate | level.conjugate() | level | a leg is not conjugated
 simulation/drives: physics/test_drives
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track
 _carry | total -= turned * velocity[f, i] | total += turned * velocity[f, i] | approaching reads as receding
+
+simulation/merging: simulation/test_merging
+_add | complex(math.cos(middle), math.sin(middle)) | 1.0 | merged paths lose their phase
+_add | gain[n] / mean[row, 9] | 1.0 | all paths of a cell have the antenna gain of their mean
 
 simulation/aspects: physics/test_aspects
 Aspects.at | self.symmetry * count | count | a symmetric target turns too slowly

@@ -70,7 +70,7 @@ def test_moved_paths_keep_their_first_and_last_points():
     behind[0, 3] = -0.1
     poses = np.stack([there, there])
     poses[1, :3, 3] += velocity / 10.0
-    (found,) = Track(np.stack([behind, place]), [path]).seen(poses, 10.0)
+    (found,) = Track(np.stack([behind, place]), [path], RADAR).seen(poses, 10.0)
     for frame in range(2):
         to_last = last - poses[frame, :3, 3]
         assert found.amplitude[frame, 0] == 3.0  # the amplitude comes from the nearest traced position
