@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -168,33 +169,69 @@ def single(repeats: int, values: Values, variant: str) -> None:
 
 
 def drives(repeats: int, values: Values, variant: str) -> None:
-    """Time drives along one track past a corner reflector on a stand, traced as a campaign traces them (`campaign.target.seen`).
+    """Time drives along one track past an object: a corner reflector on a stand, traced as a campaign traces them
+    (`campaign.target.seen`), and a metal can alone.
 
     The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. Another
     room compiles the kernels, so that the set-up takes no results from a cache.
     """
-    radar, bench = rt.Radar.iwr1843(), rooms.bench("lab")
+    bench = rooms.bench("lab")
+    nominal = trajectory.lateral_sweep(bench.sensor_pose)
     reflector, disc, post = on_stand(bench)
-    nominal, still = trajectory.lateral_sweep(bench.sensor_pose), np.eye(4)[None]
-    seconds: list[float] = []
-    for room, poses, count in ((rooms.lab((6.1, 5.0, 2.8)), nominal[WARM_UP], 1), (rooms.lab(), nominal, repeats)):
-        began = time.perf_counter()
-        track = Drives(list(room), radar, poses, TraceSettings(variant=variant))
-        track.room(poses)
-        shared = time.perf_counter()
-        over = track.over_room([disc, reflector])
-        set_up = shared - began, time.perf_counter() - shared
-        seconds.clear()
-        for k in range(count):
-            actual = poses.copy()
-            actual[:, 0, 3] += ASIDE_M * (k + 1)
-            began = time.perf_counter()
-            parts = track.room(actual) + track.moving([disc, reflector], actual, still, False) + track.moving([post], actual, still, False)
-            received(parts + over.seen(actual, radar.frame_rate_hz), radar, len(actual))
-            seconds.append((time.perf_counter() - began) / len(actual))
-    print(f"Drives of {len(nominal)} frames through the furnished laboratory:")
-    values["drive frame"] = 1e3 * show("drive frame", np.array(seconds))
-    values["track set-up"], values["object track set-up"] = set_up
+    at = trajectory.pose(bench.target_position(1.0))
+    can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(at), "metal", "can", role="object")
+    stand, alone = ([disc, reflector], [post]), ([can],)
+    _driven(rooms.lab((6.1, 5.0, 2.8), detail="cluttered"), nominal[WARM_UP], {"": stand, " past a can": alone}, 1, variant)
+    for detail, end, groups in (("furnished", "", {"": stand, " past a can": alone}), ("cluttered", ", clutter", {" past a can": alone})):
+        print(f"Drives of {len(nominal)} frames through the laboratory, {detail}:")
+        for name, seconds in _driven(rooms.room("lab", detail=detail), nominal, groups, repeats, variant).items():
+            wall = show(name, seconds[:, 0], f"{1e3 * np.median(seconds[:, 1]):.2f} ms of processor time")
+            if name + end in {figure.name for figure in FIGURES}:
+                values[name + end] = wall if "set-up" in name else 1e3 * wall
+
+
+def _driven(
+    room: rt.Scene, nominal: np.ndarray, objects_of: Mapping[str, Sequence[list[rt.Surface]]], repeats: int, variant: str
+) -> dict[str, np.ndarray]:
+    """Time drives past objects in a room.
+
+    Args:
+        objects_of: by the end of the names of the results, groups of surfaces; only the first group has paths with the room.
+    Returns:
+        Wall time and processor time (repeats, 2) in seconds: of each part of a frame, of the whole frame ("drive frame"), and of each part
+        of the set-up. The samples of room and object alone are not part of the frame.
+    """
+    radar, still = rt.Radar.iwr1843(), np.eye(4)[None]
+    taken: dict[str, list[np.ndarray]] = {}
+
+    def part(name: str, method: Callable[[], Any], frames: int = 1) -> Any:
+        began = np.array([time.perf_counter(), time.process_time()])
+        found = method()
+        taken.setdefault(name, []).append((np.array([time.perf_counter(), time.process_time()]) - began) / frames)
+        return found
+
+    def set_up() -> Drives:
+        track = Drives(list(room), radar, nominal, TraceSettings(variant=variant))
+        track.room(nominal)
+        return track
+
+    track = part("track set-up", set_up)
+    for end, groups in objects_of.items():
+        over = part(f"object track set-up{end}", lambda groups=groups: track.over_room(groups[0]))
+        parts = [f"paths of the room{end}", f"paths of the object and of its shadow{end}", f"samples of room and object{end}"]
+        for k in range(repeats):
+            actual, frames = nominal.copy(), len(nominal)
+            actual[:, 0, 3] += ASIDE_M * (k + 1 + repeats * list(objects_of).index(end))
+            background = part(parts[0], lambda at=actual: track.room(at), frames)
+            echo = part(parts[1], lambda at=actual, groups=groups, over=over: [
+                *(one for group in groups for one in track.moving(group, at, still, False)), *over.seen(at, radar.frame_rate_hz)
+            ], frames)  # fmt: skip
+            for name, paths in (
+                (parts[2], background + echo), (f"samples of the room alone{end}", background), (f"samples of the object alone{end}", echo)
+            ):  # fmt: skip
+                part(name, lambda paths=paths: received(paths, radar, len(nominal)), frames)
+        taken[f"drive frame{end}"] = [np.sum(each, axis=0) for each in zip(*(taken[name] for name in parts), strict=True)]
+    return {name: np.stack(each) for name, each in taken.items()}
 
 
 def memory(repeats: int, values: Values, variant: str) -> None:

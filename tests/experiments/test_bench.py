@@ -88,7 +88,7 @@ def test_undeclared_figures_are_impossible(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(KeyError, match="'drive frames' is not a declared figure"):
         Values()["drive frames"] = 1.0
     monkeypatch.setitem(bench.BENCHMARKS, "drives", lambda repeats, values, variant: values.__setitem__("drive frame", 1.0))
-    with pytest.raises(RuntimeError, match=r"drives did not measure track set-up, object track set-up;"):
+    with pytest.raises(RuntimeError, match=r"drives did not measure track set-up, object track set-up, drive frame past a can, "):
         bench.measured(["drives"], 1, "llvm")
 
 
