@@ -2,13 +2,15 @@
 
 VENV := .venv
 PY := $(VENV)/bin/python
-PIP := $(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt
+# Python compiles the modules of the packages when it first imports them. Compiling all modules here would double the time.
+export PYTHONDONTWRITEBYTECODE :=
+PIP := $(PY) -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
 SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 export PYTHONUNBUFFERED := 1
 
 .PHONY: tables test slow check coverage bench mutants docs test-slurm clean setup setup-test llvm
 
-tables: llvm
+tables: setup
 	@$(VENV)/bin/radartwin tables --profile quick
 
 test: setup-test llvm
@@ -53,7 +55,7 @@ clean:
 
 # Install everything that the radartwin command needs in a checkout, and nothing more. Compile the simulator ahead of its first use.
 setup: llvm
-	@echo "setting up: compiling the simulator, one to two minutes the first time"
+	@echo "setting up: compiling the simulator, a minute the first time"
 	@$(PY) -m radartwin.simulation.compile_ahead
 setup-test: $(VENV)/.ready-test
 

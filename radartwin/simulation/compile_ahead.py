@@ -1,11 +1,14 @@
 """Compile the functions of the simulator ahead of their first use, so that the first simulation does not wait for the compiler.
 
 `python -m radartwin.simulation.compile_ahead` simulates small scenes that together call every compiled function. Numba keeps the machine
-code in its cache (`radartwin.compiled`). The command takes one to two minutes the first time and some seconds after that.
+code in its cache (`radartwin.compiled`). Two processes simulate the scenes in opposite orders, so that they compile different functions at
+the same time. The command takes a minute the first time and some seconds after that.
 """
 
 import numpy as np
 
+from radartwin.compiled import cores
+from radartwin.io.process_pool import ProcessPool
 from radartwin.radar.chirp import Radar
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
@@ -14,22 +17,54 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.simulate import simulate
 
+RADAR = Radar.iwr1843()
 
-def compile_all() -> None:
-    """Simulate a furnished room with a can at rest, in motion and on a drive, and objects in free space."""
-    radar, bench = Radar.iwr1843(), rooms.bench("lab")
-    room, at = rooms.room("lab", detail="furnished"), trajectory.pose(bench.target_position(1.0))
-    poses = trajectory.lateral_sweep(bench.sensor_pose)[:2]
-    can = Surface(objects.cylinder(0.033, 0.12), "metal", "can", roughness_m=1e-4, role="object")
-    simulate(Scene([*room, can.moved(at)]), radar, poses, max_bounces=2, noise=True)
-    simulate(Scene([*room, can]), radar, poses, motion={"can": np.stack([at, at])}, max_bounces=2)
-    drives = Drives([*room], radar, poses, TraceSettings(max_bounces=2))
-    drives.room(poses)
-    drives.over_room([can.moved(at)]).seen(poses, radar.frame_rate_hz)
-    drives.moving([can], poses, at[None])
+
+def compile_all(backwards: bool = False) -> None:
+    """Simulate a furnished room with a can at rest, in motion and on a drive, and objects in free space; or in the opposite order."""
+    parts = (_room_at_rest, _can_in_motion, _drive, _free_space)
+    for simulated in reversed(parts) if backwards else parts:
+        simulated()
+
+
+def _room_at_rest() -> None:
+    simulate(Scene([*_room(), _can().moved(_can_pose())]), RADAR, _poses(), max_bounces=2, noise=True)
+
+
+def _can_in_motion() -> None:
+    simulate(Scene([*_room(), _can()]), RADAR, _poses(), motion={"can": np.stack([_can_pose()] * 2)}, max_bounces=2)
+
+
+def _drive() -> None:
+    drives = Drives([*_room()], RADAR, _poses(), TraceSettings(max_bounces=2))
+    drives.room(_poses())
+    drives.over_room([_can().moved(_can_pose())]).seen(_poses(), RADAR.frame_rate_hz)
+    drives.moving([_can()], _poses(), _can_pose()[None])
+
+
+def _free_space() -> None:
     for mesh in (objects.trihedral(0.1), objects.sphere(0.05)):
-        simulate(Scene([Surface(mesh, "metal", "target")]), radar, trajectory.pose([-1.0, 0.0, 0.0])[None])
+        simulate(Scene([Surface(mesh, "metal", "target")]), RADAR, trajectory.pose([-1.0, 0.0, 0.0])[None])
+
+
+def _room() -> Scene:
+    return rooms.room("lab", detail="furnished")
+
+
+def _can() -> Surface:
+    return Surface(objects.cylinder(0.033, 0.12), "metal", "can", roughness_m=1e-4, role="object")
+
+
+def _can_pose() -> np.ndarray:
+    return trajectory.pose(rooms.bench("lab").target_position(1.0))
+
+
+def _poses() -> np.ndarray:
+    return trajectory.lateral_sweep(rooms.bench("lab").sensor_pose)[:2]
 
 
 if __name__ == "__main__":
-    compile_all()
+    pool = ProcessPool(min(2, cores()))
+    for compiling in [pool.submit(compile_all, backwards) for backwards in (False, True)]:
+        compiling.result()
+    pool.end()
