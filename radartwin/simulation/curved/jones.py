@@ -34,7 +34,9 @@ class Coefficients:
 
     def __init__(self, reflecting: ReflectionTable, transmitting: ReflectionTable):
         values = reflecting.te, reflecting.tm, transmitting.through_te, transmitting.through_tm
-        self.values = tuple(np.ascontiguousarray(value, np.complex128) for value in values)
+        self.values = tuple(np.ascontiguousarray(value, np.complex128).view() for value in values)
+        for value in self.values:  # the tables of `reflection_table.build` are read-only, and `_amplitudes` has one version only
+            value.flags.writeable = False
         nodes = reflecting.te.shape[2]
         self.every = np.arange(nodes)
         self.few = np.unique(np.linspace(0, nodes - 1, min(nodes, FEW_NODES)).round().astype(int))
@@ -54,6 +56,7 @@ class Coefficients:
             least: (N,) amplitudes below which hits may have the amplitude zero.
         """
         out = np.empty((received.shape[1], len(nodes)), complex)
+        received, size = np.ascontiguousarray(received), np.ascontiguousarray(size)  # so that the compiled function has one version only
         shared_out(_amplitudes, len(out), nodes, before.code, before.turn, after.code, after.turn, received, size, least, *self.values, out)
         return out
 

@@ -50,7 +50,7 @@ from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import angle, distance, dot, face_matrix, keller, looked_up, soft_and_hard, transverse
+from radartwin.simulation.flat.field import Tables, angle, distance, dot, face_matrix, keller, looked_up, soft_and_hard, transverse
 from radartwin.simulation.flat.obstacles import Hierarchy
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import ReflectionTable, chebyshev_nodes, lagrange_basis
@@ -73,6 +73,7 @@ SMALL_SINE = 0.02  # smallest sine between ray and edge for which fringe current
 NUDGE_M = 1e-6 * np.array([0.74, 0.53, 0.41])
 ABOVE = 0.999  # a face shadows only with its part below this share of the height of the source or receiver
 _built: "weakref.WeakKeyDictionary[Geometry, Polyhedron | None]" = weakref.WeakKeyDictionary()
+NO_FACE, ONE_BOUNCE = np.int64(-1), np.int64(1)  # Numba would compile a second version of a function for a literal argument
 _GAUSS, _WEIGHT = np.polynomial.legendre.leggauss(6)
 
 
@@ -185,7 +186,7 @@ def paths(
     together = np.abs(source - receiver).max(axis=1) < PLANE_M
     places = [np.ascontiguousarray(one, float) for one in (source, receiver + NUDGE_M, transmit, receive)]
     most = 1 if body.convex else max_bounces
-    te, tm = np.ascontiguousarray(table.te), np.ascontiguousarray(table.tm)
+    te, tm, *_ = Tables.of(table.te, table.tm, table.through_te, table.through_tm)
     found: list[tuple[int, list[np.ndarray]]] = []
 
     def run(begin: int, stop: int) -> None:
@@ -399,7 +400,7 @@ def _reflections(
                 sizes[0] = counts[j]
                 shown = 1
                 if m or not ends.together:
-                    shown = _subtract(faces, parts, p, ends.receiver, -1, 1.0, seen, sizes, 1, spare)
+                    shown = _subtract(faces, parts, p, ends.receiver, NO_FACE, 1.0, seen, sizes, 1, spare)
                     if shown < 0:
                         return False
                 for i in range(shown):
@@ -784,6 +785,6 @@ def _fringes(
                     _parabola(known, smooth, (t1 - half) / size, q), _parabola(known, smooth, t1 / size, q),
                     _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, 0.0, wavenumbers[q] * e2,
                 )  # fmt: skip
-            if np.abs(own).max() > 0 and not _add(faces, ends, none, ends.source, x1, own, 1, out):
+            if np.abs(own).max() > 0 and not _add(faces, ends, none, ends.source, x1, own, ONE_BOUNCE, out):
                 return False
     return True

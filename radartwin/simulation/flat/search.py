@@ -575,7 +575,7 @@ def sequences(
     for double, rows in ((False, once), (True, twice)):
         k = len(rows)
         part = np.zeros((k, 3), np.int64), np.zeros((k, 2), np.int64), np.full((k, width), -1), np.zeros(k, bool)
-        _joined(rows, found.chain[beam], order, arrivals[:, 0], double, *part)
+        _joined(rows, found.chain[beam], order, np.ascontiguousarray(arrivals[:, 0]), double, *part)
         parts.append(part)
     return Sequences(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
