@@ -130,7 +130,7 @@ class CampaignConfig:
     turntable_objects: list[str] = field(default_factory=list)
     turntable_distances_m: list[float] = positive([1.0])
     reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
-    frames_per_turn: int = positive(36)
+    frames_per_turn: int = positive(24)  # the rotation features need 13
     turns: int = positive(2)  # number of turntable revolutions in a measured recording; a simulated recording has one revolution
     reflector_repeats: int = positive(3)  # number of measured recordings of the corner reflector, which is placed anew for each
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])

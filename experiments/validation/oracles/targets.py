@@ -129,6 +129,7 @@ def level(mesh: trimesh.Trimesh, direction: Sequence[float], density: float, see
     return float(db(rt.rcs(mesh, direction, rays_per_wavelength2=density, seed=seed, **options)))  # type: ignore[arg-type]
 
 
+@cache
 def at_density(target: Target, density: float, full: bool) -> Finding:
     """Compare the ray tracer with the references for three sizes of a target, on the default ray grid and on shifted grids."""
     pairs = []

@@ -137,8 +137,8 @@ def _paint(f, x, y, z, spread, look, colour):
     a, b = (a + 0.5) * scale_u - 0.5, (b + 0.5) * scale_v - 0.5
     i0, j0 = int(np.floor(b)), int(np.floor(a))
     p, q = a - j0, b - i0
-    i1, j1 = (i0 + 1) % h, (j0 + 1) % w
     i0, j0 = i0 % h, j0 % w
+    i1, j1 = i0 + 1 if i0 + 1 < h else 0, j0 + 1 if j0 + 1 < w else 0
     for c in range(3):
         top = (1 - p) * LINEAR[pool[offset + i0 * w + j0, c]] + p * LINEAR[pool[offset + i0 * w + j1, c]]
         low = (1 - p) * LINEAR[pool[offset + i1 * w + j0, c]] + p * LINEAR[pool[offset + i1 * w + j1, c]]
