@@ -10,11 +10,13 @@ from pathlib import Path
 from analysis import index, registry, report
 from analysis import tables as writers
 from radartwin.config.compose import compose, path_override
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError, MissingError, UserError
 from radartwin.io import files, memory
 from radartwin.io.progress import Progress
 from radartwin.plotting import style
 from radartwin.runs.experiment import Result, Table, declared
+from radartwin.store import products
 from radartwin.store.products import RUN, Counts
 
 STUDY_PACKAGES = ("miepython", "plotly")  # the extra `study` of pyproject.toml
@@ -46,35 +48,70 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 
 
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
-    """Run the named experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused results."""
+    """Run the named experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused results.
+
+    First, several workers simulate what the tables need. Then the workers compute one table each. The tables that measure run times follow,
+    one after another, while no worker is busy.
+    """
     made: list[str] = []
-    progress, counts = Progress(), Counts()
-    if not names:
-        return made, counts
-    from radartwin.runs import workers  # imports the numerical packages
+    progress = Progress()
+    with products.counting() as counts:
+        if not names:
+            return made, counts
+        from experiments import together  # imports the numerical packages
+        from radartwin.runs import workers
+
+        overrides = {name: [f"experiment={name}", f"profile={profile}", path_override("output", output)] for name in names}
+        configs = {name: compose(overrides[name]) for name in names}
+        timed = [name for name, config in configs.items() if declared(config.experiment).timed]
+        untimed = [name for name in names if name not in timed]
+
+        def done(made_by: tuple[str, str | None]) -> None:
+            name, summary = made_by
+            if summary is not None:
+                made.append(name)
+                print(summary)
+
+        with workers.reused():
+            if (count := workers.worker_count(configs[names[0]].jobs, len(untimed))) > 1:
+                try:
+                    together.simulate(list(configs.values()), progress)
+                except (UserError, OSError):
+                    raise
+                except Exception:  # the tables that need the failed simulation repeat it and fail
+                    traceback.print_exc()
+                left = iter(untimed)
+
+                def next_call(_: int) -> tuple[Config, list[str], Path] | None:
+                    return (configs[name], overrides[name], output) if (name := next(left, None)) else None
+
+                workers.run(_made, next_call, done, count)
+                untimed = []
+            for name in (*untimed, *timed):
+                progress.say(f"--- {name} ({profile})")
+                done(_made(configs[name], overrides[name], output, progress))
+    return made, counts
+
+
+def _made(config: Config, overrides: Sequence[str], output: Path, progress: Progress | None = None) -> tuple[str, str | None]:
+    """Run an experiment and write its table. Returns the name and a summary of the table, or the name and None after an error."""
     from radartwin.runs.run import run_experiment, run_key, summary
 
-    with workers.reused():
-        for name in names:
-            progress.say(f"--- {name} ({profile})")
-            overrides = [f"experiment={name}", f"profile={profile}", path_override("output", output)]
-            config = compose(overrides)
-            try:
-                result, counted = run_experiment(config, overrides, progress)
-            except (UserError, OSError):
-                raise
-            except Exception as error:
-                traceback.print_exc()
-                index.add_failure(output, name, run_key(config), profile, error)
-                continue
-            counts += counted
-            write(declared(config.experiment), result, profile, output)
-            made.append(name)
-            print(summary(result))
-            if counted.scored:
-                del result
-                memory.give_back()
-    return made, counts
+    table, profile = declared(config.experiment), config.profile.name
+    try:
+        result, counts = run_experiment(config, overrides, progress or Progress(quiet=True))
+    except (UserError, OSError):
+        raise
+    except Exception as error:
+        traceback.print_exc()
+        index.add_failure(output, table.name, run_key(config), profile, error)
+        return table.name, None
+    write(table, result, profile, output)
+    said = summary(result)
+    if counts.scored:
+        del result
+        memory.give_back()
+    return table.name, said
 
 
 def report_verb(output: Path) -> int:

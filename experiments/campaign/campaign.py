@@ -8,7 +8,7 @@ of these effects comes from the recording's name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,11 @@ from radartwin.features.processed import Processed, process
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
 from radartwin.runs import workers
+from radartwin.store import array_cache
 from radartwin.store.products import Product, Store
 
 Materials = str | MaterialsConfig | None  # material source of the simulated room; None stands for the configured source
+Call = tuple[Any, ...]  # a function of a module, and its arguments
 CLEAN, PROCESSED = "clean", "processed"
 _FILE = "recording"
 
@@ -172,32 +174,50 @@ class Campaign:
             raise InputError(f"campaign: unknown domain {domain!r}; choose {', '.join(DOMAINS)}")
 
 
-def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False) -> None:
+def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
+    """Join the missing recordings of several campaigns. A recording is also processed if one of the campaigns reads it processed."""
+    found: dict[str, RecordingTask] = {}
+    for missing in some:
+        for key, task in missing.items():
+            first = found.setdefault(key, task)
+            found[key] = replace(first, clean=first.clean and task.clean)
+    return found
+
+
+def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()) -> None:
     """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
 
     If workers.worker_count returns 1, this function simulates nothing. With a single worker, each recording is simulated when it is first
     read.
+
+    Args:
+        calls: further simulations, which the workers start before the recordings.
     """
     tasks = list(missing.values())
-    count = workers.worker_count(tasks[0].config.jobs, len(tasks)) if tasks else 1
+    count = workers.worker_count(tasks[0].config.jobs, len(tasks) + len(calls)) if tasks else 1
     if count > 1:
-        schedule = Schedule(tasks)
+        schedule, ahead = Schedule(tasks), iter(calls)
 
-        def next_call(worker: int) -> tuple[RecordingTask] | None:
-            task = schedule.next_task(worker)
-            return (task,) if task else None
+        def next_call(worker: int) -> Call | None:
+            task = None if (call := next(ahead, None)) else schedule.next_task(worker)
+            return (_make, task) if task else call
 
-        with progress.task("recordings", len(tasks)) as made:
-            workers.run(_make, next_call, lambda _: made(), count, fresh)
+        with progress.task("recordings", len(tasks) + len(calls)) as made:
+            workers.run(_called, next_call, lambda _: made(), count, fresh)
+
+
+def _called(function: Callable[..., object], *arguments: Any) -> None:
+    function(*arguments)
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording that a task names. Worker processes call this function."""
+    """Simulate the recording that a task names. Worker processes call this function and share the traced paths of resting radars."""
     campaign = _campaign_of(task.config, task.root)
-    if task.clean:
-        campaign.clean(task.domain, task.case)
-    else:
-        campaign.process(task.domain, task.case)
+    with array_cache.in_folder(task.root / "paths"):
+        if task.clean:
+            campaign.clean(task.domain, task.case)
+        else:
+            campaign.process(task.domain, task.case)
 
 
 _last: list[tuple[Config, Path, Campaign]] = []

@@ -22,6 +22,7 @@ from experiments.campaign import tally, truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, Case, planned
 from experiments.campaign.cases import log as nominal_log
+from experiments.campaign.schedule import RecordingTask
 from experiments.claims import NONE, Claim, RowList
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate, exact, resampled
@@ -74,6 +75,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Simulate the missing recordings and tabulate run time and disk space of all. Raises UserError if a recording cannot be simulated."""
     made = make(Campaign(config, store, progress), progress)
     return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    campaign = Campaign(config, store, progress)
+    return campaign.missing(campaign.plan())
 
 
 def make(campaign: Campaign, progress: Progress) -> list[Made]:

@@ -54,6 +54,7 @@ TABLE = Table(
     "processor time per frame of the fixed default divided by that of the chosen model: the median and the range over n rounds. "
     "Two columns give the time of the choice, and the number of frames after which the choice has saved that time. The median over "
     "cases uses one feature set per case, that of its motion; its interval is a bootstrap over cases. The quick profile has one case.",
+    timed=True,
 )
 
 PROBED = ("radartwin.adaptive.probe",)  # the cache keys of recordings depend on the code of these modules
@@ -140,7 +141,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
     Raises ConfigError if the configured scan has no object under test, or if its motion has no repeatability limits.
     """
-    cases = CASES.get(config.profile.name, CASES["paper"])
+    cases = cases_of(config)
     if workers.worker_count(config.jobs, len(cases)) > 1:
         with progress.task("cases recorded", len(cases)) as done:
             workers.each(_recorded, [(case, config) for case in cases], config.jobs, done)
@@ -169,6 +170,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     # metric names must not contain other characters
     metrics = {re.sub(r"[^\w .:/-]", "", f"{r['metric']} {r['case']} {r['features']}"): r["value"] for r in claimed}
     return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows)}, metrics)
+
+
+def calls(config: Config) -> list[tuple[Any, ...]]:
+    return [(_recorded, case, config) for case in cases_of(config)]
+
+
+def cases_of(config: Config) -> tuple[Case, ...]:
+    return CASES.get(config.profile.name, CASES["paper"])
 
 
 def _recorded(case: Case, config: Config) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.campaign.campaign import Campaign, load_clean, make_together
+from experiments.campaign.campaign import Campaign, joined, load_clean, make_together
 from experiments.campaign.cases import Case
 from experiments.campaign.schedule import RecordingTask
 from experiments.gaps import case_set
@@ -90,21 +90,18 @@ class Sides:
         """Simulate and read the sides (measured or simulated recordings with their gaps) of these coalitions of gaps. Sides that
         share a room set-up are simulated together.
         """
-        wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
-        ordered = sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
-        self.make(ordered)
+        ordered = sides_of(sets_of_gaps)
+        make_together(self.missing(ordered), self.progress)
         for domain, on in self.progress.over(ordered, "sides"):
             self.read(domain, on)
 
-    def make(self, some: Sequence[Side]) -> None:
-        """Simulate the missing recordings of these sides (domains with their gaps) in several worker processes."""
-        missing: dict[str, RecordingTask] = {}
-        for domain, on in some:
-            for case in self.cases:
-                setup, clean = _setup(domain, _switched(on, case)), not _received(domain, on)
-                for key, one in self._campaign(on, case).missing([(domain, case)], clean=clean, setup=setup).items():
-                    missing[key] = replace(one, clean=clean and missing.get(key, one).clean)
-        make_together(missing, self.progress)
+    def missing(self, some: Iterable[Side]) -> dict[str, RecordingTask]:
+        """Return {store key: task} of the missing recordings of these sides (domains with their gaps)."""
+        return joined(
+            self._campaign(on, case).missing([(domain, case)], clean=not _received(domain, on), setup=_setup(domain, _switched(on, case)))
+            for domain, on in some
+            for case in self.cases
+        )
 
     def read(self, domain: str, on: Coalition) -> Read:
         """Return the features of the recordings of one domain (measured or simulated) with the gaps `on`."""
@@ -139,6 +136,12 @@ class Sides:
     def keys(self) -> list[str]:
         """Store keys of all recordings whose features were computed."""
         return sorted({key for read in self._read.values() for key in read.keys})
+
+
+def sides_of(sets_of_gaps: Iterable[Coalition]) -> list[Side]:
+    """Return the sides (measured or simulated recordings with their gaps) of these coalitions. Sides of one room set-up are adjacent."""
+    wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
+    return sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
 
 
 def _switched(on: Coalition, case: Case) -> Coalition:

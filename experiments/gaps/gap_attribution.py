@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import statistics
+from experiments.campaign.schedule import RecordingTask
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import error_bars, legend_above
 from experiments.gaps import case_set, shapley
-from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses
+from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses, sides_of
 from experiments.gaps.shapley import Coalition
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -119,13 +120,23 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     itself.
     """
     check(config)
-    plan = PLANS["quick" if config.profile.name == "quick" else "paper"]
+    plan = plan_of(config)
     sides = Sides(config, store, progress, cases(plan.objects))
     found = losses(config, sides, plan.needed())
     filled = np.array([catalogue()[case.object].contents is not None for case in sides.cases])
     rows = table(config, plan, found, filled, sides.keys)
     metrics = {f"share_{r['score']}_{r['gap']}".replace(" ", "_"): r["value"] for r in rows if (r["metric"], r["objects"]) == (SHARE, ALL)}
     return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows, tuple(plan.groups))}, metrics, sides.keys)
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    check(config)
+    plan = plan_of(config)
+    return Sides(config, store, progress, cases(plan.objects)).missing(sides_of(plan.needed()))
+
+
+def plan_of(config: Config) -> Plan:
+    return PLANS["quick" if config.profile.name == "quick" else "paper"]
 
 
 def check(config: Config) -> None:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.campaign.campaign import Campaign, make_together
+from experiments.campaign.campaign import Campaign, joined, make_together
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.drawing import error_bars
@@ -43,9 +44,17 @@ WRONG = (0.25, 0.5, 1.0)  # shares of labels that are replaced
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    campaigns = {name: Campaign(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
-    make_together({key: one for some in campaigns.values() for key, one in transfer.missing(some, ROOM, MOTION).items()}, progress)
-    return score(config, campaigns, progress)
+    make_together(recordings(config, store, progress), progress)
+    return score(config, campaigns(config, store, progress), progress)
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    return joined(transfer.missing(one, ROOM, MOTION) for one in campaigns(config, store, progress).values())
+
+
+def campaigns(config: Config, store: Store, progress: Progress) -> dict[str, Campaign]:
+    """Return the campaign of each material source in `sources`."""
+    return {name: Campaign(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
 
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:

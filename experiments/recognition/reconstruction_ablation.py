@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.campaign.campaign import Campaign, make_together
+from experiments.campaign.campaign import Campaign, joined, make_together
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import transfer
@@ -49,11 +50,14 @@ PAPER = {
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
+    make_together(recordings(config, store, progress), progress)
+    return score(config, Campaign(config, store, progress), progress)
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     check(config)
     campaign = Campaign(config, store, progress)
-    sides = [transfer.missing(campaign, ROOM, MOTION, domain, materials) for _, domain, materials in METHODS]
-    make_together({key: one for some in sides for key, one in some.items()}, progress)
-    return score(config, campaign, progress)
+    return joined(transfer.missing(campaign, ROOM, MOTION, domain, materials) for _, domain, materials in METHODS)
 
 
 def check(config: Config) -> None:

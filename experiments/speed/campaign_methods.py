@@ -7,7 +7,8 @@ level are not at a disadvantage. The recognition error comes from a linear class
 classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong
 class. The run
 time is in processor seconds: the median over the recordings that reused a traced room, plus the shortest time to trace the room divided by
-the number of all frames. Each simulation method runs in new processes. Every profile uses the recordings of the quick profile.
+the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. Every profile uses the recordings
+of the quick profile.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from experiments.campaign import tally
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Campaign, joined
 from experiments.campaign.cases import BENCH_ROOM
+from experiments.campaign.schedule import RecordingTask
 from experiments.recognition import readings
 from experiments.recognition.protocol import GEOMETRY
 from experiments.recognition.readings import FEATURES, MOTION
@@ -72,6 +74,16 @@ def twins(full: bool) -> list[Twin]:
         Twin(OURS, "planar elements", ("simulator.elements=planar",)),
         Twin(RFGENESIS, "shipped, 128 x 128", ("simulator=rfgenesis",)),
     ]
+
+
+def recordings(config: Config, store: Store, progress: Progress, full: bool) -> dict[str, RecordingTask]:
+    """Return {store key: task} of the recordings that `measure` needs and the store lacks."""
+    missing = []
+    for method in twins(full):
+        campaign = Campaign(_configured(config, method), store, progress)
+        measured, simulated = readings.shared_cases(campaign, MOTION)
+        missing.append(campaign.missing([*(("twin", case) for case in simulated), *(("measured", case) for case in measured)]))
+    return joined(missing)
 
 
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:

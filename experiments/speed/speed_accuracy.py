@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from experiments import claims
+from experiments.campaign.schedule import RecordingTask
 from experiments.speed import campaign_methods, chart, chart_page, measuring
 from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
@@ -39,6 +40,7 @@ TABLE = Table(
     "is in standard deviations of the measured features. The recognition error is the share of measured revolutions whose symmetry "
     "class a linear classifier, trained on the simulation, gets wrong. All times belong to the machine in the row.",
     chart=chart_page.page,
+    timed=True,
 )
 
 NEAR = 1.1
@@ -83,6 +85,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         "speed_accuracy_campaign": lambda: chart.campaign(rows),
     }
     return Result(TABLE.name, rows, figures, metrics, keys)
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    return campaign_methods.recordings(config, store, progress, config.profile.name != "quick")
 
 
 def _measure(problem: Problem, full: bool, progress: Progress, folder: Path) -> None:

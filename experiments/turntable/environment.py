@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
@@ -69,6 +71,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return score(config, Campaign(config, store, progress), progress)
 
 
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    check(config)
+    campaign = Campaign(config, store, progress)
+    return campaign.missing((SIDES[side], case) for side, case in wanted(config, campaign))
+
+
 def check(config: Config) -> None:
     """Raise ConfigError for options that the table would ignore. The options are checked before any simulation starts."""
     for key, value, used in (
@@ -117,9 +125,22 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
     """Read the reflector's recordings: measured, simulated with the room, and simulated without the room ("void").
 
-    The function reads the configured distances (default: all). Measured recordings and both kinds of simulated recordings must exist at
-    each distance.
+    Measured recordings and both kinds of simulated recordings must exist at each distance.
     """
+    chosen = wanted(config, source)
+    source.prepare([(SIDES[side], case) for side, case in chosen])
+    found: dict[tuple[str, float], list[Profiles]] = {}
+    for side, case in progress.over(chosen, "environment recordings"):
+        key, processed = source.processed(SIDES[side], case)
+        angle = angles(source.log(case, SIDES[side]), processed.num_frames)
+        revolution = processed.power[angle < angle[0] + 2 * np.pi - 1e-9]
+        profiles = Profiles(key, processed.power.mean(axis=0, dtype=float), revolution, processed.range_m)
+        found.setdefault((side, case.distance_m), []).append(profiles)
+    return found
+
+
+def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
+    """Return (side, case) of the reflector's recordings at the configured distances (default: all)."""
     sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
     cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]
     recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
@@ -130,16 +151,7 @@ def read(config: Config, source: RecordingSource, progress: Progress) -> Recordi
         raise ConfigError(f"experiment.distances_m: the campaign has no turning {TARGET} at {missing[0]:g} m; it has {have}")
     if not chosen:
         raise ConfigError(f"the campaign has no turning {TARGET} that is both measured and simulated")
-    wanted = [(side, case) for side, case in cases if case.distance_m in chosen]
-    source.prepare([(SIDES[side], case) for side, case in wanted])
-    found: dict[tuple[str, float], list[Profiles]] = {}
-    for side, case in progress.over(wanted, "environment recordings"):
-        key, processed = source.processed(SIDES[side], case)
-        angle = angles(source.log(case, SIDES[side]), processed.num_frames)
-        revolution = processed.power[angle < angle[0] + 2 * np.pi - 1e-9]
-        profiles = Profiles(key, processed.power.mean(axis=0, dtype=float), revolution, processed.range_m)
-        found.setdefault((side, case.distance_m), []).append(profiles)
-    return found
+    return [(side, case) for side, case in cases if case.distance_m in chosen]
 
 
 def _keys(recordings: Recordings, sides: Sequence[str], *distances: float) -> list[str]:

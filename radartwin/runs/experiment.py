@@ -61,12 +61,14 @@ class Table:
     Attributes:
         name: name of the experiment (conf/experiment/NAME.yaml) and of the files with its result table.
         chart: function of the table rows that returns an HTML page with an interactive chart; the report shows it beside the figures.
+        timed: whether the experiment measures run times, so that no other table may be computed at the same time.
     """
 
     name: str
     title: str
     caption: str
     chart: Callable[[list[dict[str, Any]]], str] | None = None
+    timed: bool = False
 
 
 class Model(Protocol):

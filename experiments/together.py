@@ -1,0 +1,31 @@
+"""Simulate the recordings of several tables together, so that every recording is simulated once and all workers are busy.
+
+A module of an experiment may define two functions. `recordings(config, store, progress)` returns the tasks of the recordings that the table
+reads and the store lacks. `calls(config)` returns further simulations as tuples (function, arguments...), which save their results in the
+store.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.campaign.campaign import joined, make_together
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.runs import run
+from radartwin.runs.experiment import load
+from radartwin.store.products import Store
+
+
+def simulate(configs: Sequence[Config], progress: Progress) -> None:
+    """Simulate in several workers what the configured experiments need and the store lacks. With a single worker, do nothing."""
+    missing, calls = [], []
+    for config in configs:
+        if not run.finished(config):
+            module, store = load(config.experiment), Store(Path(config.output) / "cache", progress.say)
+            if recordings := getattr(module, "recordings", None):
+                missing.append(recordings(config, store, progress))
+            if own := getattr(module, "calls", None):
+                calls += own(config)
+    make_together(joined(missing), progress, calls=calls)

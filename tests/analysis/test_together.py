@@ -1,0 +1,62 @@
+"""Before the tables are computed, the recordings of all tables are simulated together. Tables that measure run times are computed last."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis import main, registry
+from experiments import together
+from experiments.campaign.campaign import Campaign, joined
+from experiments.campaign.schedule import RecordingTask
+from radartwin.config.compose import compose, path_override
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.runs import workers
+from radartwin.store.products import Store
+
+
+def config_of(name: str, output: Path) -> Config:
+    return compose([f"experiment={name}", "profile=quick", path_override("output", output)])
+
+
+def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(together, "make_together", lambda missing, progress, calls: given.update(missing=missing, calls=calls))
+    together.simulate([config_of(name, tmp_path) for name in registry.of_profile("quick")], Progress(quiet=True))
+    for name in ("turntable_shape", "linear_rail", "rover_fidelity", "labelled_probe", "material_errors"):
+        campaign = Campaign(config_of(name, tmp_path), Store(tmp_path / "cache"), Progress(quiet=True))
+        assert campaign.missing(campaign.plan()).keys() <= given["missing"].keys()
+    assert {task.domain for task in given["missing"].values()} == {"measured", "twin", "void"}
+    assert [arguments[0].room for _, *arguments in given["calls"]] == ["lab"], "the case of the table complexity"
+
+
+def test_a_recording_that_two_tables_read_is_processed_if_one_of_them_reads_it_processed() -> None:
+    task = RecordingTask(compose(["profile=quick"]), Path("cache"), "twin", object())  # type: ignore[arg-type]
+    clean = RecordingTask(task.config, task.root, task.domain, task.case, clean=True)
+    assert not joined([{"key": clean}, {"key": task}])["key"].clean
+    assert not joined([{"key": task}, {"key": clean}])["key"].clean
+    assert joined([{"key": clean}, {"key": clean}])["key"].clean
+
+
+def test_tables_that_measure_run_times_come_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+
+    def inline(function: Any, next_call: Any, on_result: Any, count: int) -> None:
+        while (arguments := next_call(0)) is not None:
+            on_result(function(*arguments))
+
+    def made(config: Config, *_: Any) -> tuple[str, str | None]:
+        name = config.experiment.name or ""
+        done.append(name)
+        return name, None if name == "labels" else name
+
+    monkeypatch.setattr(workers, "worker_count", lambda jobs, items: 2)
+    monkeypatch.setattr(workers, "run", inline)
+    monkeypatch.setattr(together, "simulate", lambda configs, progress: done.append("simulated"))
+    monkeypatch.setattr(main, "_made", made)
+    succeeded, _ = main._run(["speed_accuracy", "labels", "complexity", "positioning"], "quick", tmp_path)
+    assert done == ["simulated", "labels", "positioning", "speed_accuracy", "complexity"]
+    assert succeeded == ["positioning", "speed_accuracy", "complexity"], "labels failed"
