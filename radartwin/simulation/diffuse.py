@@ -33,6 +33,7 @@ the mean power is correct, but the speckle changes faster with the aspect than o
 """
 
 import functools
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,6 +77,10 @@ class Body(NamedTuple):
     surfaces: Sequence[Surface]
     geometry: Geometry  # triangles of these surfaces, in their own frame
     poses: np.ndarray  # (F, 4, 4) transformations from this frame to the world; (1, 4, 4) at rest
+
+
+class DiffuseWarning(UserWarning):
+    """Warn that rough surfaces have fewer scattering points than their lobes need."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +147,11 @@ def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = N
             width = lobe_width(surface.roughness_m, surface.correlation_m, wavenumber)
             wanted[index] = max(DENSITY_PER_M2 * areas[index] * max(1.0, WIDE / width) ** 2, CURVED_POINTS / width if bent[index] else 1.0)
     total = wanted.sum()
+    if total > MAX_POINTS and count is None:
+        warnings.warn(
+            f"rough surfaces need {total:,.0f} scattering points, over MAX_POINTS = {MAX_POINTS:,}; with fewer points, the diffuse echo "
+            "of small surfaces varies more about its mean", DiffuseWarning, stacklevel=2,
+        )  # fmt: skip
     if total > 0:
         wanted *= min(1.0, MAX_POINTS / total) if count is None else count / total
     numbers = np.where(wanted > 0, np.maximum(np.round(wanted), 1), 0).astype(int)

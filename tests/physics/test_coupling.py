@@ -13,6 +13,7 @@ from experiments.validation.oracles import stack, traced
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.flat import coupling
 
 RADAR = traced.MONOSTATIC
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -87,6 +88,15 @@ def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
         _, tm = stack.fresnel(eps, float(cosine))
         value, _ = near(parts, length)
         assert db(value / (ways * level * abs(tm) ** (2 if ways == 1 else 1))) == pytest.approx(0, abs=0.5)
+
+
+def test_too_many_paths_over_the_room_are_left_out_with_a_warning(monkeypatch):
+    scene = rt.Scene([*rooms.lab(detail="shell"), ball(np.array([1.2, 0.0, 0.5]))])
+    every = sum(len(part) for part in paths_of(scene, at(SENSOR)))
+    monkeypatch.setattr(coupling, "COUPLED", 3000)
+    with pytest.warns(coupling.CoupledWarning, match="more than COUPLED = 3,000 paths over the room"):
+        fewer = sum(len(part) for part in paths_of(scene, at(SENSOR + 1e-6)))  # another place, whose paths no cache holds
+    assert fewer < every
 
 
 def test_without_coupling_only_the_direct_echo_remains():

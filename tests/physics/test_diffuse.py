@@ -199,7 +199,8 @@ def test_density_follows_the_width_of_the_lobe():
     normal = len(diffuse.cloud([WALL], geometry.build([WALL.mesh])))
     assert normal == pytest.approx(diffuse.DENSITY_PER_M2 * 7.5, rel=0.05)
     huge = WALL.replaced(mesh=rectangle(2.0, (-45, -45), (45, 45)))
-    assert len(diffuse.cloud([huge], geometry.build([huge.mesh]))) == diffuse.MAX_POINTS
+    with pytest.warns(diffuse.DiffuseWarning, match="scattering points, over MAX_POINTS = 50,000"):
+        assert len(diffuse.cloud([huge], geometry.build([huge.mesh]))) == diffuse.MAX_POINTS
 
 
 def test_path_rate_is_the_change_of_length():

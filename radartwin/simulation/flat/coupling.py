@@ -7,6 +7,7 @@ different legs is traced in one direction, because the other direction has the s
 of its two legs, which includes reflections, the edges of the faces and shadows. Paths object - face - object are not modelled.
 """
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,10 @@ from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basi
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
+
+
+class CoupledWarning(UserWarning):
+    """Warn that paths between an object and the room are left out because there are too many."""
 
 
 def group_paths(
@@ -227,16 +232,23 @@ def _pairs(
     this pair if undisturbed. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as
     strong as the weakest of these.
     """
-    rows = [(frame, DIRECT, DIRECT) for frame in range(frames)]
+    rows, cut = [(frame, DIRECT, DIRECT) for frame in range(frames)], 0
     if len(legs.order) > 1 and max_bounces > 1:
         of_place = []
         for share in legs.share:
             worth = np.flatnonzero(share * share.max() >= least)
             product = share[worth][:, None] * share[worth][None]
             allowed = (product >= least) & (legs.order[worth][:, None] + legs.order[worth][None] < max_bounces)
-            i, j = np.nonzero(allowed & (product >= _least_of_strongest(product[allowed], most)))
+            strong = product >= _least_of_strongest(product[allowed], most)
+            cut = max(cut, np.count_nonzero(allowed & ~strong))
+            i, j = np.nonzero(allowed & strong)
             of_place.append([(a, b) for a, b in zip(worth[i].tolist(), worth[j].tolist(), strict=True) if a <= b and b != DIRECT])
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]
+    if cut:
+        warnings.warn(
+            f"an object has more than COUPLED = {COUPLED:,} paths over the room; the {cut} weakest pairs of legs of a frame are left out",
+            CoupledWarning, stacklevel=2,
+        )  # fmt: skip
     out = np.array(rows, int).reshape(-1, 3)
     out = out[np.argsort(out[:, 0], kind="stable")]
     return out[:, 0], out[:, 1], out[:, 2]
