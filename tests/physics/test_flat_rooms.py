@@ -19,6 +19,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.drives import Drives
 from radartwin.simulation.flat import room as flat_room
 
 RADAR = traced.MONOSTATIC
@@ -426,6 +427,21 @@ def test_poses_are_nearly_independent(monkeypatch):
         alone = sampled(paths_of(scene, poses[i : i + 1], max_bounces=2))
         moving = sampled([part.frames(i, i + 1) if part.poses > 1 else part for part in parts])
         assert relative_error(alone, moving) < 0.1
+
+
+def test_no_path_along_a_motion_is_listed_in_both_directions():
+    """A path with edges and its reverse are one sequence, at whichever place it was found. The search orders arrivals at an edge by their
+    strength, which differs from place to place.
+    """
+    drives = Drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.6, 0.4), (0.4, 0.6, 0.4), 7), TraceSettings())
+    every = drives._searched.sequences
+    listed = set()
+    for count, edge, chain in zip(every.count, every.edge, every.chain, strict=True):
+        faces = chain[: count.sum()].tolist()
+        listed.add((tuple(count), tuple(edge), tuple(faces)))
+        if edge[0] >= 0 and edge[1] < 0 and (count[0], faces) != (count[2], faces[::-1]):
+            assert ((count[2], count[1], count[0]), tuple(edge), tuple(faces[::-1])) not in listed
+    assert len(listed) == len(every) > 500
 
 
 @pytest.mark.parametrize("rotation", list(ATTITUDES))

@@ -574,6 +574,10 @@ def sequences(
     )
     for double, rows in ((False, once), (True, twice)):
         k = len(rows)
+        # A path at one edge is listed in the direction whose first beam comes first, which is the same at all places.
+        a, b = rows[:, 0], rows[:, 2]
+        turned = (arrivals[a, 0] == arrivals[b, 0]) & (beam[a] > beam[b])
+        rows[turned] = rows[turned][:, ::-1]
         part = np.zeros((k, 3), np.int64), np.zeros((k, 2), np.int64), np.full((k, width), -1), np.zeros(k, bool)
         _joined(rows, found.chain[beam], order, np.ascontiguousarray(arrivals[:, 0]), double, *part)
         parts.append(part)
