@@ -2,9 +2,9 @@
 
 An object that is traced by ray tubes has a path for each tube, but the radar cannot resolve the tubes. The paths of one pose are sorted
 into cells of directions of departure and arrival, length and rate of change. The paths of a cell become one path at their mean, weighted by
-power. The phase of the length of each path, relative to the mean, is part of the merged amplitude at the frequency nodes. The merged path
-is therefore exact at the phase centre of the array in the middle of the frame. The widths of the cells limit the error at other elements
-and times.
+power. The phase of each path in the middle of the frame, relative to the mean, is part of the merged amplitude at the frequency nodes. The
+merged path is therefore exact at the phase centre of the array in the middle of the frame. The widths of the cells limit the error at other
+elements and times. The number of bounces of a merged path is that of its last path.
 """
 
 import math
@@ -47,7 +47,8 @@ def merged(paths: Paths, radar: Radar, gain: np.ndarray) -> Paths:
     ends = [np.ascontiguousarray(v, float) for v in (paths.length_in_m, paths.length_out_m)]
     shared_out(
         _add, paths.poses, start, first, number, np.ascontiguousarray(paths.amplitude, complex), paths.bounces, read[0], read[1], *ends,
-        read[3], np.ascontiguousarray(gain, float), 2 * np.pi / SPEED_OF_LIGHT * paths.frequencies_hz, amplitude, bounces, mean,
+        read[3], np.ascontiguousarray(gain, float), 2 * np.pi / SPEED_OF_LIGHT * paths.frequencies_hz, radar.frame_duration_s / 2,
+        amplitude, bounces, mean,
     )  # fmt: skip
     pose = np.repeat(np.arange(paths.poses), count)
     return Paths(paths.poses, pose, bounces, amplitude, paths.frequencies_hz, mean[:, 6], mean[:, 7], mean[:, :3], mean[:, 3:6], mean[:, 8])
@@ -105,8 +106,8 @@ def _number(low, high, start, departure, arrival, length, rate, per_width, numbe
 
 @compiled
 def _add(
-    low, high, start, first, number, amplitude, bounces, departure, arrival, length_in, length_out, rate, gain, wavenumber, amplitude_to,
-    bounces_to, mean,
+    low, high, start, first, number, amplitude, bounces, departure, arrival, length_in, length_out, rate, gain, wavenumber, middle_s,
+    amplitude_to, bounces_to, mean,
 ):  # fmt: skip
     """For each pose from `low` to `high` - 1, add its paths to the merged paths, whose numbers begin at `first`."""
     nodes, values = len(wavenumber), np.empty(10)
@@ -133,7 +134,7 @@ def _add(
                     mean[row, k] /= size
         for n in range(start[f], start[f + 1]):
             row = first[f] + number[n]
-            extra = length_in[n] - mean[row, 6] + length_out[n] - mean[row, 7]
+            extra = length_in[n] - mean[row, 6] + length_out[n] - mean[row, 7] + middle_s * (rate[n] - mean[row, 8])
             share = gain[n] / mean[row, 9] if mean[row, 9] > 0 else 1.0
             middle = extra * wavenumber[nodes // 2]
             turn = share * complex(math.cos(middle), math.sin(middle))
