@@ -46,6 +46,7 @@ TABLE = Table(
     "receiver effects and then processed to features; both parts count. Turntables are traced at the aspects (target "
     "angles) of one revolution; drives share the set-up of their track. The project, not the paper, chose the limits of "
     "time and disk space. Intervals are bootstraps over recordings.",
+    timed=True,
 )
 
 ALL = "all"
@@ -62,7 +63,6 @@ class Made:
     domain: str
     case: Case
     keys: tuple[str, ...]  # store keys of the clean and the processed recording
-    now: bool  # whether this run simulated the recording
     seconds: tuple[float, float]  # wall time of the clean and the processed recording
     core_seconds: tuple[float, float]  # core time of the clean and the processed recording
     bytes: tuple[int, int]  # size of the clean and the processed recording in the store
@@ -97,18 +97,18 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
         f"about {size / 1e9:.2g} GB"
     )
     campaign.prepare(missing, fresh=True)
-    made = [_made(campaign, domain, case, (domain, case) in missing) for domain, case in progress.over(wanted, "recordings")]
+    made = [_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")]
     return _with_scans(campaign, made)
 
 
-def _made(campaign: Campaign, domain: str, case: Case, now: bool) -> Made:
+def _made(campaign: Campaign, domain: str, case: Case) -> Made:
     clean = campaign.clean(domain, case)
     processed = campaign.process(domain, case)
     first, second = clean.read_json("meta"), processed.read_json("meta")
     counts = first["told"]
     seconds, core_seconds = ((float(first[name]), float(second[name])) for name in ("seconds", "core_seconds"))
     return Made(
-        domain, case, (clean.key, processed.key), now, seconds, core_seconds, (_size(clean), _size(processed)),
+        domain, case, (clean.key, processed.key), seconds, core_seconds, (_size(clean), _size(processed)),
         counts["frames"], counts["traced"], counts.get(tally.SETUPS, 0),
     )  # fmt: skip
 
@@ -160,9 +160,8 @@ def rows(config: Config, made: Sequence[Made]) -> RowList:
 
 
 def _case(of: str, motion: str, some: Sequence[Made]) -> dict[str, Any]:
-    now = sum(one.now for one in some)
     return {
-        "of": of, "motion": motion, "made": now, "found": len(some) - now, "frames": sum(one.frames for one in some),
+        "of": of, "motion": motion, "recordings": len(some), "frames": sum(one.frames for one in some),
         "traced": sum(one.traced for one in some), "set_ups": sum(one.setups for one in some),
     }  # fmt: skip
 

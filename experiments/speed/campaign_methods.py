@@ -6,7 +6,7 @@ recordings. Brightness is compared after one common gain, which a measured corne
 level are not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from asymmetric objects. The
 classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong
 class. The run
-time is in processor seconds: the median over the recordings that reused a traced room, plus the shortest time to trace the room divided by
+time is in processor seconds: the median over the recordings that reused a traced room, plus the longest time to trace the room divided by
 the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. Every profile uses the recordings
 of the quick profile.
 """
@@ -118,7 +118,8 @@ def _configured(config: Config, method: Twin) -> Config:
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
     """Return the processor seconds per frame over the recordings that reused a set-up: the median, and the value of each recording.
 
-    All run times per frame include the shortest set-up time, divided by the number of all frames.
+    All run times per frame include the longest set-up time, divided by the number of all frames. Shorter set-ups read traced paths from
+    the disk.
     """
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [one["told"]["frames"] for one in made]
@@ -128,7 +129,7 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
     ]
     middle = float(np.median(each))
     took = [(one["core_seconds"] - middle * n) / k for one, n, k in zip(made, frames, setups, strict=True) if k]
-    share = max(min(took, default=0.0), 0.0) / sum(frames)
+    share = max(max(took, default=0.0), 0.0) / sum(frames)
     return {"seconds_frame": middle + share, "seconds": [one + share for one in each]}
 
 

@@ -92,13 +92,13 @@ def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[s
     rows, (first, *_) = first_run
     check_rows("campaign", rows)
     drives = cell(rows, "measured", "depth", "wall")
-    assert (drives["made"], drives["found"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 0, 4, 4, 1)
+    assert (drives["recordings"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 4, 4, 1)
     assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # pauses of two recordings and a set-up, divided by four frames
     turning = cell(rows, "measured", "turntable", "wall")
-    assert (turning["made"], turning["frames"], turning["traced"]) == (1, 160, 128)
+    assert (turning["recordings"], turning["frames"], turning["traced"]) == (1, 160, 128)
     assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the simulation of the scanned room makes a single revolution
     every = [cell(rows, of, "all", "disk (MB)") for of in ("measured", "simulated")]
-    assert [one["made"] for one in every] == [7, 5]
+    assert [one["recordings"] for one in every] == [7, 5]
     frames, traced, disk = (sum(one[column] for one in every) for column in ("frames", "traced", "value"))
     held = sum(path.stat().st_size for kind in ("clean", "processed") for path in (store.root / kind).rglob("*") if path.is_file())
     assert disk == pytest.approx(held / 1e6, rel=1e-6)
@@ -112,7 +112,6 @@ def test_a_second_run_simulates_nothing(
     rows, again = first_run[0], table.run(config, store, Progress()).rows
     assert "0 of them to be made" in capsys.readouterr().err
     for one, other in zip(rows, again, strict=True):
-        assert (other["made"], other["found"]) == (0, one["made"])
         assert (other["metric"], other["value"]) == (one["metric"], one["value"])  # the table reports the stored times again
 
 
@@ -136,7 +135,7 @@ def test_a_scan_is_added_to_the_first_recording_of_its_room(config: Config, stor
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
     def made(setups: int, seconds: float) -> table.Made:
         return table.Made(
-            "measured", Case("mug", "atrium", "depth", 1.0), ("k", "k"), True, (seconds, 0.5), (1.0, 1.0), (5000, 1000), 50, 50, setups
+            "measured", Case("mug", "atrium", "depth", 1.0), ("k", "k"), (seconds, 0.5), (1.0, 1.0), (5000, 1000), 50, 50, setups
         )
 
     drives = 6 * [(50, 50)]
