@@ -1,8 +1,8 @@
 """Remove weak paths. The comparison of path amplitudes includes the gain of the antenna element at both ends of each path.
 
-All thresholds are multiples of TARGET_ERROR. A fifth of it changes the signals of the furnished laboratory and squash court, with and
-without a can, by 0.009 to 0.027, because many weak paths add up. Paths between two objects, between object and room, and of clutter are
-many and weak, so they have higher thresholds than the paths of the room.
+All shares below which paths are left out are multiples of TARGET_ERROR. A fifth of it changes the signals of the furnished laboratory and
+squash court, with and without a can, by 0.009 to 0.027, because many weak paths add up. Paths between two objects, between object and room,
+and of clutter are many and weak, so they have higher thresholds than the paths of the room.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,7 @@
 """Compare paths between objects and a room with image sources, geometric optics, exact geometry and finite differences."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -90,13 +91,13 @@ def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
         assert db(value / (ways * level * abs(tm) ** (2 if ways == 1 else 1))) == pytest.approx(0, abs=0.5)
 
 
-def test_too_many_paths_over_the_room_are_left_out_with_a_warning(monkeypatch):
-    scene = rt.Scene([*rooms.lab(detail="shell"), ball(np.array([1.2, 0.0, 0.5]))])
-    every = sum(len(part) for part in paths_of(scene, at(SENSOR)))
-    monkeypatch.setattr(coupling, "COUPLED", 3000)
-    with pytest.warns(coupling.CoupledWarning, match="more than COUPLED = 3,000 paths over the room"):
-        fewer = sum(len(part) for part in paths_of(scene, at(SENSOR + 1e-6)))  # another place, whose paths no cache holds
-    assert fewer < every
+def test_pairs_of_legs_are_limited_with_a_warning():
+    legs = SimpleNamespace(order=np.array([0, 1, 1, 1]), share=np.array([[1.0, 0.5, 0.4, 0.3]]))
+    every = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, np.inf)
+    assert len(every[0]) == 10
+    with pytest.warns(coupling.CoupledWarning, match="more than COUPLED = 3,000,000 paths over the room; the 11 weakest pairs of legs"):
+        strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, 4)
+    assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 0, 2)]
 
 
 def test_without_coupling_only_the_direct_echo_remains():

@@ -151,7 +151,7 @@ def room_scene(
 
 
 def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh whose coordinates are float32 numbers, as in a saved scene. A room that is saved and read is then the same room."""
+    """Return a mesh whose coordinates are float32 numbers, as in a saved scene. A room that is saved and read has the same vertices."""
     points = np.asarray(mesh.vertices, np.float32)
     return trimesh.Trimesh(points, mesh.faces, vertex_normals=mesh.vertex_normals, visual=mesh.visual, process=False)
 

@@ -145,8 +145,9 @@ def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, p
 def reversed_at_corners(chain: np.ndarray, points: np.ndarray, close: float, out: np.ndarray) -> bool:
     """Write a chain in which faces that reflect at one corner have the reverse order; returns whether there is such a corner.
 
-    A path from the sensor to itself over perpendicular faces meets the line of their corner, where both orders carry half of the field.
-    If the faces have layers and the path is not perpendicular to the line, the fields of the two orders differ.
+    A path from the sensor to itself over two perpendicular faces meets the line of their corner, where both orders carry half of the field.
+    If the faces have layers and the path is not perpendicular to the line, the fields of the two orders differ. At a corner of three
+    faces, six orders meet, of which the path has one and its reverse.
 
     Args:
         points: (len(chain), 3) points of reflection. close: largest distance between two successive points at a corner, m.
