@@ -254,7 +254,7 @@ class Drives:
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         if self._still is not None:
             there = poses_module.repeated(poses, len(sensor))
-            found += shadows_of_mover(self._walls(sensor), body.geometry, sensor, there, self._still.room.wavenumber)
+            found += shadows_of_mover(self._walls(sensor), body.geometry, sensor, there, self._still.room.wavenumber, self._radar)
         if not self._backend.settings.diffuse:
             return found
         others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]

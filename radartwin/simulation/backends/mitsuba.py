@@ -69,7 +69,7 @@ class MitsubaBackend:
             group = target(members, radar)
             parts += self.group_paths(group, surroundings, radar, sensor_poses[frames], poses[frames])
             if surroundings.room is not None:
-                parts += shadows_of_mover(at_rest, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber)
+                parts += shadows_of_mover(at_rest, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber, radar)
             movers.append(diffuse.Body(members, group.geometry, poses))
         if self.settings.diffuse:
             parts += diffuse.of_scene(still, movers, radar, sensor_poses)
