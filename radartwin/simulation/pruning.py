@@ -17,7 +17,7 @@ TARGET_ERROR = 1e-3
 PRUNE = TARGET_ERROR  # paths below this share of the strongest path of the same sensor pose are left out
 EARLY = 0.3  # factor on thresholds for estimates of amplitudes, which come before the amplitudes themselves
 TRACED = 0.2 * TARGET_ERROR  # share below which hits are dropped during tracing, where amplitudes have no antenna gains yet
-SHADED = TARGET_ERROR  # a shadow that changes a path by less than this share of the strongest path of the frame is left out
+SHADED = 0.3 * TARGET_ERROR  # a change by a shadow below this share of the strongest path of the frame is left out
 LEGS = 20 * TARGET_ERROR  # pairs of legs with a field below this share of the undisturbed direct field are left out
 MIRRORED = 0.1 * TARGET_ERROR  # a leg whose mirrors reflect less than this has no field
 # Paths between small objects and room below this share of the strongest path of the room are left out. Error: 0.002 of the signal of the
