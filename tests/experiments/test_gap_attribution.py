@@ -27,7 +27,7 @@ from radartwin.runs.experiment import check_rows
 from radartwin.store import products
 from radartwin.store.products import Store
 
-CONFIG = compose(["experiment=gap_attribution", "jobs=1", "profile.resamples=200", "supervision.trees=20", "supervision.seeds=2"])
+CONFIG = compose(["experiment=gap_attribution", "profile.resamples=200", "supervision.trees=20", "supervision.seeds=2"])
 OBJECTS = ("corner_reflector", "mug", "mustard", "mouthwash")
 FILLED_ONES = OBJECTS[2:]
 PLAN = Plan({"geometry": ("geometry",), "materials": (LABELS, "materials"), "contents": ("contents",), "hardware": ("hardware",)}, OBJECTS)
@@ -50,7 +50,8 @@ class FakeSides(Sides):
         channels = (made.channels * wave[:, None, None]).astype(np.complex64)
         return f"{domain}{sorted(on)}{key}", replace(made, power=power, channels=channels)
 
-    def make(self, some) -> None: ...
+    def missing(self, some) -> dict:
+        return {}
 
     def log(self, domain: str, case: Case):
         return FakeCampaign(distances=(1.0,), frames=16).log(case, "twin")

@@ -30,7 +30,7 @@ ANGLE = 2 * np.pi * np.arange(FRAMES) / FRAMES
 
 
 def config(tmp_path: Path) -> Config:
-    return compose(["experiment=gaps", "jobs=1", f"output={tmp_path}"])
+    return compose(["experiment=gaps", f"output={tmp_path}"])
 
 
 def reading(target: np.ndarray, room: complex = 1e-4, offset_m: float = 0.0, floor: float = 1e-16) -> case_set.Reading:
