@@ -31,7 +31,6 @@ FULL_MISSES = {
     "near-dihedral": "0.25 dB at 0.5 m",
     "range-law": "0.10 dB of the 3 cm dihedral",
     "panel-tubes": "0.043 of the image at 4 rays",
-    "two-panels-tubes": "0.053 of the double image",
     "bottles-water": "0.158 dB behind 0.3 mm of PET",
     "bottle-series-table": "0.158 dB behind 0.3 mm of PET",
     "reciprocity-single": "0.12 dB of curved targets at 0.5 m",
