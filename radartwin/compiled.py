@@ -12,6 +12,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from filelock import FileLock
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
@@ -53,6 +54,13 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
     dispatcher.compile = compile_once
     return dispatcher
+
+
+def fixed(values: np.ndarray) -> np.ndarray:
+    """Return a contiguous, read-only view or copy of an array, so that compiled functions that take it have one version only."""
+    view = np.ascontiguousarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 def cores() -> int:

@@ -9,12 +9,13 @@ of these effects comes from the recording's name.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from experiments.campaign import tally, truth, twin
-from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, TWIN, VOID, Case, Log, log, planned
+from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, ROVER, TWIN, VOID, Case, Log, log, planned
 from experiments.campaign.recorded import Recorded
 from experiments.campaign.schedule import RecordingTask, Schedule
 from experiments.campaign.turned import Turned
@@ -211,9 +212,12 @@ def _called(function: Callable[..., object], *arguments: Any) -> None:
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording that a task names. Worker processes call this function and share the traced paths of resting radars."""
+    """Simulate the recording that a task names. Worker processes call this function and share the traced paths of resting radars.
+
+    No other recording reads the paths of a drive.
+    """
     campaign = _campaign_of(task.config, task.root)
-    with array_cache.in_folder(task.root / "paths"):
+    with nullcontext() if task.case.motion in ROVER else array_cache.in_folder(task.root / "paths"):
         if task.clean:
             campaign.clean(task.domain, task.case)
         else:

@@ -69,10 +69,19 @@ def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.
     its amplitude is at least `share` (a number from 0 to 1) times the largest amplitude at its sensor pose.
     """
     levels = [level(part, radar) for part in parts]
-    strongest = np.zeros(parts[0].poses if parts else 0)
+    most = strongest(parts, levels, parts[0].poses if parts else 0)
+    return [(part_levels >= share * most[part.pose]) & (part_levels > 0) for part, part_levels in zip(parts, levels, strict=True)]
+
+
+def strongest(parts: Sequence[Paths], levels: Sequence[np.ndarray], frames: int) -> np.ndarray:
+    """Return the largest level (F,) of the paths of each frame. A `Paths` object of one pose is valid for all F frames."""
+    most = np.zeros(frames)
     for part, part_levels in zip(parts, levels, strict=True):
-        np.maximum.at(strongest, part.pose, part_levels)
-    return [(part_levels >= share * strongest[part.pose]) & (part_levels > 0) for part, part_levels in zip(parts, levels, strict=True)]
+        if part.poses == 1:
+            most = np.maximum(most, part_levels.max(initial=0.0))
+        else:
+            np.maximum.at(most, part.pose, part_levels)
+    return most
 
 
 def pruned(part: Paths, radar: Radar, share: float) -> Paths:

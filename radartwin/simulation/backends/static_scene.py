@@ -25,7 +25,7 @@ from radartwin.simulation.flat import obstacles, shadows
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import SHADED, level
+from radartwin.simulation.pruning import SHADED, level, strongest
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
@@ -178,17 +178,13 @@ def shadows_of_mover(
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
         geometry: triangles of the body in its own frame. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
-        wavenumber: rad/m.
+        wavenumber: rad/m. radar: its antenna gain is part of the level of a path.
     """
     body = Bodies.of(geometry, np.ones(int(geometry.surface.max(initial=0)) + 1, bool))
     inverse, frames = poses_module.inverse(poses), len(poses)
     sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
-    levels, strongest, out = [level(part, radar) for part in parts], np.zeros(frames), []
-    for part, loudness in zip(parts, levels, strict=True):
-        if part.poses == 1:
-            strongest = np.maximum(strongest, loudness.max(initial=0.0))
-        else:
-            np.maximum.at(strongest, part.pose, loudness)
+    levels = [level(part, radar) for part in parts]
+    most, out = strongest(parts, levels, frames), []
     for part, loudness in zip(parts, levels, strict=True):
         if part.points is None:
             continue
@@ -196,7 +192,7 @@ def shadows_of_mover(
         for frame, row in visibility.pairs(part, frames):
             points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
             change = body.factors(sensor[frame], points, part.mirror is not None, wavenumber) - 1
-            shaded = np.abs(change) * loudness[row] > SHADED * strongest[frame]
+            shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
             kept.append((frame[shaded], row[shaded], change[shaded]))
         frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))
         chosen = part.where(row)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.compiled import compiled, innermost, shared_out
+from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FEW_NODES = 4  # number of frequency nodes by which weak hits are found
@@ -34,9 +34,7 @@ class Coefficients:
 
     def __init__(self, reflecting: ReflectionTable, transmitting: ReflectionTable):
         values = reflecting.te, reflecting.tm, transmitting.through_te, transmitting.through_tm
-        self.values = tuple(np.ascontiguousarray(value, np.complex128).view() for value in values)
-        for value in self.values:  # the tables of `reflection_table.build` are read-only, and `_amplitudes` has one version only
-            value.flags.writeable = False
+        self.values = tuple(fixed(np.asarray(value, np.complex128)) for value in values)
         nodes = reflecting.te.shape[2]
         self.every = np.arange(nodes)
         self.few = np.unique(np.linspace(0, nodes - 1, min(nodes, FEW_NODES)).round().astype(int))

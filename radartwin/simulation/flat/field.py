@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, innermost
+from radartwin.compiled import compiled, fixed, innermost
 from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
@@ -41,11 +41,8 @@ class Tables(NamedTuple):
 
     @staticmethod
     def of(*values: np.ndarray) -> "Tables":
-        """Return tables whose arrays are contiguous and read-only, so that compiled functions have one version only."""
-        views = [np.ascontiguousarray(one).view() for one in values]
-        for view in views:
-            view.flags.writeable = False
-        return Tables(*views)
+        """Return tables whose arrays are contiguous and read-only."""
+        return Tables(*map(fixed, values))
 
 
 @innermost
