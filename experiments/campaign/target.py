@@ -42,7 +42,7 @@ def seen(
             share = coupled and len(sensor) >= FEW
             parts += drives.moving(surfaces, sensor, np.eye(4)[None], coupled and not share, aside)
             if share:
-                parts += drives.over_room(surfaces, aside).seen(sensor, rate_hz)
+                parts += drives.over_room(surfaces, sensor, aside).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses)
     at_rest = np.eye(4)[None]

@@ -58,9 +58,7 @@ class Track:
         Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`).
         """
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
-        along = self.places[-1, :3, 3] - self.places[0, :3, 3]
-        where = (poses[:, :3, 3] - self.places[0, :3, 3]) @ along / (along @ along) * (len(self.places) - 1)
-        place = np.clip(np.round(where), 0, len(self.places) - 1).astype(int)
+        place = nearest(self.places, poses)
         frame, there = poses[:, :3, :3], self.places[place, :3, :3]
         shift = np.einsum("fji,fj->fi", there, poses[:, :3, 3] - self.places[place, :3, 3])
         turn = np.swapaxes(frame, 1, 2) @ there
@@ -90,6 +88,13 @@ class Track:
         pose = np.repeat(np.arange(len(place)), count)
         moved = Paths(len(place), pose, bounces, amplitude, part.frequencies_hz, length[0], length[1], way[0], way[1], rate)
         return merged(moved, self.radar, gain[np.arange(total) + (first[place] - start[:-1])[pose]])
+
+
+def nearest(places: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Return the index (F,) of the place nearest to each of F sensor poses (F, 4, 4). The places (P, 4, 4) are equally spaced on a line."""
+    along = places[-1, :3, 3] - places[0, :3, 3]
+    where = (poses[:, :3, 3] - places[0, :3, 3]) @ along / (along @ along) * (len(places) - 1)
+    return np.clip(np.round(where), 0, len(places) - 1).astype(int)
 
 
 @compiled
@@ -149,9 +154,9 @@ def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np
     return out
 
 
-def _in_turn(parts: Sequence[Paths | None], poses: int) -> Paths:
-    """Join `Paths` objects of TOGETHER consecutive poses each to a single `Paths` object of all poses."""
-    shifted = [replace(part, poses=poses, pose=part.pose + k * TOGETHER) for k, part in enumerate(parts) if part is not None]
+def _in_turn(parts: Sequence[Paths | None], chosen: Sequence[np.ndarray], poses: int) -> Paths:
+    """Join `Paths` objects, whose poses are the increasing indices in `chosen`, to a single `Paths` object of all poses."""
+    shifted = [replace(part, poses=poses, pose=index[part.pose]) for part, index in zip(parts, chosen, strict=True) if part is not None]
     return Paths.concatenate(shifted)
 
 
@@ -224,17 +229,26 @@ class Drives:
     def _beside(self):
         return None if self._still is None else self._still.beside()
 
-    def over_room(self, surfaces: Sequence[Surface], aside: np.ndarray | None = None) -> Track:
-        """Trace the paths that include both a compact resting object and the room, along the track; `aside` as in `moving`."""
-        at_rest = np.eye(4)[None]
-        return self._track(lambda places: self._moving(self._things, surfaces, places, at_rest, True, aside)[1:])  # 0: direct echo
+    def over_room(self, surfaces: Sequence[Surface], drive: np.ndarray | None = None, aside: np.ndarray | None = None) -> Track:
+        """Trace the paths that include both a compact resting object and the room, along the track.
 
-    def _track(self, traced: Callable[[np.ndarray], list[Paths]]) -> Track:
-        """Call `traced` for the equally spaced sensor positions along the track and return the traced paths as a Track."""
+        Args:
+            drive: (F, 4, 4) sensor poses of the only drive for which the result is used. The paths are then traced only at the places
+                that are nearest to one of these poses.
+            aside: as in `moving`.
+        """
+        at_rest = np.eye(4)[None]
+        places = slice(None) if drive is None else nearest(self._places, drive)
+        return self._track(lambda some: self._moving(self._things, surfaces, some, at_rest, True, aside)[1:], places)  # 0: direct echo
+
+    def _track(self, traced: Callable[[np.ndarray], list[Paths]], chosen: np.ndarray | slice = slice(None)) -> Track:
+        """Call `traced` for the chosen ones of the equally spaced sensor positions along the track. Return the traced paths as a Track."""
         places = self._places
-        some = [traced(places[low : low + TOGETHER]) for low in range(0, len(places), TOGETHER)]
+        index = np.unique(np.arange(len(places))[chosen])
+        blocks = [index[low : low + TOGETHER] for low in range(0, len(index), TOGETHER)]
+        some = [traced(places[block]) for block in blocks]
         longest = max(len(parts) for parts in some)
-        parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], len(places)) for k in range(longest)]
+        parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], blocks, len(places)) for k in range(longest)]
         return Track(places, parts, self._radar)
 
     def moving(
