@@ -211,7 +211,8 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
     short, sensor = replace(place.radar, num_chirps=1), nominal.sensor_poses
 
     def room(state: float) -> np.ndarray:
-        parts = Drives(drift.shifted(around, small, state, creeps, root), short, sensor, settings).room(sensor)
+        shifted = drift.shifted(around, small, state, creeps, root)
+        parts = Drives(shifted, short, sensor, settings, similar=_drives(case, place, root)).room(sensor)
         return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
 
     def running(state: float) -> np.ndarray:

@@ -25,6 +25,7 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene, target
 from radartwin.simulation.backends.static_scene import Surroundings, shadows_of_mover
 from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths
 
@@ -170,10 +171,16 @@ class Drives:
         settings: of the tracer. `rays` must be None, and the room is traced by flat faces.
         offset: shift of the traced sensor positions along the track, as a fraction of their spacing. Different offsets give independent
             tracing errors.
+        similar: drives through a room that differs by much less than a wavelength. A resting sensor then uses the sequences of faces and
+            edges that were found in that room.
     """
 
-    def __init__(self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings, offset: float = 0.0):
+    def __init__(
+        self, surfaces: Sequence[Surface], radar: Radar, nominal: np.ndarray, settings: TraceSettings, offset: float = 0.0,
+        similar: "Drives | None" = None,
+    ):  # fmt: skip
         variant.activate(settings.variant)
+        self._similar = similar
         self._backend, self._radar = MitsubaBackend(settings), radar
         self._places = places_along(nominal, SPACING_M, offset)
         self._things, self._small = (
@@ -200,23 +207,28 @@ class Drives:
         key = poses.tobytes()
         if self._latest[0] != key:
             if (poses == poses[0]).all():
-                parts = self._backend.cached_static_paths(self._still, self._radar, poses[:1])
+                searched = None if self._similar is None else self._similar._found(poses[:1])
+                parts = self._backend.cached_static_paths(self._still, self._radar, poses[:1], searched)
             else:
                 parts = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
             self._latest = key, parts
         return self._latest[1]
 
     @cached_property
-    def _searched(self):
-        assert self._still is not None
-        return self._still.room.searched(self._places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE)
+    def _searched(self) -> Searched | None:
+        return self._found(self._places)
+
+    def _found(self, poses: np.ndarray) -> Searched | None:
+        """Return the strong sequences of faces and edges along a motion."""
+        if self._still is None:
+            return None
+        return self._still.searched(poses, self._radar, self._backend.settings.max_bounces, pruning.PRUNE)
 
     @cached_property
     def _clutter(self) -> Track:
         still = self._still
         assert still is not None
-        places = self._places
-        walls = still.room_paths(places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
+        walls = still.room_paths(self._places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
         loudest = max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
 
         def traced(some: np.ndarray) -> list[Paths]:

@@ -6,12 +6,14 @@ A path does not depend on the antenna pattern, the chirp timing or the noise of 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from radartwin.store import array_cache
 from radartwin.store.digest import array_digest, source_digest, spec_digest
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,20 +90,35 @@ class Paths:
 def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace: Callable[[], list[Paths]]) -> list[Paths]:
     """Return the paths from the array cache; if the cache does not have the paths, call `trace` and store its result in the cache.
 
+    The arguments are those of `made_once`.
+    """
+    return made_once(spec, arrays, trace, to_arrays, from_arrays)
+
+
+def made_once(
+    spec: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    make: Callable[[], T],
+    write: Callable[[T], array_cache.Arrays],
+    read: Callable[[array_cache.Arrays], T],
+) -> T:
+    """Return a result from the array cache; if the cache does not have the result, call `make` and store what it returns.
+
     Do not write to the returned arrays, because the cache returns the same arrays to several callers.
 
     Args:
-        spec: settings that affect the paths, as part of the cache key.
-        arrays: geometry, reflection tables and poses that affect the paths, as part of the cache key.
-        trace: function that traces the paths.
+        spec: settings that affect the result, as part of the cache key.
+        arrays: geometry, reflection tables and poses that affect the result, as part of the cache key.
+        make: function that computes the result.
+        write, read: functions that convert the result to named arrays and back.
     """
     digests = {name: array_digest(array) for name, array in arrays.items()}
     key = spec_digest({"spec": spec, "arrays": digests, "source": source_digest(["radartwin.simulation"])})
     cache = array_cache.shared()
-    found = cache.get(key, from_arrays)
+    found = cache.get(key, read)
     if found is None:
-        found = trace()
-        cache.put(key, to_arrays(found))
+        found = make()
+        cache.put(key, write(found))
     return found
 
 

@@ -28,7 +28,9 @@ from radartwin.simulation.backends.static_scene import StaticScene, Surroundings
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target
 from radartwin.simulation.flat import coupling
+from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.paths import Paths, traced_once
+from radartwin.store.digest import array_digest
 from radartwin.store.recent import Recent
 
 # Prepared static surfaces. Together they have at most as many faces as all cached geometries.
@@ -75,29 +77,27 @@ class MitsubaBackend:
             parts += diffuse.of_scene(still, movers, radar, sensor_poses)
         return [replace(part, points=None) for part in parts if len(part)]
 
-    def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
+    def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None = None) -> list[Paths]:
         """Return the paths of the static surfaces.
 
         The simulator traces these paths once per room. All frames, objects, repetitions and chirp timings then use the cached paths.
+
+        Args:
+            searched: sequences of faces and edges of a flat room that differs by much less than a wavelength; None searches for them.
         """
         spec = {
             "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in static.surfaces],
             "geometry": static.geometry.digest,
-            "reflection": static.table.digest,
-            # Static paths depend only on these properties of the radar and on the reflection table. They depend on the frame rate only if
-            # the radar moves.
-            "element": radar.element,
-            "antennas_m": (radar.tx_positions_m, radar.rx_positions_m),
-            "wavelength_m": radar.wavelength_m,
-            "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
+            "searched": None if searched is None else {name: array_digest(array) for name, array in searched.to_arrays().items()},
+            **static.described(radar, poses),
         }
-        return traced_once(spec, {"poses": poses}, lambda: self._static_paths(static, radar, poses))
+        return traced_once(spec, {"poses": poses}, lambda: self._static_paths(static, radar, poses, searched))
 
-    def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray) -> list[Paths]:
+    def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None) -> list[Paths]:
         settings = self.settings
         if settings.room == "panels" or (settings.room == "auto" and settings.rays is None and static.is_flat):
-            parts = static.room_paths(poses, radar, settings.max_bounces, pruning.PRUNE)
+            parts = static.room_paths(poses, radar, settings.max_bounces, pruning.PRUNE, searched)
             loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in parts)
             return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
         return [tube_paths.room_paths(static.surfaces, Target(static.geometry, static.table), settings, radar, poses)]

@@ -8,8 +8,8 @@ smooth shadows. A room whose large surfaces are not flat is traced by tubes as a
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
@@ -24,7 +24,7 @@ from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles, shadows
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.paths import Paths
+from radartwin.simulation.paths import Paths, made_once
 from radartwin.simulation.pruning import SHADED, level, strongest
 from radartwin.simulation.reflection_table import ReflectionTable
 
@@ -113,10 +113,14 @@ class StaticScene:
     @cached_property
     def room(self) -> FlatRoom:
         """Return the flat faces of the large surfaces as a room without small objects."""
-        found, flat = self._large
-        walls = geometry_module.subset(self.geometry, flat)
+        found, walls = self._large[0], self.walls
         usable = np.ones(len(found.offset), bool)
         return FlatRoom(found, usable, obstacles.build(walls.corners, walls.surface), shadows.of_faces(found), self.table)
+
+    @cached_property
+    def walls(self) -> Geometry:
+        """Return the triangles of the flat faces of the large surfaces."""
+        return geometry_module.subset(self.geometry, self._large[1])
 
     @cached_property
     def _objects(self) -> faces_module.Faces:
@@ -154,9 +158,29 @@ class StaticScene:
         joined = faces_module.Faces.concatenate([room.faces, objects])
         return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), outlines, self.table)
 
+    def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
+        """Return the strong sequences of faces and edges of the flat room, from the array cache if it has them; arguments as in `FlatRoom`.
+
+        The search does not depend on the small objects and on the density of ray tubes.
+        """
+        spec = {"walls": self.walls.digest, "max_bounces": max_bounces, "prune": prune, **self.described(radar, poses)}
+        make = partial(self.room.searched, poses, radar, max_bounces, prune)
+        return made_once(spec, {"poses": poses}, make, Searched.to_arrays, Searched.from_arrays)
+
+    def described(self, radar: Radar, poses: np.ndarray) -> dict[str, Any]:
+        """Return the properties of surfaces and radar that decide paths. The frame rate matters only to a moving radar."""
+        return {
+            "reflection": self.table.digest,
+            "element": radar.element,
+            "antennas_m": (radar.tx_positions_m, radar.rx_positions_m),
+            "wavelength_m": radar.wavelength_m,
+            "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,
+        }
+
     def room_paths(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None) -> list[Paths]:
         """Return the paths of the flat room without and with edges, in the shadow of the small objects; arguments as in `FlatRoom`."""
         velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
+        searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
         parts = self.room.paths(poses, velocity, radar, max_bounces, prune, searched)
         if self._bodies is None:
             return parts

@@ -5,7 +5,7 @@ places. Each pose then evaluates the sequences of the test places near it, exact
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,6 +45,17 @@ class Searched:
     places: np.ndarray
     sequences: search.Sequences
     of_test: Sequence[np.ndarray]
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return all fields as named arrays, which the array cache can store."""
+        ends = np.cumsum([len(one) for one in self.of_test])
+        return {"places": self.places, **vars(self.sequences), "of_test": np.concatenate(self.of_test), "ends": ends}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, np.ndarray]) -> "Searched":
+        """Rebuild the object from the result of `to_arrays`. Raises LookupError if an array is missing."""
+        sequences = search.Sequences(*(arrays[name] for name in search.Sequences.__annotations__))
+        return Searched(arrays["places"], sequences, np.split(arrays["of_test"], arrays["ends"][:-1]))
 
 
 @dataclass(frozen=True)
