@@ -162,12 +162,12 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
         disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
     target = list(_target(case, place.gaps, root))
-    parts = drives.room(there.sensor_poses)
     if case.motion in RAIL:
-        parts += on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
+        parts = on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
     else:
-        parts += seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside)
-    return received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
+        parts = seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside)
+    iq = received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
+    return iq + drives.room_samples(there.sensor_poses)
 
 
 def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
@@ -212,8 +212,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
 
     def room(state: float) -> np.ndarray:
         shifted = drift.shifted(around, small, state, creeps, root)
-        parts = Drives(shifted, short, sensor, settings, similar=_drives(case, place, root)).room(sensor)
-        return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
+        return Drives(shifted, short, sensor, settings, similar=_drives(case, place, root)).room_samples(sensor)[0, 0]
 
     def running(state: float) -> np.ndarray:
         warm = drift.shifted(below, RUNNING, state, creeps, root)

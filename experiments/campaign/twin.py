@@ -99,14 +99,15 @@ def record(
     if not isinstance(simulator, MitsubaSimulator) or not straight(nominal.sensor_poses):
         made = simulate(room + stand + Scene(target), radar, nominal.sensor_poses, motion=motion, **options)
         return replace(made, provenance=provenance)
-    known = str((materials, config.seed, config.measured.gap.geometry, options["elements"], simulator.parts))
-    drives, around = _track(case, room, options["simulator"].settings, radar, nominal, known, options["elements"])
+    known = str((materials, config.seed, config.measured.gap.geometry, simulator.parts))
+    drives = _track(case, room, options["simulator"].settings, radar, nominal, known)
     disc, post = ([s for s in stand if s.name == name] for name in ("turntable", "stand"))
     if case.motion in RAIL:
         parts = on_carriage(drives, nominal.sensor_poses, target, nominal.target_poses, nominal.target_poses[0], disc, post)
     else:
         parts = seen(drives, nominal.sensor_poses, nominal.frame_rate_hz, target, nominal.target_poses, disc, post)
-    iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None) + around
+    iq = received(parts, radar, nominal.frames, elements=options["elements"], oscillator=None)
+    iq = iq + drives.room_samples(nominal.sensor_poses, options["elements"])
     return Recording(iq, radar, None, provenance=provenance)
 
 
@@ -129,20 +130,14 @@ def _families(config: Config, case: Case) -> tuple[str, ...]:
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 
-_tracks: OrderedDict[str, tuple[Drives, np.ndarray]] = OrderedDict()
+_tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
-def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str, elements: str) -> tuple[Drives, np.ndarray]:
-    """Return the traced track of a case, and the signal (F or 1, C, T, R, N) of the room without target. The last tracks are cached.
+def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Drives:
+    """Return the traced track of a case. The last tracks are cached.
 
-    The text `known` lists all settings that change the room's model or signal, and is part of the cache key.
+    The text `known` lists all settings that change the room's model, and is part of the cache key.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
-
-    def build() -> tuple[Drives, np.ndarray]:
-        drives = Drives(list(room), radar, nominal.sensor_poses, settings)
-        parts = drives.room(nominal.sensor_poses)
-        return drives, received(parts, radar, len(nominal.sensor_poses), elements=elements, oscillator=None)
-
-    return tally.cached(_tracks, key, build, CACHED_TRACKS)
+    return tally.cached(_tracks, key, lambda: Drives(list(room), radar, nominal.sensor_poses, settings), CACHED_TRACKS)

@@ -28,6 +28,7 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.signal.synthesis import received
 
 SPACING_M = 0.04  # distance between places along a track
 OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
@@ -188,6 +189,7 @@ class Drives:
         )
         self._still = static_scene(list(surfaces), radar) if len(surfaces) else None
         self._latest: tuple[bytes, list[Paths]] = (b"", [])
+        self._sampled: tuple[tuple[bytes, str], np.ndarray] = ((b"", ""), np.zeros(0))
 
     def room(self, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
@@ -197,6 +199,13 @@ class Drives:
         rough = diffuse.of_scene(body, [], self._radar, poses) if self._backend.settings.diffuse else []
         clutter = [] if (poses == poses[0]).all() else self._clutter.seen(poses, self._radar.frame_rate_hz)
         return [*(replace(part, points=None) for part in self._walls(poses)), *clutter, *rough]
+
+    def room_samples(self, poses: np.ndarray, elements: str = "exact") -> np.ndarray:
+        """Return the samples (F or 1, C, T, R, N) of the room without the object, for sensor poses (F, 4, 4); the last result is cached."""
+        key = poses.tobytes(), elements
+        if self._sampled[0] != key:
+            self._sampled = key, received(self.room(poses), self._radar, len(poses), elements=elements, oscillator=None)
+        return self._sampled[1]
 
     def _walls(self, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the flat room with their points, for a drive through `poses` (F, 4, 4); the last result is cached.
