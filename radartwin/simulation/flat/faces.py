@@ -9,6 +9,7 @@ diffract nothing, because images are exact there.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -157,22 +158,41 @@ def _width(ring: np.ndarray) -> float:
 def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region]:
     """Subtract from every region the smaller regions in its plane, and of equal regions all but the first."""
     order = sorted(range(len(regions)), key=lambda i: (regions[i].polygon.area, i))
-    kept: list[_Region] = []
+    rank = {i: place for place, i in enumerate(order)}
+    near = _Boxes.of([region.to_space(shapely.get_coordinates(region.polygon)) for region in regions])
+    kept: dict[int, _Region] = {}
     for i in order:
         one = regions[i]
         corners = one.to_space(shapely.get_coordinates(one.polygon.convex_hull))
-        low, high = corners.min(axis=0) - SAME_M, corners.max(axis=0) + SAME_M
-        for other in kept:
+        for j in sorted((j for j in near.touching(corners).tolist() if j in kept), key=rank.__getitem__):
+            other = kept[j]
             if abs(one.normal @ other.normal) < 1 - 1e-6 or np.abs((corners - other.origin) @ other.normal).max() > SAME_M:
-                continue
-            points = other.to_space(shapely.get_coordinates(other.polygon))
-            if (points.max(axis=0) < low).any() or (points.min(axis=0) > high).any():
                 continue
             cover = shapely.transform(other.polygon, lambda ring, here=one, there=other: here.to_plane(there.to_space(ring)))
             one.polygon = shapely.difference(one.polygon, cover, grid_size=1e-7)
         if one.polygon.area > smallest_m**2:
-            kept.append(one)
-    return kept
+            kept[i] = one
+    return list(kept.values())
+
+
+class _Boxes(NamedTuple):
+    """Hold axis-parallel boxes, with a search tree in x and y. low, high: (N, 3) corners."""
+
+    low: np.ndarray
+    high: np.ndarray
+    tree: shapely.STRtree
+
+    @staticmethod
+    def of(points: Sequence[np.ndarray]) -> "_Boxes":
+        """Return the boxes of sets of points (V, 3)."""
+        low, high = (np.array([bound(some, axis=0) for some in points]).reshape(-1, 3) for bound in (np.min, np.max))
+        return _Boxes(low, high, shapely.STRtree(shapely.box(*low[:, :2].T, *high[:, :2].T)))
+
+    def touching(self, points: np.ndarray) -> np.ndarray:
+        """Return the indices, in ascending order, of the boxes closer than SAME_M to the box of points (V, 3)."""
+        low, high = points.min(axis=0) - SAME_M, points.max(axis=0) + SAME_M
+        found = np.sort(self.tree.query(shapely.box(*low[:2], *high[:2])))
+        return found[(self.high[found, 2] >= low[2]) & (self.low[found, 2] <= high[2])]
 
 
 def _parts(region: _Region, smallest_m: float) -> list[_Region]:
@@ -226,22 +246,34 @@ def _wedges(regions: list[_Region]) -> list[_Wedge]:
     begin, end, inward, owner = _borders(regions)
     normals = np.array([r.normal for r in regions]).reshape(-1, 3)
     offsets = np.array([r.normal @ r.origin for r in regions])
+    pieces = _Boxes.of(np.stack([begin, end], axis=1))
+    areas = _Boxes.of([region.to_space(shapely.get_coordinates(region.polygon)) for region in regions])
     wedges: list[_Wedge] = []
+
+    @cache
+    def inside(face: int) -> Any:
+        return regions[face].polygon.buffer(-2 * SAME_M)
+
     for i in range(len(owner)):
         way = end[i] - begin[i]
         size = float(np.linalg.norm(way))
         along = way / size
+        both = np.stack([begin[i], end[i]])
         # border pieces on the same line
-        places = [(points - begin[i]) @ along for points in (begin, end)]
-        away = [np.linalg.norm(points - begin[i] - t[:, None] * along, axis=1) for points, t in zip((begin, end), places, strict=True)]
+        near = pieces.touching(both)
+        places = [(points[near] - begin[i]) @ along for points in (begin, end)]
+        away = [
+            np.linalg.norm(points[near] - begin[i] - t[:, None] * along, axis=1) for points, t in zip((begin, end), places, strict=True)
+        ]
         low, high = np.minimum(*places), np.maximum(*places)
         same = np.flatnonzero((np.maximum(*away) < SAME_M) & (low < size - SAME_M) & (high > SAME_M))
-        spans = [(float(low[j]), float(high[j]), [_side(regions, inward[j], owner[j])], int(j)) for j in same]
+        spans = [(float(low[k]), float(high[k]), [_side(regions, inward[near[k]], owner[near[k]])], int(near[k])) for k in same]
         # faces that the piece crosses inside their borders
-        level = [np.abs(points @ normals.T - offsets) for points in (begin[i], end[i])]
-        for f in np.flatnonzero((np.maximum(*level) < SAME_M) & (np.arange(len(regions)) != owner[i])):
+        near = areas.touching(both)
+        level = np.abs(both @ normals[near].T - offsets[near]).max(axis=0)
+        for f in near[(level < SAME_M) & (near != owner[i])]:
             line = LineString(regions[f].to_plane(np.array([begin[i], end[i]])))
-            inner = shapely.intersection(line, regions[f].polygon.buffer(-2 * SAME_M))
+            inner = shapely.intersection(line, inside(int(f)))
             across = np.cross(normals[f], along)
             for piece in getattr(inner, "geoms", [inner]):
                 if isinstance(piece, LineString) and piece.length > SHORTEST_M:
