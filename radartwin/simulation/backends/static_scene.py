@@ -29,7 +29,7 @@ from radartwin.simulation.pruning import SHADED, level, strongest
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
-MAX_FACES = 1500  # rooms with more flat faces are traced by tubes, with a warning
+MAX_FACES = 20_000  # rooms with more flat faces are traced by tubes, with a warning; a room of 10,000 takes minutes (decision 018)
 # A body that fits into a cylinder with this radius is an object even if it is long. Its faces span less than a Fresnel zone at 0.2 m, where
 # physical optics and shadows are more accurate than edges. A wall behind frames with bars of 1 cm: errors below 0.2 dB instead of 2.9
 # and 2.1 dB. A wall behind boxes of 2 cm: 0.02 of its echo instead of 1.5.

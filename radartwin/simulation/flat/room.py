@@ -135,7 +135,7 @@ class FlatRoom:
 
     def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
-        return self._beams(sensor, longest).chain
+        return self._beams(sensor, longest, self._bounds(np.zeros(4), 0.0)).chain
 
     def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
         """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
@@ -240,9 +240,14 @@ class FlatRoom:
         gain = element_gain(radar.element, departure[found] @ pose[:3, :3]) * element_gain(radar.element, arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
-    def _beams(self, place: np.ndarray, longest: int) -> search.Beams:
+    def _beams(self, place: np.ndarray, longest: int, bounds: search.Levels) -> search.Beams:
         source = place + 1.5 * field.NUDGE / self.wavenumber
-        return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, source, longest)
+        return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, bounds, source, longest)
+
+    def _bounds(self, front: np.ndarray, least: float) -> search.Levels:
+        """Return upper bounds of fields for a plane (4,) in front of the sensor and the weakest field that matters."""
+        through = np.maximum(np.abs(self.table.through_te).max(axis=(1, 2)), np.abs(self.table.through_tm).max(axis=(1, 2)))
+        return search.Levels(self._envelope, through, front, least)
 
     def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> search.Sequences:
         """Return the sequences with a path as strong as `prune` times the strongest path, at a pose (4, 4).
@@ -250,14 +255,23 @@ class FlatRoom:
         twice: whether paths may have two diffractions.
         """
         place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
-        found = self._beams(place, max_bounces - 1)
-        closed = search.closed(self.faces, self.balls, found, self.loudness, place + nudge, place + 2 * nudge, max_bounces)
-        there, levels = self._levels(closed, np.arange(len(closed)), pose, radar, 0.0)
-        strongest = levels.max(initial=0.0)
-        arrivals = search.reached(self.faces, self.blocking, self.table.opaque, place + 1.5 * nudge, found, max_bounces)
-        strength = self._strengths(found, arrivals, pose, radar)
+        ahead = not element_gain(radar.element, [-1.0, 0.0, 0.0])
+        front = np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge)) if ahead else np.zeros(4)
+        least = 0.0
+        for longest in (min(2, max_bounces), max_bounces):  # paths of few reflections show below which field others are too weak
+            bounds = self._bounds(front, least)
+            found = self._beams(place, longest - 1, bounds)
+            closed = search.closed(self.faces, self.balls, found, self.loudness, least, place + nudge, place + 2 * nudge, longest)
+            there, levels = self._levels(closed, np.arange(len(closed)), pose, radar, least)
+            strongest = levels.max(initial=0.0)
+            least = self._least(radar, prune) / EARLY * strongest
+        bounds = self._bounds(front, least)
+        source = place + 1.5 * nudge
+        arrivals, passed = search.reached(
+            self.faces, self.blocking, self.table.opaque, bounds, source, found, max_bounces, self.wavenumber, twice
+        )
+        strength = passed * self._strengths(found, arrivals, pose, radar)
         linked = self.links if twice else np.zeros((0, 3), int)
-        least = self._least(radar, prune) / EARLY * strongest
         edged = search.sequences(self.faces, found, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least)
         edged_there, edged_levels = self._levels(edged, np.arange(len(edged)), pose, radar, least)
         limit = prune * max(strongest, edged_levels.max(initial=0.0))

@@ -1,9 +1,9 @@
 """Search for the sequences of faces and edges that can carry a path, seen from one place of the sensor.
 
 Beams start at the sensor. A beam is the convex part of a face that the sensor's image lights, together with this image; it is mirrored at
-the face and clipped by the faces beyond it. The search follows beams until their field is too weak. An edge inside a beam is reached by
-the faces of the beam. Reached twice, out and back, it gives a path with one diffraction. Two edges that see each other, directly or over
-one face, give a path with two diffractions.
+the face and clipped by the faces beyond it. The search follows a beam only if a path over it can be strong enough (`Levels`). An edge
+inside a beam is reached by the faces of the beam. Reached twice, out and back, it gives a path with one diffraction. Two edges that see
+each other, directly or over one face, give a path with two diffractions.
 """
 
 import math
@@ -11,20 +11,38 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from radartwin.compiled import compiled, cores, innermost
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import angle, distance, dot, edge_point, moved, panes_on, reflect_points, vector
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
+from radartwin.simulation.flat.field import angle, distance, dot, edge_point, moved, panes_on, reflect_points, toward, vector
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
 FEW = 3  # number of steps to estimate the two points of a double diffraction
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
+BOTH = 2.25  # an edge changes a field by a factor of at most 1.5, and a path has at most two edges
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
+
+
+class Levels(NamedTuple):
+    """Hold upper bounds of the fields of paths, to leave out beams, edges and faces whose paths are too weak.
+
+    Attributes:
+        envelope: (P, C) largest reflection coefficient of each face over all angles at least as steep as each of C cosines.
+        through: (S,) largest transmission coefficient of each surface.
+        front: (4,) plane behind which the sensor has no antenna gain, as unit normal and offset; zeros if there is none.
+        least: weakest field of a path that matters, in 1/m.
+    """
+
+    envelope: np.ndarray
+    through: np.ndarray
+    front: np.ndarray
+    least: float
 
 
 @dataclass(frozen=True)
@@ -33,6 +51,7 @@ class Beams:
 
     Attributes:
         chain: (N, C) faces. order: (N,) number of reflections. image: (N, 3) of the sensor. polygon: (N, M, 3), corners: (N,).
+        strength: (N,) largest field at one metre, without antenna gain. passed: (N,) largest transmission of the panes on the way.
     """
 
     chain: np.ndarray
@@ -40,16 +59,21 @@ class Beams:
     image: np.ndarray
     polygon: np.ndarray
     corners: np.ndarray
+    strength: np.ndarray
+    passed: np.ndarray
 
 
 @innermost
-def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int, out: np.ndarray) -> int:
+def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int, front: np.ndarray, out: np.ndarray) -> int:
     """Write the planes that bound a beam, as unit normals that point inwards and offsets (count, 4); returns their number.
 
     The first plane is that of the beam's last face, the others are the planes through its image `at` and the sides of its polygon.
+    The beam of the sensor itself is bounded by the plane `front`.
     """
     if last < 0:
-        return 0
+        for k in range(4):
+            out[0, k] = front[k]
+        return 1 if front[0] != 0 or front[1] != 0 or front[2] != 0 else 0
     normal = vector(faces.normal, last)
     side = -1.0 if dot(at, normal) > faces.offset[last] else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
@@ -89,20 +113,77 @@ def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
     return i == count
 
 
+@innermost
+def _passed(
+    tree: Hierarchy, opaque: np.ndarray, through: np.ndarray, start: Point, points: np.ndarray, count: int, end: Point,
+    found: np.ndarray, least: float,
+) -> float:  # fmt: skip
+    """Return the largest transmission of the panes on the path from `start` over points (count, 3) to `end`.
+
+    Return 0 if the path is blocked or the transmission is below `least`. found: (MAX_PANES,) memory.
+    """
+    to, factor = (end[0], end[1], end[2]), 1.0
+    for i in range(count - 1, -2, -1):
+        at = (points[i, 0], points[i, 1], points[i, 2]) if i >= 0 else (start[0], start[1], start[2])
+        panes = crossed(tree, at, to, opaque, found)
+        if panes < 0:
+            return 0.0
+        for k in range(panes):
+            factor *= through[tree.label[found[k]]]
+        if factor < least:
+            return 0.0
+        to = at
+    return factor
+
+
+@innermost
+def _reflected(faces: Faces, envelope: np.ndarray, chain: np.ndarray, at: Vector, polygon: np.ndarray, count: int) -> float:
+    """Return the largest product of reflection coefficients over the directions from an image to a convex polygon on the last face.
+
+    Over such directions, the cosine of incidence at each face is smallest at a corner of the polygon, because a cone of directions up to
+    90 degrees about a normal is convex.
+    """
+    total, columns = 1.0, envelope.shape[1] - 1
+    for i in range(len(chain)):
+        least = 1.0
+        for k in range(count):
+            corner = vector(polygon, k)
+            way = toward(at, corner, max(distance(at, corner), 1e-12))
+            for j in range(len(chain) - 1, i, -1):
+                normal = vector(faces.normal, chain[j])
+                way = moved(way, normal, -2 * dot(way, normal))
+            least = min(least, abs(dot(way, vector(faces.normal, chain[i]))))
+        total *= envelope[chain[i], int(least * columns)]
+    return total
+
+
+@innermost
+def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> float:
+    """Return a lower bound of the distance from a point to a polygon with the given middle."""
+    size = 0.0
+    for i in range(count):
+        size = max(size, distance(middle, vector(polygon, i)))
+    return max(distance(at, middle) - size, 0.0)
+
+
 @compiled
 def _grown(
-    faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, source: np.ndarray,
-    start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, used: int,
+    faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, levels: Levels,
+    source: np.ndarray, start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray,
+    corners: np.ndarray, strength: np.ndarray, passed: np.ndarray, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """Append the beams that follow beams start:stop; returns the number of beams, and the first beam for which there was no room."""
     most = polygon.shape[1]
     planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
     points, found = np.empty((chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
+    place = source[0], source[1], source[2]
+    faces_of = np.empty(chain.shape[1], np.int64)
     for b in range(start, stop):
         m, known = order[b], used
+        faces_of[:m] = chain[b, :m]
         before, at = chain[b, :m], vector(image, b)
         last = chain[b, m - 1] if m else -1
-        bounds = _planes(faces, last, at, polygon[b], corners[b], planes)
+        bounds = _planes(faces, last, at, polygon[b], corners[b], levels.front, planes)
         for p in range(len(faces.offset)):
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
             if p == last or abs(height) < 1e-6 or loudness[p] == 0 or not _within(planes, bounds, vector(centre, p), radius[p]):
@@ -111,7 +192,7 @@ def _grown(
             for i in range(count):
                 one[i, 0], one[i, 1], one[i, 2] = faces.outline[p, i, 0], faces.outline[p, i, 1], faces.outline[p, i, 2]
             for i in range(bounds):
-                aside = 1e-6 if i == 0 else 0.0
+                aside = 1e-6 if i == 0 and m else 0.0
                 count = clip(one, count, planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] + aside, two)
                 one, two = two, one
                 if count == 0:
@@ -119,7 +200,12 @@ def _grown(
             if count == 0 or twice_area(one, count) < TINY_M2:
                 continue
             middle = _middle(one, count)
-            lit = False
+            faces_of[m] = p
+            reflected = _reflected(faces, levels.envelope, faces_of[: m + 1], at, one, count)
+            least = levels.least * (_beyond(one, count, middle, at) + _beyond(one, count, middle, place)) / BOTH
+            if reflected * passed[b] < max(least, 1e-30):
+                continue
+            lit = 0.0
             for i in range(-1, 2 * count):  # the middle, and two points on the way to each corner
                 share = 0.0 if i < 0 else 0.5 if i < count else 0.9
                 corner = vector(one, i % count)
@@ -128,40 +214,44 @@ def _grown(
                     middle[1] + share * (corner[1] - middle[1]),
                     middle[2] + share * (corner[2] - middle[2]),
                 )
-                if reflect_points(faces, source, before, x, points) and panes_on(tree, opaque, source, points, m, x, found) >= 0:
-                    lit = True
-                    break
-            if not lit:
+                if reflect_points(faces, source, before, x, points):
+                    lit = max(lit, _passed(tree, opaque, levels.through, source, points, m, x, found, least / reflected))
+                    if lit >= passed[b]:
+                        break
+            if lit == 0:
                 continue
             if used == len(order):
                 return known, b
             chain[used, :m], chain[used, m], chain[used, m + 1 :], order[used] = before, p, -1, m + 1
             image[used] = image[b] - 2 * height * faces.normal[p]
             polygon[used, :count], corners[used] = one[:count], count
+            strength[used], passed[used] = reflected * lit, lit
             used += 1
     return used, stop
 
 
 def beams(
-    faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, source: np.ndarray,
-    longest: int,
+    faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, levels: Levels,
+    source: np.ndarray, longest: int,
 ) -> Beams:  # fmt: skip
     """Follow the beams of a source.
 
     Args:
         balls: centre (P, 3) and radius (P,) of a ball around each face. loudness: (P,) largest reflection coefficient of each face.
+        levels: bounds of fields; weaker beams are left out.
         longest: largest number of reflections.
     """
     most, room = faces.outline.shape[1] + SPARE, 4096
-    shapes = (max(longest, 1),), (), (3,), (most, 3), ()  # of chain, order, image, polygon and corners
-    arrays = [np.empty((room, *shape), kind) for shape, kind in zip(shapes, (int, int, float, float, int), strict=True)]
-    for values, first in zip(arrays, (-1, 0, source, 0, 0), strict=True):
+    shapes = (max(longest, 1),), (), (3,), (most, 3), (), (), ()  # chain, order, image, polygon, corners, strength and transmission
+    kinds = (int, int, float, float, int, float, float)
+    arrays = [np.empty((room, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)]
+    for values, first in zip(arrays, (-1, 0, source, 0, 0, 1, 1), strict=True):
         values[0] = first
     start, used = 0, 1
     for _ in range(longest):
         end = used
         while start < end:
-            used, start = _grown(faces, *balls, tree, opaque, loudness, source, start, end, *arrays, used)
+            used, start = _grown(faces, *balls, tree, opaque, loudness, levels, source, start, end, *arrays, used)
             if start < end:
                 arrays = [np.concatenate([values, np.empty_like(values)]) for values in arrays]
     return Beams(*(values[:used] for values in arrays))
@@ -169,10 +259,17 @@ def beams(
 
 @compiled
 def _reach(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, samples: np.ndarray, chain: np.ndarray, order: np.ndarray,
-    image: np.ndarray, polygon: np.ndarray, corners: np.ndarray, out: np.ndarray,
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, source: np.ndarray, samples: np.ndarray, longest: int,
+    own: np.ndarray, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray,
+    strength: np.ndarray, passed: np.ndarray, wavenumber: float, twice: bool, out: np.ndarray, through: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (edge, beam) of all edges that a beam reaches; returns their number, or -1 if `out` is too short."""
+    """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 for too little room.
+
+    A path has at most `longest` reflections. If paths have one diffraction (not `twice`), the way back of a beam of many reflections is
+    therefore a beam of fewer reflections, which is already known.
+    """
+    newest, before_it = np.full(len(faces.length), -1), np.empty(len(out), np.int64)  # arrivals of few reflections at each edge
+    place = source[0], source[1], source[2]
     planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
     found = np.empty(MAX_PANES, np.int64)
     used = 0
@@ -180,9 +277,13 @@ def _reach(
         m = order[b]
         before, at = chain[b, :m], vector(image, b)
         last = chain[b, m - 1] if m else -1
-        bounds = _planes(faces, last, at, polygon[b], corners[b], planes)
+        bounds = _planes(faces, last, at, polygon[b], corners[b], levels.front, planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
+                continue
+            back = longest - own[e] - m
+            fewer = not twice and back < m
+            if fewer and newest[e] < 0:
                 continue
             start, along = vector(faces.start, e), vector(faces.along, e)
             end, low, high = moved(start, along, faces.length[e]), 0.0, faces.length[e]
@@ -199,30 +300,73 @@ def _reach(
             if low >= high or not _is_open(faces, e, start, at):
                 continue
             foot = dot((at[0] - start[0], at[1] - start[1], at[2] - start[2]), along)
+            straight = dot((place[0] - start[0], place[1] - start[1], place[2] - start[2]), along)
+            near = distance(at, moved(start, along, min(max(foot, low), high)))
+            near += distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e])))
+            least = levels.least * near * passed[b] / (BOTH * strength[b])  # smallest transmission that matters
+            if passed[b] < least:
+                continue
+            a = newest[e] if fewer else -1
+            while a >= 0:
+                other = out[a, 1]
+                if order[other] <= back:
+                    gain = strength[b] * strength[other] * through[a] / passed[other]
+                    if _single(faces, e, wavenumber, gain, levels.least, at, vector(image, other)):
+                        break
+                a = before_it[a]
+            if fewer and a < 0:
+                continue
+            lit = 0.0
             for i in range(-1, len(samples)):
                 z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
                 x = edge_point(faces, e, z)
-                if reflect_points(faces, source, before, x, points) and panes_on(tree, opaque, source, points, m, x, found) >= 0:
-                    if used == len(out):
-                        return -1
-                    out[used, 0], out[used, 1] = e, b
-                    used += 1
-                    break
+                if reflect_points(faces, source, before, x, points):
+                    lit = max(lit, _passed(tree, opaque, levels.through, source, points, m, x, found, least))
+                    if lit >= passed[b]:
+                        break
+            if lit == 0:
+                continue
+            if used == len(out):
+                return -1
+            out[used, 0], out[used, 1], through[used] = e, b, lit
+            if 2 * m < longest:
+                newest[e], before_it[used] = used, newest[e]
+            used += 1
     return used
 
 
-def reached(faces: Faces, tree: Hierarchy, opaque: np.ndarray, source: np.ndarray, found: Beams, longest: int) -> np.ndarray:
-    """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge."""
+def own_reflections(faces: Faces) -> np.ndarray:
+    """Return the number of reflections (E,) that an edge wave counts as.
+
+    At its boundaries, an edge wave joins reflections at the faces of the edge, which count like other reflections: one, or several at an
+    inner corner. Otherwise a wave would join a path that is left out.
+    """
+    return np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
+
+
+def reached(
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, source: np.ndarray, found: Beams, longest: int, wavenumber: float,
+    twice: bool,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge.
+
+    The second result is the largest transmission (M,) of the panes on the way.
+
+    Args:
+        levels: bounds of fields; weaker beams are left out. twice: whether paths may have two diffractions.
+    """
     few = found.order < longest
-    room = 4096
+    columns = [getattr(found, name)[few] for name in ("chain", "order", "image", "polygon", "corners", "strength", "passed")]
+    room = 65536
     while True:
-        out = np.zeros((room, 2), np.int64)
+        out, through = np.zeros((room, 2), np.int64), np.zeros(room)
         used = _reach(
-            faces, tree, opaque, source, np.array(SAMPLES), found.chain[few], found.order[few], found.image[few], found.polygon[few],
-            found.corners[few], out,
+            faces, tree, opaque, levels, source, np.array(SAMPLES), longest, own_reflections(faces), *columns, wavenumber, twice, out,
+            through,
         )  # fmt: skip
         if used >= 0:
-            return out[:used][np.argsort(out[:used, 0], kind="stable")]
+            order = np.argsort(out[:used, 0], kind="stable")
+            return out[order], through[order]
         room *= 4
 
 
@@ -454,19 +598,25 @@ class Sequences:
 
 @compiled
 def _closed(
-    faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, source: np.ndarray, receiver: np.ndarray,
-    chain: np.ndarray, order: np.ndarray, image: np.ndarray, out: np.ndarray,
+    faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, source: np.ndarray, receiver: np.ndarray,
+    chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; returns their number, or -1."""
     used = 0
     points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
     end = receiver[0], receiver[1], receiver[2]
+    last = np.zeros(len(faces.offset))  # largest field at one metre of the reverse of the path's last leg
+    for b in range(len(order)):
+        if order[b] == 1:
+            last[chain[b, 0]] = strength[b]
     for b in range(len(order)):
         m, at = order[b], vector(image, b)
         faces_of[:m] = chain[b, :m]
         for p in range(len(faces.offset)):
             faces_of[m] = p
             if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end):
+                continue
+            if chain.shape[1] > 0 and strength[b] * last[p] < least * distance(_mirrored(faces, p, at, 1.0), end):
                 continue
             if not reflect_points(faces, source, faces_of[: m + 1], receiver, points):
                 continue
@@ -478,19 +628,19 @@ def _closed(
 
 
 def closed(
-    faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, source: np.ndarray, receiver: np.ndarray,
-    longest: int,
+    faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, least: float, source: np.ndarray,
+    receiver: np.ndarray, longest: int,
 ) -> Sequences:  # fmt: skip
     """Return the sequences of at most `longest` faces, without edges, over which beams of the source reach the receiver.
 
     Args:
         balls: centre (P, 3) and radius (P,) of a ball around each face.
-        loudness: (P,) largest reflection coefficient of each face. source, receiver: (3,) places.
+        loudness: (P,) largest reflection coefficient of each face. least: weakest field that matters, 1/m. source, receiver: (3,) places.
     """
     few = found.order < longest
-    chain, order, image = found.chain[few], found.order[few], found.image[few]
+    chain, order, image, strength = found.chain[few], found.order[few], found.image[few], found.strength[few]
     beam, face, _ = _listed(
-        lambda piece, pieces, out: _closed(faces, *balls, loudness, source, receiver, chain, order, image, out), 1
+        lambda piece, pieces, out: _closed(faces, *balls, loudness, least, source, receiver, chain, order, image, strength, out), 1
     ).T  # fmt: skip
     chains = np.full((len(beam), max(longest, 1)), -1)
     chains[:, : chain.shape[1]] = chain[beam, : chains.shape[1]]
@@ -498,6 +648,16 @@ def closed(
     count = np.zeros((len(beam), 3), int)
     count[:, 0] = order[beam] + 1
     return Sequences(count, np.full((len(beam), 2), -1), chains, np.zeros(len(beam), bool))
+
+
+@innermost
+def _single(faces: Faces, e: int, wavenumber: float, strength: float, least: float, at_a: Vector, at_b: Vector) -> bool:
+    """Return whether a single diffraction at edge `e` between two images can be as strong as `least`; strength: field at one metre."""
+    start, along = vector(faces.start, e), vector(faces.along, e)
+    z = _place(start, along, at_a, at_b)
+    x = moved(start, along, z)
+    worth = strength / (distance(at_a, x) + distance(x, at_b)) * _taper(start, along, faces.length[e], wavenumber, z, at_a, at_b)
+    return 1.5 * worth >= least and worth * _share(faces, e, wavenumber, at_a, x, at_b) >= least
 
 
 @compiled
@@ -512,12 +672,7 @@ def _singles(
             for b in range(a, first[e + 1]):
                 if order[a] + order[b] + own[e] > longest:
                     continue
-                start, along, at_a, at_b = vector(faces.start, e), vector(faces.along, e), vector(image, a), vector(image, b)
-                z = _place(start, along, at_a, at_b)
-                x = moved(start, along, z)
-                worth = strength[a] * strength[b] / (distance(at_a, x) + distance(x, at_b))
-                worth *= _taper(start, along, faces.length[e], wavenumber, z, at_a, at_b)
-                if 1.5 * worth < least or worth * _share(faces, e, wavenumber, at_a, x, at_b) < least:
+                if not _single(faces, e, wavenumber, strength[a] * strength[b], least, vector(image, a), vector(image, b)):
                     continue
                 if used == len(out):
                     return -1
@@ -564,9 +719,7 @@ def sequences(
     order, image = found.order[beam], found.image[beam]
     width = max(found.chain.shape[1], longest, 1)
     parts = []
-    # At its boundaries, an edge wave joins reflections at the faces of the edge, which count like other reflections: one, or several at an
-    # inner corner. Otherwise a wave would join a path that is left out.
-    own = np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
+    own = own_reflections(faces)
     known = (first, order, image, strength, longest, own)
     once = _listed(lambda piece, pieces, out: _singles(faces, wavenumber, least, *known, out), 1)
     twice = _listed(
