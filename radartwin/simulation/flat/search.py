@@ -616,7 +616,7 @@ def _closed(
             faces_of[m] = p
             if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end):
                 continue
-            if chain.shape[1] > 0 and strength[b] * last[p] < least * distance(_mirrored(faces, p, at, 1.0), end):
+            if m and strength[b] * last[p] < least * distance(_mirrored(faces, p, at, 1.0), end):
                 continue
             if not reflect_points(faces, source, faces_of[: m + 1], receiver, points):
                 continue
