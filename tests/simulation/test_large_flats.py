@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def test_bounds_of_fields_leave_out_no_path_above_the_pruning_threshold(
     bounded = static.room_paths(poses[:frames], RADAR, 3, PRUNE)
     bounds = FlatRoom._bounds
     monkeypatch.setattr(FlatRoom, "_bounds", lambda room, front, least: bounds(room, 0 * front, 0.0))
-    closed = search.closed
+    closed: Any = search.closed
     monkeypatch.setattr(search, "closed", lambda *args: closed(*args[:4], 0.0, *args[5:]))
     np.testing.assert_allclose(strengths(bounded), strengths(static.room_paths(poses[:frames], RADAR, 3, PRUNE)), rtol=1e-9)
 

@@ -183,7 +183,7 @@ class _Boxes(NamedTuple):
     tree: shapely.STRtree
 
     @staticmethod
-    def of(points: Sequence[np.ndarray]) -> "_Boxes":
+    def of(points: Sequence[np.ndarray] | np.ndarray) -> "_Boxes":
         """Return the boxes of sets of points (V, 3)."""
         low, high = (np.array([bound(some, axis=0) for some in points]).reshape(-1, 3) for bound in (np.min, np.max))
         return _Boxes(low, high, shapely.STRtree(shapely.box(*low[:, :2].T, *high[:, :2].T)))

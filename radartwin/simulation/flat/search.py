@@ -129,7 +129,7 @@ def _passed(
         if panes < 0:
             return 0.0
         for k in range(panes):
-            factor *= through[tree.label[found[k]]]
+            factor *= float(through[tree.label[found[k]]])
         if factor < least:
             return 0.0
         to = at
