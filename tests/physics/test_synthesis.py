@@ -60,6 +60,25 @@ def test_synthesis_matches_the_direct_sum(rate, nodes):
     assert error < 1e-4  # the required error is 1e-3; an interpolation kernel with 6 taps gives 1e-5
 
 
+@pytest.mark.parametrize(("nodes", "thickness_m", "rate"), [(16, 0.01, 0.2), (76, 0.1, 0.2), (76, 0.1, 5.0)])
+def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, rate):
+    """A path whose amplitude over frequency is that of several delayed echoes has the signal of as many paths without dispersion."""
+    radar = Radar.iwr1843(element="isotropic")
+    alone = dataclasses.replace(random_paths(12, 1, rate), departure=(way := np.tile([1.0, 0.0, 0.0], (12, 1))), arrival=way)
+    band = radar.start_frequency_hz + np.array([0, radar.slope_hz_per_s * radar.num_samples / radar.sample_rate_hz])
+    frequencies = chebyshev_nodes(*band, nodes)
+    delays = 2 * thickness_m * np.arange(6)
+    echoes = 0.6 ** np.arange(6) * np.exp(2j * np.pi * frequencies[:, None] * delays / C)
+    one = dataclasses.replace(alone, amplitude=alone.amplitude * echoes.sum(axis=1), frequencies_hz=frequencies)
+    several = [
+        dataclasses.replace(alone, amplitude=alone.amplitude * 0.6**k, length_in_m=alone.length_in_m + delay)
+        for k, delay in enumerate(delays)
+    ]
+    expected = synthesize(several, radar, elements="planar")
+    error = np.linalg.norm(synthesize(one, radar, elements="planar") - expected) / np.linalg.norm(expected)
+    assert error < 1e-4
+
+
 def test_delayed_echo_in_the_amplitude_equals_a_longer_path():
     """A path whose amplitude over frequency contains an echo delayed by twice 300 mm has the signal of two paths."""
     radar = Radar.iwr1843(element="isotropic")

@@ -16,7 +16,7 @@ from radartwin.compiled import compiled, innermost
 
 TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
 DEGREE = TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
-BLOCK = 1024  # number of paths for which `expand` finds the largest coefficients
+BLOCK = 1024  # number of paths of one piece of work of `expand`
 _TAPS_BEFORE = TAPS // 2 - 1  # number of kernel taps to the left of the grid cell in which the delay of a path lies
 _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel functions' power series are exact in double precision
 
@@ -35,7 +35,9 @@ class PathArrays(NamedTuple):
     rate: Any
     mirror: Any
     gain: Any
-    amplitude: Any  # (N, Q) coefficients of Q Chebyshev polynomials that represent each path's amplitude over frequency
+    # (N, D) weights of D copies of each path, whose delays are one grid cell apart and whose mean delay is that of the path. The sum of the
+    # copies has the amplitude of the path over frequency.
+    amplitude: Any
 
 
 class Elements(NamedTuple):
@@ -57,8 +59,7 @@ class GridScale(NamedTuple):
     # (DEGREE + 1, TAPS) polynomial coefficients, highest power first. The polynomial of a tap gives its kernel weight as a function of the
     # position (0 to 1) of a path between two grid cells.
     kernel: Any
-    widths: Any  # (terms,) number of frequency terms of each Chebyshev term that represents the motion of the paths within a frame
-    least: Any  # the synthesis skips terms of a path whose weight has a smaller magnitude than this
+    least: Any  # the synthesis skips copies and terms of a path whose weight has a smaller magnitude than this
 
 
 class Workspace(NamedTuple):
@@ -70,9 +71,9 @@ class Workspace(NamedTuple):
     turn: Any  # (2, C)
     offset: Any  # (C,)
     shift: Any  # (C,)
-    shape: Any  # (cells, 2, C) weights of the path in all channels of the cells that its kernel reaches
-    weighted: Any  # (cells, 2, C) the same, times the coefficient of a frequency term
-    line: Any  # (cells x 2 C,) view of `weighted`
+    shape: Any  # (cells, 2, C) weights of a copy of the path in all channels of the cells that its kernel reaches
+    turned: Any  # (cells, 2, C) the same times j
+    lines: Any  # (3, cells x 2 C): view of `shape`, view of `turned`, and the sum of all copies
 
 
 class Turn(NamedTuple):
@@ -167,21 +168,20 @@ def _motion(w, orders):
 
 
 @compiled
-def expand(first, last, amplitude, gain, inverse, coefficients, largest, power):
-    """Expand the amplitudes of paths over frequency in Chebyshev polynomials, for the blocks `first` to `last` - 1 of BLOCK paths.
+def expand(first, last, amplitude, gain, copies_re, copies_im, weights, power):
+    """Compute the weights of the copies of paths, for the blocks `first` to `last` - 1 of BLOCK paths.
 
     Args:
         amplitude: (N, Q) amplitudes at the frequency nodes.
         gain: (N,) complex gain of the antennas and of the IF filter.
-        inverse: (Q, Q) matrix whose row j has the coefficients that an amplitude of 1 at node j adds.
-        coefficients: (N, Q) receives the Chebyshev coefficients.
-        largest: (blocks, Q) receives the largest squared magnitude of each coefficient.
+        copies_re, copies_im: (Q, D) weights of the copies of a path whose amplitude is 1 at one node and 0 at the others.
+        weights: (N, D) receives the weights of the copies.
         power: (blocks,) receives the sum over paths of the squared magnitude of the amplitudes, averaged over the nodes.
     """
-    nodes = len(inverse)
-    re, im = np.empty(nodes), np.empty(nodes)
+    nodes, copies = copies_re.shape
+    re, im = np.empty(copies), np.empty(copies)
     for block in range(first, last):
-        largest[block], power[block] = 0.0, 0.0
+        power[block] = 0.0
         for p in range(block * BLOCK, min((block + 1) * BLOCK, len(gain))):
             re[:], im[:] = 0.0, 0.0
             total = 0.0
@@ -189,13 +189,11 @@ def expand(first, last, amplitude, gain, inverse, coefficients, largest, power):
                 a = gain[p] * amplitude[p, j]
                 a_re, a_im = a.real, a.imag
                 total += a_re * a_re + a_im * a_im
-                for q in range(nodes):
-                    re[q] += a_re * inverse[j, q]
-                    im[q] += a_im * inverse[j, q]
+                _combine(a_re, copies_re[j], -a_im, copies_im[j], re)
+                _combine(a_re, copies_im[j], a_im, copies_re[j], im)
             power[block] += total / nodes
-            for q in range(nodes):
-                coefficients[p, q] = complex(re[q], im[q])
-                largest[block, q] = max(largest[block, q], re[q] * re[q] + im[q] * im[q])
+            for m in range(copies):
+                weights[p, m] = complex(re[m], im[m])
 
 
 @compiled
@@ -207,16 +205,16 @@ def spread(first, last, starts, paths, elements, scale, grid):
         paths: the PathArrays of all tasks.
         elements: the Elements of the radar's antenna array.
         scale: the GridScale that converts path lengths to phases and grid positions.
-        grid: (tasks, rows, (cells + pad) x 2 C) delay grids in single precision, to which the paths are added. A row is a pair of a term of
-            the motion and a frequency term. A cell has the real parts of all C channels, followed by the imaginary parts. The grid has
-            `pad` more cells than the period of the delays, for kernels that extend beyond its end.
+        grid: (tasks, terms, (cells + pad) x 2 C) delay grids in single precision, to which the paths are added, one for each term of the
+            motion. A cell has the real parts of all C channels, followed by the imaginary parts. The grid has `pad` more cells than the
+            period of the delays, for kernels and copies that extend beyond its end.
     """
     channels = len(elements.tx) * len(elements.rx)
     size = grid.shape[2] // (2 * channels) - scale.cells
-    weighted = np.empty((size, 2, channels), np.float32)
+    lines = np.empty((3, size * 2 * channels), np.float32)
     room = Workspace(
-        np.empty(len(scale.widths)), np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels),
-        np.empty(channels, np.int64), np.empty((size, 2, channels), np.float32), weighted, weighted.reshape(-1),
+        np.empty(grid.shape[1]), np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels),
+        np.empty(channels, np.int64), lines[0].reshape(size, 2, channels), lines[1].reshape(size, 2, channels), lines,
     )  # fmt: skip
     order, ends = np.empty(starts[last] - starts[first], np.int64), np.empty(scale.cells + 1, np.int64)
     for task in range(first, last):
@@ -263,9 +261,9 @@ def _lengths(p, paths, elements, drift, received, length):
 
 @innermost
 def _spread(p, paths, elements, scale, grid, room):
-    """Add path `p` to the delay grid (rows, (cells + pad) x 2 C) of its task, with the arrays of a Workspace, which `room` holds."""
+    """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task, with the arrays of a Workspace, which `room` holds."""
     orders, length, turn, offset, shift = room.orders, room.length, room.turn, room.offset, room.shift
-    shape, weighted, kernel, widths = room.shape, room.weighted, scale.kernel, scale.widths
+    shape, turned, kernel, copies = room.shape, room.turned, scale.kernel, paths.amplitude.shape[1]
     channels = len(length)
     _motion(scale.motion_per_mps * paths.rate[p], orders)
     _lengths(p, paths, elements, scale.middle_s * paths.rate[p], room.received, length)
@@ -299,22 +297,30 @@ def _spread(p, paths, elements, scale, grid, room):
                 for i in range(reach - 1, 0, -1):
                     shape[i, 0, c], shape[i, 1, c] = shape[i - 1, 0, c], shape[i - 1, 1, c]
                 shape[0, 0, c], shape[0, 1, c] = 0.0, 0.0
-    left, size = int(lowest) % scale.cells * 2 * channels, reach * 2 * channels
-    for q in range(paths.amplitude.shape[1]):
-        a = paths.amplitude[p, q]
+    for i in range(reach):
+        for c in range(channels):
+            turned[i, 0, c], turned[i, 1, c] = -shape[i, 1, c], shape[i, 0, c]
+    width = 2 * channels
+    left, one, every = (int(lowest) - copies // 2) % scale.cells * width, reach * width, (reach + copies - 1) * width
+    total, power = room.lines[2, :every], 0.0
+    total[:] = 0.0
+    for m in range(copies):
+        a = paths.amplitude[p, m]
         squared = a.real * a.real + a.imag * a.imag
-        ready, row = False, q
-        for k in range(len(orders)):
-            if q < widths[k] and squared * orders[k] * orders[k] > scale.least * scale.least:
-                if not ready:
-                    ready = True
-                    a_re, a_im = np.float32(a.real), np.float32(a.imag)
-                    for i in range(reach):
-                        for c in range(channels):
-                            weighted[i, 0, c] = a_re * shape[i, 0, c] - a_im * shape[i, 1, c]
-                            weighted[i, 1, c] = a_re * shape[i, 1, c] + a_im * shape[i, 0, c]
-                _add(np.float32(orders[k]), room.line[:size], grid[row, left : left + size])
-            row += widths[k]
+        power += squared
+        if squared > scale.least * scale.least:
+            place = m * width
+            _combine(np.float32(a.real), room.lines[0, :one], np.float32(a.imag), room.lines[1, :one], total[place : place + one])
+    for k in range(len(orders)):
+        if power * orders[k] * orders[k] > scale.least * scale.least:
+            _add(np.float32(orders[k]), total, grid[k, left : left + every])
+
+
+@innermost
+def _combine(first, values, second, others, line):
+    """Add values and other values, each times a factor, to the entries of `line`."""
+    for i in range(len(line)):
+        line[i] += first * values[i] + second * others[i]
 
 
 @innermost
@@ -395,16 +401,14 @@ def transform(re, im, other_re, other_im, rows, cosine, sine):
 
 
 @compiled
-def finish(first, last, tasks, widths, grid, turn, band, slow, iq):
+def finish(first, last, tasks, grid, turn, band, slow, iq):
     """Compute the IQ samples of the frames `first` to `last` - 1 from their delay grids, and add the samples to `iq` (F, C, T, R, N).
 
     Args:
         tasks: (F + 1,) index of the first task of each frame.
-        widths: (terms,) number of frequency terms of each term of the motion.
         grid: the delay grids that `spread` has filled.
         turn: the Turn for the Fourier transform over the grid cells.
-        band: (Q, N) single precision. Row q is Chebyshev polynomial q over the N samples of a chirp, divided by the Fourier transform of
-            the spreading kernel.
+        band: (N,) one over the Fourier transform of the spreading kernel at the N samples of a chirp, in single precision.
         slow: (T, C, terms, N) single precision. Entry k of the third axis is Chebyshev polynomial k of the product of frequency and time.
     """
     num_tx, num_chirps, terms, samples = slow.shape
@@ -419,18 +423,13 @@ def finish(first, last, tasks, widths, grid, turn, band, slow, iq):
     for frame in range(first, last):
         if tasks[frame] == tasks[frame + 1]:
             continue
-        term_re[:], term_im[:] = 0.0, 0.0
-        row = 0
         for k in range(terms):
-            for q in range(widths[k]):
-                _gather(tasks[frame], tasks[frame + 1], row, grid, channels, re, im)
-                got_re, got_im = transform(re, im, other_re, other_im, channels, turn.cosine, turn.sine)
-                for n in range(samples):
-                    at, to, value = (n - wrap if n >= wrap else n - wrap + cells) * channels, n * channels, band[q, n]
-                    for c in range(channels):
-                        term_re[k, to + c] += value * got_re[at + c]
-                        term_im[k, to + c] += value * got_im[at + c]
-                row += 1
+            _gather(tasks[frame], tasks[frame + 1], k, grid, channels, re, im)
+            got_re, got_im = transform(re, im, other_re, other_im, channels, turn.cosine, turn.sine)
+            for n in range(samples):
+                at, to, value = (n - wrap if n >= wrap else n - wrap + cells) * channels, n * channels, band[n]
+                for c in range(channels):
+                    term_re[k, to + c], term_im[k, to + c] = value * got_re[at + c], value * got_im[at + c]
         for t in range(num_tx):
             for r in range(num_rx):
                 for k in range(terms):
