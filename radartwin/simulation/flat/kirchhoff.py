@@ -28,6 +28,7 @@ _FAR = 4.0  # Fresnel coordinate from which two nodes are enough
 # With these numbers of nodes, the error of G is below 1e-6.
 _LEGENDRE = tuple(np.polynomial.legendre.leggauss(8))
 _LEGENDRE_NEAR = tuple(np.polynomial.legendre.leggauss(5))
+_LEGENDRE_SHORT = tuple(np.polynomial.legendre.leggauss(3))
 _LAGUERRE = tuple(np.polynomial.laguerre.laggauss(5))
 _LAGUERRE_FAR = tuple(np.polynomial.laguerre.laggauss(2))
 
@@ -90,10 +91,17 @@ def _tail(d: float, t: float) -> complex:
 
 
 @innermost
-def _short(d: float, t_a: float, t_b: float) -> complex:
-    """Return G(d, t_b) - G(d, t_a) of an edge along which phase and distance change little."""
+def _short(d: float, t_a: float, t_b: float, relative: float, span: float) -> complex:
+    """Return G(d, t_b) - G(d, t_a) of an edge along which phase and distance change little.
+
+    relative: squared length of the edge over its squared distance. span: largest change of the phase along the edge over pi/2.
+    """
     middle, half = 0.5 * (t_a + t_b), 0.5 * (t_b - t_a)
     nodes, weights = _LEGENDRE
+    if relative < 0.05 and span < 0.6:
+        nodes, weights = _LEGENDRE_SHORT
+    elif relative < 0.2 and span < 1.9:
+        nodes, weights = _LEGENDRE_NEAR
     re, im = 0.0, 0.0
     for i in range(len(nodes)):
         x = middle + half * nodes[i]
@@ -111,8 +119,10 @@ def edge_wave(d: float, t_a: float, t_b: float) -> complex:
     if d == 0.0:  # the limit from the lit side, on which W is evaluated too
         return complex(0.5 * math.pi * (np.sign(t_b) - np.sign(t_a)), 0.0)
     outer, inner = max(abs(t_a), abs(t_b)), min(abs(t_a), abs(t_b)) if t_a * t_b > 0 else 0.0
-    if 2 * (t_b - t_a) ** 2 < d * d + inner * inner and outer * outer - inner * inner < 6 / math.pi:
-        return _short(d, t_a, t_b)
+    width, span = (t_b - t_a) ** 2, outer * outer - inner * inner
+    relative = width / (d * d + inner * inner)
+    if relative < 0.5 and span < 6 / math.pi:
+        return _short(d, t_a, t_b, relative, max(span, width))
     if t_a > _NEAR:
         return _tail(d, t_a) - _tail(d, t_b)
     if t_b < -_NEAR:

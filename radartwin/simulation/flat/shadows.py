@@ -136,6 +136,16 @@ def _is_near(centre: Vector, radius: float, source: Vector, way: Vector, low: fl
 
 
 @innermost
+def _touches(outlines: Outlines, c: int, point: np.ndarray, normal: np.ndarray) -> bool:
+    """Return whether the ball around part `c` reaches the plane of a mirror with a point and a normal; False for a normal of zero."""
+    height, size = 0.0, 0.0
+    for k in range(3):
+        height += (outlines.centre[c, k] - point[k]) * normal[k]
+        size += abs(normal[k])
+    return size > 0 and abs(height) < outlines.radius[c] + IN_PLANE_M
+
+
+@innermost
 def _lies_in(outlines: Outlines, e: int, point: np.ndarray, normal: np.ndarray) -> bool:
     """Return whether edge `e` lies in the plane of a mirror with a point and a normal; False for a normal of zero."""
     first, slope, size = 0.0, 0.0, 0.0
@@ -176,10 +186,11 @@ def waves(
     for c in range(len(outlines.radius)):
         if not _is_near(vector(outlines.centre, c), outlines.radius[c], source, way, low, high, total, excess):
             continue
+        at_a, at_b = _touches(outlines, c, start, normal_a), _touches(outlines, c, end, normal_b)
         for e in range(outlines.first[c], outlines.first[c + 1]):
             if not _is_silhouette(outlines, e, source):
                 continue
-            own = _lies_in(outlines, e, start, normal_a) or _lies_in(outlines, e, end, normal_b)
+            own = (at_a and _lies_in(outlines, e, start, normal_a)) or (at_b and _lies_in(outlines, e, end, normal_b))
             for k in range(2):
                 own |= outlines.sides[e, k] >= 0 and (outlines.sides[e, k] in (mirror_a, mirror_b))
             if own:
