@@ -5,9 +5,9 @@ share traced paths unchanged, but they share two results. First, the sequences o
 for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter, and the
 paths between an object and the room, are traced only at sensor positions with a spacing of 4 cm along the track (places). For each other
 sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes; lengths, directions and rates of change are
-exact for the first and last points of the path. Moved paths that the radar cannot resolve become one path (`merging`). Paths of the flat
-room and direct echoes of a target are not moved but traced at every pose, because the phase between edge waves and specular echo changes
-within millimetres (error: 0.23 of the signal).
+exact for the first and last points of the path. Moved paths, and paths of an object, that the radar cannot resolve become one path
+(`merging`). Paths of the flat room and direct echoes of a target are not moved but traced at every pose, because the phase between edge
+waves and specular echo changes within millimetres (error: 0.23 of the signal).
 """
 
 from collections.abc import Callable, Sequence
@@ -50,9 +50,8 @@ class Track:
 
     @cached_property
     def _gains(self) -> list[np.ndarray]:
-        """Return the antenna gain (N,) of the paths of each part, at both ends together."""
-        element = self.radar.element
-        return [element_gain(element, part.departure) * element_gain(element, part.arrival) for part in self.parts]
+        """Return the antenna gain (N,) of the paths of each part."""
+        return [_gain(part, self.radar) for part in self.parts]
 
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
         """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each.
@@ -97,6 +96,11 @@ def nearest(places: np.ndarray, poses: np.ndarray) -> np.ndarray:
     along = places[-1, :3, 3] - places[0, :3, 3]
     where = (poses[:, :3, 3] - places[0, :3, 3]) @ along / (along @ along) * (len(places) - 1)
     return np.clip(np.round(where), 0, len(places) - 1).astype(int)
+
+
+def _gain(part: Paths, radar: Radar) -> np.ndarray:
+    """Return the antenna gain (N,) of paths, at both ends together."""
+    return element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
 
 
 @compiled
@@ -285,7 +289,10 @@ class Drives:
             aside: (3,) metres from the nominal to the actual object position. Legs that reflect at faces of the room are searched for a
                 ball around the nominal position, so that all objects placed there share these legs.
         """
-        found = self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
+        found = [
+            merged(part, self._radar, _gain(part, self._radar))
+            for part in self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
+        ]
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         if self._still is not None:
             there = poses_module.repeated(poses, len(sensor))

@@ -5,10 +5,12 @@ squash court, with and without a can, by 0.009 to 0.027, because many weak paths
 and of clutter are many and weak, so they have higher thresholds than the paths of the room.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from radartwin.compiled import compiled, fixed
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.paths import Paths
@@ -34,7 +36,23 @@ DIFFUSE_POWER = 100 * TARGET_ERROR**2  # largest share of the diffuse power of a
 def level(paths: Paths, radar: Radar) -> np.ndarray:
     """Return the largest amplitude (N,) of each path over the frequency nodes, including the gain of the radar's antenna elements."""
     gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
-    return np.abs(paths.amplitude).max(axis=1, initial=0.0) * gain
+    return largest(paths.amplitude) * gain
+
+
+def largest(amplitude: np.ndarray) -> np.ndarray:
+    """Return the largest magnitude (N,) of each row of complex amplitudes (N, Q)."""
+    return _largest(fixed(np.asarray(amplitude, complex)))
+
+
+@compiled
+def _largest(amplitude: np.ndarray) -> np.ndarray:
+    out = np.empty(len(amplitude))
+    for n in range(len(amplitude)):
+        most = 0.0
+        for q in range(amplitude.shape[1]):
+            most = max(most, amplitude[n, q].real ** 2 + amplitude[n, q].imag ** 2)
+        out[n] = math.sqrt(most)
+    return out
 
 
 class Pruner:

@@ -24,7 +24,7 @@ from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, LEGS, TRACED, strong_masks
+from radartwin.simulation.pruning import EARLY, LEGS, TRACED, largest, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
@@ -107,8 +107,7 @@ def group_paths(
         part = _traced(built, table, ends, rows, cell, max_bounces, weakest)
         if part is None:
             return None
-        part = part.where(part.bounce + reflections[part.pose] <= max_bounces)
-        level = np.abs(part.amplitude).max(axis=1, initial=0) * strength[part.pose]
+        level = largest(part.amplitude) * strength[part.pose] * (part.bounce + reflections[part.pose] <= max_bounces)
         np.maximum.at(strongest, pose[part.pose], level)
         found.append((part, level))
     hits = Hits.concatenate([part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])) for part, level in found])
@@ -125,7 +124,8 @@ def group_paths(
         amplitude, nodes = hits.amplitude[chosen], table.frequencies_hz
         if over or legs.disturbed:
             nodes = legs.frequencies_hz
-            amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
+            if not np.array_equal(nodes, table.frequencies_hz):
+                amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
             for leg, point in zip((out_leg, back_leg), points, strict=True):
                 legs.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
         parts.append(Paths(
