@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,12 +91,17 @@ def build_setup(
 
 
 def simulate_scene(
-    config: Config, noise: bool = False, store: Store | None = None, say: Callable[[str], None] = lambda line: None
+    config: Config,
+    noise: bool = False,
+    store: Store | None = None,
+    say: Callable[[str], None] = lambda line: None,
+    out: Path | None = None,
 ) -> Recording:
     """Simulate a recording of the configured radar in the configured scene. The recording's provenance describes the scene and its
     materials.
 
     Args:
+        out: as in `radartwin.simulation.simulate.simulate`.
         store, say: see `radartwin.builders.simulator.choose_simulator`.
     """
     setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed)
@@ -103,9 +109,7 @@ def simulate_scene(
     if isinstance(simulator, AutoSimulator):
         probe = setup.probe(config.features, simulator.variant)
         simulator = choose_simulator(simulator, probe, Limits.shipped(setup.measured_motion, config.scene.target), store, say)
-    recording = simulate(
+    return simulate(
         simulated_parts(simulator, setup.room) + setup.target, setup.radar, setup.course.sensor_poses, motion=setup.motion or None,
-        noise=noise, seed=config.seed, **simulator_options(simulator),
+        noise=noise, seed=config.seed, out=out, provenance=setup.provenance, **simulator_options(simulator),
     )  # fmt: skip
-    recording.provenance |= setup.provenance
-    return recording

@@ -48,11 +48,10 @@ def simulate(options: argparse.Namespace) -> int:
             raise OutputError(f"{file} is a folder; choose another name for the recording")
     files.sweep(files.check_folder(path.parent))
     store = Store(Path(config.output) / "cache") if config.simulator.backend == "auto" else None
-    recording = simulate_scene(config, noise=options.noise, store=store, say=_note)
+    recording = simulate_scene(config, noise=options.noise, store=store, say=_note, out=path)
     if line := materials_line(recording.provenance):
         _note(line)
-    recording.save(path)
-    if not recording.iq.any():
+    if not any(recording.iq[block].any() for block in recording.frame_blocks()):
         _note("warning: nothing returns an echo to the radar; check trajectory.position_m, heading_deg and height_m")
     print(f"{', '.join(map(str, recording_files(path)))}: {recording.iq.shape[0]} frames")
     return 0

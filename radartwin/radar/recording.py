@@ -2,7 +2,8 @@
 
 The .json file holds the radar, the amplitude per ADC count (scale), the sensor poses and the provenance. `load` multiplies the counts by
 the scale, so saving a loaded recording writes the same .bin file. `save` first writes both files under temporary names and then renames
-them, the .json file last. A .bin file without its .json file is therefore the result of an interrupted save.
+them, the .json file last. A .bin file without its .json file is therefore the result of an interrupted save. `load` keeps the samples of
+a large recording on disk (radartwin.io.scratch) and maps them into memory.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import MissingError, OutputError, PoseError, RecordingError
-from radartwin.io import files
+from radartwin.io import files, scratch
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
@@ -31,6 +32,7 @@ _FORMAT = "radartwin recording 1"
 # If the recording has no scale, `save` writes its largest value as this ADC count, which is 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
+MAPPED_BYTES = 1 << 30  # `load` maps recordings with more bytes of complex samples into memory
 _SCALES = (1e-37, 1e33)  # limits of the scale, within which all counts times scale are finite, normal float32 numbers
 
 
@@ -90,10 +92,12 @@ class Recording:
         return self.iq.shape[0]
 
     def frame_blocks(self) -> Iterator[slice]:
-        """Yield slices of consecutive frames, each with about 64 MiB of samples."""
+        """Yield slices of consecutive frames, each with about 64 MiB of samples. Remove the pages of a memory-mapped recording from
+        memory after each block."""
         step = max(1, _BLOCK_BYTES // max(1, self.iq[:1].nbytes))
         for start in range(0, self.num_frames, step):
             yield slice(start, min(start + step, self.num_frames))
+            scratch.release(self.iq)
 
     def save(self, path: str | Path, *, iq_swapped: bool | None = None) -> int:
         """Write the files path.bin and path.json, and set the fields `scale`, `iq_swapped` and `saturated` of the recording.
@@ -165,13 +169,12 @@ class Recording:
         swapped = described.get("iq_swapped", False)
         if not isinstance(swapped, bool):
             raise RecordingError(f"{json_path}: iq_swapped must be true or false, not {reprlib.repr(swapped)}")
-        counts = read_counts(bin_path, radar, iq_swapped=swapped)
+        counts = read_counts(bin_path, radar, iq_swapped=swapped, scale=scale)
         frames = described.get("frames", len(counts))
         if frames != len(counts):
             raise RecordingError(
                 f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; copy both files of one recording"
             )
-        counts *= np.float32(scale) if np.float32(scale) == scale else scale
         poses = described.get("sensor_poses")
         try:
             return cls(
@@ -218,8 +221,13 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
     return path.with_name(name + ".bin"), path.with_name(name + ".json")
 
 
-def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Read the counts of a .bin, [frame, chirp, tx, rx, sample]. Raises RecordingError if the file is empty or does not fit the radar."""
+def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False, scale: float = 1.0) -> NDArray[np.complex64]:
+    """Read the counts of a .bin times `scale`, [frame, chirp, tx, rx, sample]. More than MAPPED_BYTES of samples are mapped into memory.
+
+    Raises:
+        RecordingError: the file is empty or does not fit the radar.
+        OutputError: the samples of a large recording fit neither on the disk of the file nor on that of the temporary files.
+    """
     size, frame = path.stat().st_size, dca1000.frame_bytes(radar)
     if size == 0:
         raise RecordingError(f"{path}: it is empty, zero frames; record again")
@@ -228,10 +236,23 @@ def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False) -> NDArra
             f"{path}: {size} bytes are not a whole number of frames of {frame} bytes for radar {radar.name}, {size % frame} are left over; "
             "it is truncated or belongs to another radar description"
         )
-    try:
-        return dca1000.decode(path.read_bytes(), radar, iq_swapped=iq_swapped)
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
+    shape = (size // frame, *dca1000.frame_shape(radar))
+    frame_samples = math.prod(shape[1:]) * np.dtype(np.complex64).itemsize
+    mapped = scratch.ScratchArray(scratch.folder_for(path), shape, np.complex64) if shape[0] * frame_samples > MAPPED_BYTES else None
+    counts = np.empty((0 if mapped else shape[0], *shape[1:]), np.complex64)
+    step = max(1, _BLOCK_BYTES // frame_samples)
+    with path.open("rb") as stream:
+        for start in range(0, shape[0], step):
+            try:
+                block = dca1000.decode(stream.read(step * frame), radar, iq_swapped=iq_swapped)
+            except RecordingError as error:
+                raise RecordingError(f"{path}: {error}") from error
+            block *= np.float32(scale) if np.float32(scale) == scale else scale
+            if mapped:
+                mapped.write(block)
+            else:
+                counts[start : start + step] = block
+    return mapped.array() if mapped else counts
 
 
 def _check_scale(scale: Any, where: str) -> float:

@@ -1,25 +1,38 @@
-"""Simulate a radar recording: compute the IQ samples of a radar from a scene, a radar description and the poses of sensor and objects."""
+"""Simulate a radar recording: compute the IQ samples of a radar from a scene, a radar description and the poses of sensor and objects.
 
-from collections.abc import Mapping
-from dataclasses import asdict
+Frames are traced and synthesised in blocks, so that the memory of a recording does not grow with its number of frames. The first block has
+at most FIRST_FRAMES frames. The next blocks have as many frames as BLOCK_BYTES of paths and samples, but FEWEST_FRAMES to MOST_FRAMES. The
+blocks depend only on the arguments of `simulate`, so that equal arguments give equal samples on every computer.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from radartwin.errors import InputError
+from radartwin.io import files
+from radartwin.io.scratch import ScratchArray
 from radartwin.radar.chirp import Radar
-from radartwin.radar.recording import Recording
+from radartwin.radar.dca1000 import frame_shape
+from radartwin.radar.recording import Recording, recording_files
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.backends.backend import Backend, resolve
+from radartwin.simulation.backends.backend import Backend, paths_of_frames, resolve
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.checks import check_option, check_positive, check_whole
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.signal.synthesis import ELEMENTS, FRAMES_PER_BLOCK, received, thermal_noise
+from radartwin.simulation.signal.synthesis import ELEMENTS, received, thermal_noise
 
 MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing this number of tubes takes some minutes
 MAX_DENSITY = 10_000  # largest number of ray tubes per square wavelength; this density gives seven million tubes on a 10 cm plate
 MIN_AREA_M2 = 1e-14  # the simulation ignores a surface if the area of each of its faces is below this limit, in square metres
+FIRST_FRAMES = 64  # largest number of frames of the first block
+FEWEST_FRAMES, MOST_FRAMES = 16, 256  # limits of the number of frames of the other blocks
+BLOCK_BYTES = 200_000_000  # size of the paths and samples of a block; tracing needs about three times this memory
 
 
 def simulate(
@@ -36,6 +49,8 @@ def simulate(
     variant: str = "auto",
     simulator: str | Backend = "mitsuba",
     elements: str = "exact",
+    out: str | Path | None = None,
+    provenance: Mapping[str, Any] | None = None,
 ) -> Recording:
     """Simulate the raw FMCW samples that a radar would record of a scene.
 
@@ -56,9 +71,15 @@ def simulate(
             rays_per_wavelength2 and variant.
         elements: "exact" computes the path length to each antenna element. "planar" assumes plane waves across the antenna array. "auto"
             assumes plane waves if their phase error is small.
+        out: path without suffix under which the recording is saved (see `Recording.save`), so that a long recording needs no more memory
+            than a short one. The samples `iq` of the returned recording are then a memory-mapped file without a name, which takes 8 bytes
+            of disk per sample until the recording is no longer used. An interrupted simulation leaves no file. None keeps the samples in
+            memory.
+        provenance: entries to add to the recording's provenance, as plain JSON values.
     Returns:
         A Recording with samples iq (F frames, chirps, transmitters, receivers, samples) in amplitude units.
     Raises:
+        OutputError: `out` cannot be written, or its disk is full.
         PoseError, SceneError, MaterialError, InputError, BackendError: an argument is wrong. The message names the argument and the remedy.
 
     >>> import trimesh
@@ -73,22 +94,67 @@ def simulate(
     check_option("elements", elements, ELEMENTS)
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
     tracer = resolve(simulator, settings)
-    parts, sensor = trace_paths(scene, radar, sensor_poses, motion, settings, tracer)
-    frames = len(sensor)
-    oscillator = _generator(seed, b"oscillator noise") if noise else None
-    iq = received(parts, radar, frames, elements=elements, oscillator=oscillator)
-    if noise:
-        receiver = _generator(seed, b"receiver noise")
-        for start in range(0, frames, FRAMES_PER_BLOCK):
-            block = iq[start : start + FRAMES_PER_BLOCK]
-            block += thermal_noise(block.shape, radar, receiver)
-    if radar.real_sampling:
-        iq.imag = 0
-    provenance = {
+    folder = None if out is None else files.make_folder(recording_files(out)[0].parent)
+    kept, sensor, moving, tracer = _checked(scene, radar, sensor_poses, motion, settings, tracer)
+    noises = (_generator(seed, b"oscillator noise"), _generator(seed, b"receiver noise")) if noise else None
+    shape = (len(sensor), *frame_shape(radar))
+    blocks = _blocks(kept, radar, sensor, moving, tracer, elements, noises)
+    if folder is None:
+        iq, start = np.empty(shape, np.complex64), 0
+        for block in blocks:
+            iq[start : start + len(block)] = block
+            start += len(block)
+    else:
+        scratch = ScratchArray(folder, shape, np.complex64)
+        for block in blocks:
+            scratch.write(block)
+        iq = scratch.array()
+    described = {
         "kind": "simulation", "simulator": tracer.name, **{k: v for k, v in asdict(tracer.settings).items() if k != "variant"},
         "elements": elements, "noise": noise, "seed": seed, "surfaces": list(scene.names),
     }  # fmt: skip
-    return Recording(iq, radar, sensor, provenance=provenance)
+    recording = Recording(iq, radar, sensor, provenance=described | dict(provenance or {}))
+    if out is not None:
+        recording.save(out)
+    return recording
+
+
+def _blocks(
+    scene: Scene,
+    radar: Radar,
+    sensor: np.ndarray,
+    moving: Mapping[str, np.ndarray],
+    tracer: Backend,
+    elements: str,
+    noises: tuple[np.random.Generator, np.random.Generator] | None,
+) -> Iterator[np.ndarray]:
+    """Yield the samples (F, C, T, R, N) of consecutive blocks of frames.
+
+    Args:
+        scene, radar, sensor, moving, tracer: the results of `_checked`.
+        elements: as in `simulate`.
+        noises: random generators of oscillator noise and receiver noise; None leaves out noise.
+    """
+    frames, start, size, most_bytes = len(sensor), 0, FIRST_FRAMES, 0.0
+    still: list[Paths] | None = None
+    if frames > size and poses_module.at_rest(sensor, *moving.values()):
+        still = tracer.paths(scene, radar, sensor[:1], {name: poses[:1] for name, poses in moving.items()})
+    while start < frames:
+        stop = min(start + size, frames)
+        parts = still if still is not None else paths_of_frames(tracer, scene, radar, sensor, moving, start, stop)
+        iq = received(parts, radar, stop - start, elements=elements, oscillator=noises and noises[0])
+        if noises:
+            iq += thermal_noise(iq.shape, radar, noises[1])
+        if radar.real_sampling:
+            iq.imag = 0
+        most_bytes = max(most_bytes, (iq.nbytes + sum(_bytes(part) for part in parts if part.poses > 1)) / len(iq))
+        size = int(np.clip(BLOCK_BYTES / most_bytes, FEWEST_FRAMES, MOST_FRAMES))
+        start = stop
+        yield iq
+
+
+def _bytes(paths: Paths) -> int:
+    return sum(value.nbytes for f in fields(paths) if isinstance(value := getattr(paths, f.name), np.ndarray))
 
 
 def _generator(seed: int, name: bytes) -> np.random.Generator:
@@ -114,6 +180,21 @@ def trace_paths(
         A list of `Paths` objects, whose signals add up, and the sensor poses (F, 4, 4). Each `Paths` object has F poses, or one pose that
         is valid for all frames.
     """
+    scene, sensor, moving, tracer = _checked(scene, radar, sensor_poses, motion, settings, tracer)
+    return tracer.paths(scene, radar, sensor, moving), sensor
+
+
+def _checked(
+    scene: Scene,
+    radar: Radar,
+    sensor_poses: np.ndarray,
+    motion: Mapping[str, np.ndarray] | None,
+    settings: TraceSettings,
+    tracer: Backend | None,
+) -> tuple[Scene, np.ndarray, dict[str, np.ndarray], Backend]:
+    """Check the arguments of `trace_paths`, and return the scene without tiny surfaces, the sensor poses (F, 4, 4), the poses (F, 4, 4) of
+    moving surfaces by name, and the simulator.
+    """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):
             raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
@@ -131,4 +212,4 @@ def trace_paths(
         Scene(s for s in scene.surfaces if s.name == name).check_sensor(relative)
     scene = Scene(s for s in scene.surfaces if (s.mesh.area_faces > MIN_AREA_M2).any())
     moving = {name: poses for name, poses in moving.items() if name in scene.names}
-    return (tracer or MitsubaBackend(settings)).paths(scene, radar, sensor, moving), sensor
+    return scene, sensor, moving, tracer or MitsubaBackend(settings)

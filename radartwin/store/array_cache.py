@@ -23,7 +23,8 @@ from radartwin.io import files
 
 T = TypeVar("T")
 Arrays = Mapping[str, np.ndarray]
-IN_MEMORY = 4  # entries held in memory, some tens of megabytes each
+IN_MEMORY = 4  # largest number of entries held in memory
+IN_MEMORY_BYTES = 500_000_000  # largest size of the entries held in memory together; the newest entry is held even if it is larger
 MAX_BYTES = 4_000_000_000  # size limit of a cache folder
 _SUFFIX = ".npz"
 
@@ -104,8 +105,9 @@ class ArrayCache:
     def _remember(self, key: str, arrays: Arrays) -> None:
         self._recent[key] = arrays
         self._recent.move_to_end(key)
-        while len(self._recent) > self._in_memory:
-            self._recent.popitem(last=False)
+        total = sum(array.nbytes for entry in self._recent.values() for array in entry.values())
+        while len(self._recent) > self._in_memory or (total > IN_MEMORY_BYTES and len(self._recent) > 1):
+            total -= sum(array.nbytes for array in self._recent.popitem(last=False)[1].values())
 
     def _evict(self, newest: Path) -> None:
         """Remove the least recently used entries until the folder is within its size limit. Several processes may do so

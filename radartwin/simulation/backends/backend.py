@@ -48,6 +48,23 @@ class Backend(Protocol):
         ...
 
 
+def paths_of_frames(
+    tracer: Backend, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], start: int, stop: int
+) -> list[Paths]:
+    """Return the paths of the frames `start` to `stop` - 1 of a recording; the other arguments are those of `Backend.paths` for the whole
+    recording.
+
+    The frame after a block, or the frame before the last frame, is also traced, because velocities are differences of poses.
+    """
+    frames = len(sensor_poses)
+    if (start, stop) == (0, frames):
+        return tracer.paths(scene, radar, sensor_poses, motion)
+    low, high = min(start, frames - 2), min(stop + 1, frames)
+    whole = {"track": sensor_poses} if isinstance(tracer, MitsubaBackend) else {}
+    parts = tracer.paths(scene, radar, sensor_poses[low:high], {name: poses[low:high] for name, poses in motion.items()}, **whole)
+    return [part if part.poses == 1 else part.frames(start - low, stop - low) for part in parts]
+
+
 def backend(name: str, **settings: Any) -> Backend:
     """Return the simulator with the given name and settings.
 

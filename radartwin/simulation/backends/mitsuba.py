@@ -45,21 +45,37 @@ class MitsubaBackend:
     settings: TraceSettings = field(default_factory=TraceSettings)
     name: ClassVar[str] = "mitsuba"
 
-    def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
+    def paths(
+        self,
+        scene: Scene,
+        radar: Radar,
+        sensor_poses: np.ndarray,
+        motion: Mapping[str, np.ndarray] | None = None,
+        track: np.ndarray | None = None,
+    ) -> list[Paths]:
         """Trace the paths of all static surfaces and of all groups of surfaces that move together.
 
-        The arguments and the result are those of `radartwin.simulation.backends.backend.Backend.paths`.
+        Args:
+            scene, radar, sensor_poses, motion: as in `radartwin.simulation.backends.backend.Backend.paths`, which also describes the
+                result.
+            track: (T, 4, 4) all sensor poses of a recording, of which `sensor_poses` are a part; None if they are the whole recording. The
+                sequences of faces and edges are searched once for the whole track.
         """
         variant.activate(self.settings.variant)
         motion = motion or {}
         surfaces = [s for s in scene.surfaces if s.name not in motion]
-        resting = poses_module.at_rest(sensor_poses)
+        resting = poses_module.at_rest(sensor_poses if track is None else track)
         parts: list[Paths] = []
         surroundings = Surroundings(None, None)
         still, movers, at_rest = None, [], []
         if surfaces:
             static = static_scene(surfaces, radar)
-            at_rest = self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
+            if resting or track is None:
+                at_rest = self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
+            else:
+                bounces = self.settings.max_bounces
+                searched = static.searched(track, radar, bounces, pruning.PRUNE) if self._by_faces(static) else None
+                at_rest = self._static_paths(static, radar, sensor_poses, searched)
             parts += at_rest
             if motion:
                 surroundings = Surroundings(static.beside(flat=static.is_flat), static.geometry)
@@ -96,11 +112,16 @@ class MitsubaBackend:
 
     def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None) -> list[Paths]:
         settings = self.settings
-        if settings.room == "panels" or (settings.room == "auto" and settings.rays is None and static.is_flat):
+        if self._by_faces(static):
             parts = static.room_paths(poses, radar, settings.max_bounces, pruning.PRUNE, searched)
             loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in parts)
             return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
         return [tube_paths.room_paths(static.surfaces, Target(static.geometry, static.table), settings, radar, poses)]
+
+    def _by_faces(self, static: StaticScene) -> bool:
+        """Return whether the room is traced by flat faces with edges, not by ray tubes."""
+        settings = self.settings
+        return settings.room == "panels" or (settings.room == "auto" and settings.rays is None and static.is_flat)
 
     def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
         """Trace the small or curved static objects in a room of flat faces, without paths whose amplitude is below `least`."""

@@ -90,7 +90,7 @@ def group_paths(
     place_of = place_of.ravel()
     legs = Legs.of_free_space(len(places), table.frequencies_hz)
     if room is not None:
-        find = legs_module.find if ball is None else legs_module.found_once
+        find = legs_module.found_once if ball is not None or len(places) == 1 else legs_module.find
         legs = find(room, places[:, :6], places[:, 6:], radius, table.frequencies_hz, longest, share)
     pose, out_leg, back_leg = _pairs(legs, place_of, frames, max_bounces, share, most)
     ends = [_End.of(legs, leg, pose, sensor_poses, object_poses, radar) for leg in (out_leg, back_leg)]

@@ -1,0 +1,78 @@
+"""Keep an array that may be larger than memory in an unnamed file on disk, which is memory-mapped.
+
+The file has no name, so that the operating system removes it when the array is no longer used and when the process is killed.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.errors import OutputError
+
+
+class ScratchArray:
+    """Write an array row by row to an unnamed file, and map the file into memory at the end.
+
+    Args:
+        folder: folder on whose disk the file lies.
+        shape: shape of the array; the first axis counts the rows.
+        dtype: type of the elements.
+    Raises:
+        OutputError: the folder cannot be written.
+
+    >>> scratch = ScratchArray(Path(tempfile.gettempdir()), (2, 3), np.float32)
+    >>> scratch.write(np.zeros((1, 3), np.float32))
+    >>> scratch.write(np.ones((1, 3), np.float32))
+    >>> scratch.array().sum(axis=1).tolist()
+    [0.0, 3.0]
+    """
+
+    def __init__(self, folder: Path, shape: tuple[int, ...], dtype: Any) -> None:
+        self._folder, self._shape, self._dtype = folder, shape, np.dtype(dtype)
+        try:
+            self._stream: Any = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115, `array` closes it
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def write(self, rows: np.ndarray) -> None:
+        """Append rows. Raises OutputError if the disk is full."""
+        try:
+            self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
+            self._stream.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def array(self) -> np.ndarray:
+        """Return the written array, mapped into memory. The caller may change its elements."""
+        with self._stream:
+            return np.memmap(self._stream, self._dtype, "r+", shape=self._shape)
+
+    def _failed(self, error: OSError) -> OutputError:
+        size = int(np.prod(self._shape, dtype=np.int64)) * self._dtype.itemsize
+        reason = f"cannot hold {size / 1e9:.3g} GB of samples ({error.strerror or error})"
+        return OutputError(f"{self._folder}: {reason}; free some space or choose another folder")
+
+
+def release(array: np.ndarray) -> None:
+    """Remove the pages of a memory-mapped array from the memory of this process; the file keeps its content.
+
+    The function does nothing for an array in memory, and for a mapping whose changes do not reach its file.
+    """
+    owner: Any = array
+    while isinstance(owner, np.ndarray):
+        if isinstance(owner, np.memmap) and owner.mode == "c":
+            return
+        owner = owner.base
+    if isinstance(owner, mmap.mmap) and hasattr(owner, "madvise"):
+        owner.madvise(mmap.MADV_DONTNEED)
+
+
+def folder_for(path: Path) -> Path:
+    """Return the folder of a file if this process may write there, or else the system's folder of temporary files."""
+    return path.parent if os.access(path.parent, os.W_OK | os.X_OK) else Path(tempfile.gettempdir())
