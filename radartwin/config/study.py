@@ -190,6 +190,12 @@ class ExperimentConfig:
     module: str | None = None  # name of the Python module of an experiment outside the folder experiments/
     distances_m: list[float] = positive([])
     pairs: list[str] = field(default_factory=list)  # recordings that the gallery page shows: OBJECT/ROOM/MOTION/DISTANCE_M
+    part: int = not_negative(0)  # part of the campaign's recordings that campaign_part simulates, from 0 to parts - 1
+    parts: int = positive(1)  # number of parts of the campaign
 
     def __post_init__(self) -> None:
         check_fields(self, "experiment")
+        if self.part >= self.parts:
+            raise ConfigError(
+                f"experiment.part={self.part} does not exist; parts are 0 to {self.parts - 1} (experiment.parts={self.parts})"
+            )

@@ -1,0 +1,42 @@
+"""Simulate one part of the campaign's recordings, so that the jobs of a sweep on several machines share the campaign.
+
+Part k of n has the k-th n-th of the recordings in the order of `Campaign.plan`, in which recordings along the same path of the radar are
+adjacent. Parts have no recording in common. The store locks every result under construction, so that two jobs never make the same scan. A
+part that was killed keeps its finished recordings, and the next call makes the rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case
+from experiments.claims import RowList
+from experiments.statistics import exact
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result
+from radartwin.store.products import Store
+
+NAME = "campaign_part"
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Simulate the recordings of one part that the store lacks, in config.jobs workers. Raises UserError if one cannot be simulated."""
+    campaign, chosen = Campaign(config, store, progress), config.experiment
+    wanted = part(campaign.plan(), chosen.part, chosen.parts)
+    campaign.prepare(wanted)
+    keys = [campaign.process(domain, case).key for domain, case in progress.over(wanted, "recordings")]
+    rows = RowList(config)
+    rows.add({"part": chosen.part, "parts": chosen.parts}, "recordings", exact(len(wanted), len(wanted)), keys)
+    return Result(NAME, rows, {}, {"recordings": len(wanted)}, keys)
+
+
+def part(plan: list[tuple[str, Case]], number: int, parts: int) -> list[tuple[str, Case]]:
+    """Return part `number` (0 to parts - 1) of the planned recordings. The sizes of two parts differ by at most one recording.
+
+    >>> [part([("twin", k) for k in range(5)], number, 2) for number in (0, 1)]
+    [[('twin', 0), ('twin', 1), ('twin', 2)], [('twin', 3), ('twin', 4)]]
+    """
+    edges = np.cumsum([0, *(len(some) for some in np.array_split(np.arange(len(plan)), parts))])
+    return plan[edges[number] : edges[number + 1]]
