@@ -11,6 +11,7 @@ import math
 import os
 import re
 import shutil
+import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 TEMPORARY = ".tmp"  # suffix of every unfinished file or folder, so that the next start can remove those of killed processes
-_UNFINISHED = re.compile(rf"\..+\.radartwin-(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-PID.tmp
+_UNFINISHED = re.compile(rf"\..+\.radartwin-(?:(.+)-)?(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-HOST-PID.tmp
 LOCK = "lock"  # file in an unfinished folder, locked by the process that fills the folder
 
 
@@ -55,7 +56,7 @@ def make_folder(folder: Path) -> Path:
 
 def unfinished(path: Path) -> Path:
     """Return the temporary path in the same folder as `path` under which this process writes the file until it is complete."""
-    return path.with_name(f".{path.name}.radartwin-{os.getpid()}{TEMPORARY}")
+    return path.with_name(f".{path.name}.radartwin-{socket.gethostname()}-{os.getpid()}{TEMPORARY}")
 
 
 def write_atomically(path: Path, content: bytes | str) -> Path:
@@ -238,10 +239,15 @@ def _cannot_lock(path: Path, error: OSError) -> OutputError:
 
 
 def sweep(folder: Path) -> None:
-    """Remove from the folder the temporary files (see `unfinished`) of processes that no longer exist."""
+    """Remove from the folder the temporary files (see `unfinished`) of this machine's processes that no longer exist.
+
+    Machines that share the folder cannot see each other's processes, so the function keeps the files of other machines.
+    """
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
-        if (ours := _UNFINISHED.fullmatch(path.name)) and path.is_file() and not alive(int(ours.group(1))):
-            path.unlink(missing_ok=True)
+        if (found := _UNFINISHED.fullmatch(path.name)) and path.is_file():
+            host, process = found.groups()
+            if host in (None, socket.gethostname()) and not alive(int(process)):
+                path.unlink(missing_ok=True)
 
 
 def drop_abandoned(folder: Path) -> None:

@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -129,7 +130,8 @@ def test_a_start_removes_only_abandoned_files_of_radartwin(tmp_path: Path) -> No
     ours = f".table.csv.radartwin-{os.getpid()}.tmp"
     others = ["thesis.tmp", f".table.csv.{dead.pid}.tmp", ".a.radartwin-99999999999999999999.tmp", "data.tmp/x", "run/empty.tmp/x"]
     kept = [tmp_path / name for name in (ours, *others)]
-    gone = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
+    kept.insert(0, tmp_path / f".table.csv.radartwin-another-machine-{dead.pid}.tmp")
+    gone = tmp_path / f".table.csv.radartwin-{socket.gethostname()}-{dead.pid}.tmp"
     for path in [*kept, gone]:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("")
