@@ -32,6 +32,7 @@ _FORMAT = "radartwin recording 1"
 # If the recording has no scale, `save` writes its largest value as this ADC count, which is 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
+_SAVED_BYTES = 8 << 20  # size of the samples that `save` and `load` convert at once; the conversion needs seven times this memory
 MAPPED_BYTES = 1 << 30  # `load` maps recordings with more bytes of complex samples into memory
 _SCALES = (1e-37, 1e33)  # limits of the scale, within which all counts times scale are finite, normal float32 numbers
 
@@ -91,10 +92,12 @@ class Recording:
     def num_frames(self) -> int:
         return self.iq.shape[0]
 
-    def frame_blocks(self) -> Iterator[slice]:
-        """Yield slices of consecutive frames, each with about 64 MiB of samples. Remove the pages of a memory-mapped recording from
-        memory after each block."""
-        step = max(1, _BLOCK_BYTES // max(1, self.iq[:1].nbytes))
+    def frame_blocks(self, block_bytes: int = _BLOCK_BYTES) -> Iterator[slice]:
+        """Yield slices of consecutive frames, each with about `block_bytes` of samples.
+
+        After each block, the pages of a memory-mapped recording leave the memory.
+        """
+        step = max(1, block_bytes // max(1, self.iq[:1].nbytes))
         for start in range(0, self.num_frames, step):
             yield slice(start, min(start + step, self.num_frames))
             scratch.release(self.iq)
@@ -121,7 +124,7 @@ class Recording:
         try:
             saturated = 0
             with temporary[bin_path].open("wb") as stream:
-                for block in self.frame_blocks():
+                for block in self.frame_blocks(_SAVED_BYTES):
                     data, clipped = dca1000.encode(self.iq[block], scale, iq_swapped=swapped, real_sampling=self.radar.real_sampling)
                     stream.write(data)
                     saturated += clipped
@@ -190,7 +193,7 @@ class Recording:
             raise RecordingError(f"{json_path}: {error}") from error
 
     def _peak_scale(self) -> float:
-        peak = max(float(max(np.abs(self.iq[b].real).max(), np.abs(self.iq[b].imag).max())) for b in self.frame_blocks())
+        peak = max(float(max(np.abs(self.iq[b].real).max(), np.abs(self.iq[b].imag).max())) for b in self.frame_blocks(_SAVED_BYTES))
         if not math.isfinite(peak):
             raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
         return peak / _PEAK_COUNT if peak > 0 else 1.0
@@ -240,7 +243,7 @@ def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False, scale: fl
     frame_samples = math.prod(shape[1:]) * np.dtype(np.complex64).itemsize
     mapped = scratch.ScratchArray(scratch.folder_for(path), shape, np.complex64) if shape[0] * frame_samples > MAPPED_BYTES else None
     counts = np.empty((0 if mapped else shape[0], *shape[1:]), np.complex64)
-    step = max(1, _BLOCK_BYTES // frame_samples)
+    step = max(1, _SAVED_BYTES // frame_samples)
     with path.open("rb") as stream:
         for start in range(0, shape[0], step):
             try:

@@ -31,8 +31,8 @@ MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing t
 MAX_DENSITY = 10_000  # largest number of ray tubes per square wavelength; this density gives seven million tubes on a 10 cm plate
 MIN_AREA_M2 = 1e-14  # the simulation ignores a surface if the area of each of its faces is below this limit, in square metres
 FIRST_FRAMES = 64  # largest number of frames of the first block
-FEWEST_FRAMES, MOST_FRAMES = 16, 256  # limits of the number of frames of the other blocks
-BLOCK_BYTES = 200_000_000  # size of the paths and samples of a block; tracing needs about three times this memory
+FEWEST_FRAMES, MOST_FRAMES = 16, 128  # limits of the number of frames of the other blocks
+BLOCK_BYTES = 100_000_000  # size of the paths and samples of a block; tracing needs about three times this memory
 
 
 def simulate(
