@@ -1,6 +1,6 @@
 """Measure how the store and an MLflow server behave when many processes write at the same time.
 
-    python -m experiments.speed.writers [--writers 1 10 100] [--bytes 6000000] [--folder FOLDER]
+    python -m experiments.speed.writers [--parts store server] [--writers 1 10 100] [--bytes 6000000] [--folder FOLDER]
 
 Each writer is a process. It writes results of `--bytes` into one store, and then logs runs to one MLflow server on this machine, which
 `radartwin dashboard` starts on an SQLite database. All writers start each part at the same time. The script prints, for each number of
@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 import urllib.request
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.config.study import TrackingConfig
+from radartwin.errors import BackendError, UserError
 from radartwin.runs.tracking import Tracker
 from radartwin.store.products import Store
 
@@ -40,18 +42,20 @@ MODULES = ["radartwin.constants"]  # the source code that is part of the key of 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Measure how the store and an MLflow server behave when many processes write at once.")
     parser.add_argument("--writers", type=int, nargs="+", default=[1, 10, 100], metavar="N")
+    parser.add_argument("--parts", nargs="+", default=["store", "server"], choices=["store", "server"])
     parser.add_argument("--bytes", type=int, default=6_000_000, help="size of one stored result (default: 6 MB, as a campaign recording)")
     parser.add_argument("--folder", type=Path, help="folder for the store and the database (default: the system's temporary folder)")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.folder) as place, server(Path(place)) as uri:
-        print("part writers writes median_s p95_s writes_per_s")
-        for part, write in (("store", stored(Path(place), options.bytes)), ("server", tracked(Path(place), uri))):
+        print("part writers writes failed median_s p95_s writes_per_s")
+        writes = {"store": stored(Path(place), options.bytes), "server": tracked(Path(place), uri)}
+        for part in options.parts:
             for writers in options.writers:
-                seconds, wall_s = together(write, writers)
+                seconds, wall_s, failed = together(writes[part], writers)
                 median, high = np.quantile(seconds, [0.5, 0.95])
-                print(f"{part} {writers} {len(seconds)} {median:.3f} {high:.3f} {len(seconds) / wall_s:.1f}", flush=True)
+                print(f"{part} {writers} {len(seconds)} {failed} {median:.3f} {high:.3f} {len(seconds) / wall_s:.1f}", flush=True)
 
 
 def stored(place: Path, size: int) -> Callable[[str], None]:
@@ -77,31 +81,34 @@ def tracked(place: Path, uri: str) -> Callable[[str], None]:
     return write
 
 
-def together(write: Callable[[str], None], writers: int) -> tuple[np.ndarray, float]:
-    """Return the seconds of each write of `writers` processes, and the wall time of all writes together in seconds."""
+def together(write: Callable[[str], None], writers: int) -> tuple[np.ndarray, float, int]:
+    """Return the seconds of each write of `writers` processes, the wall time of all writes together in seconds, and the number of writes
+    that failed or were not complete.
+    """
     context: Any = multiprocessing.get_context("fork")  # a forked process has imported everything
-    start, queue = context.Barrier(writers + 1), context.SimpleQueue()
+    start, queue = context.Barrier(writers), context.SimpleQueue()
     each = min(MOST, max(1, WRITES // writers))
 
     def run(number: int) -> None:
         start.wait()
-        seconds = []
+        times, failed = [time.monotonic()], 0
+        warnings.simplefilter("error")  # the tracker warns about a run that is not complete
         for turn in range(each):
-            began = time.monotonic()
-            write(f"{writers}-{number}-{turn}")
-            seconds.append(time.monotonic() - began)
-        queue.put(seconds)
+            try:
+                write(f"{writers}-{number}-{turn}")
+            except (UserError, BackendError, Warning):
+                failed += 1
+            times.append(time.monotonic())
+        queue.put((times, failed))
 
     processes = [context.Process(target=run, args=(number,)) for number in range(writers)]
     for process in processes:
         process.start()
-    start.wait()
-    began = time.monotonic()
-    seconds = [queue.get() for _ in processes]
-    wall_s = time.monotonic() - began
+    told = [queue.get() for _ in processes]
+    times = np.array([times for times, _ in told])
     for process in processes:
         process.join()
-    return np.concatenate(seconds), wall_s
+    return np.diff(times).ravel(), float(np.ptp(times)), sum(failed for _, failed in told)
 
 
 @contextlib.contextmanager

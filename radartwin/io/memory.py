@@ -9,8 +9,10 @@ import contextlib
 import ctypes
 import functools
 import gc
+import math
 import os
 import sys
+from pathlib import Path
 
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_MAX = -1, -2, -4  # parameter numbers of the function mallopt, from malloc.h
 _PAD_BYTES = 1 << 28
@@ -48,11 +50,28 @@ def resident_bytes(pid: int) -> float:
 
 
 def free_bytes() -> float:
-    """Return the available memory of the machine in bytes. If the system does not report the available memory, return half of the total
-    memory.
+    """Return the memory in bytes that this process may still use: the available memory of the machine, or what the memory limit of the
+    SLURM job or of the control group (container) leaves, if that is less.
+
+    If the system does not report the available memory, half of the total memory counts as available.
     """
     try:
         with open("/proc/meminfo", encoding="ascii") as status:
-            return next(1024.0 * int(line.split()[1]) for line in status if line.startswith("MemAvailable"))
+            machine = next(1024.0 * int(line.split()[1]) for line in status if line.startswith("MemAvailable"))
     except (OSError, StopIteration):
-        return 0.5 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        machine = 0.5 * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    megabytes = float(os.environ.get("SLURM_MEM_PER_NODE") or 0) or math.inf  # SLURM gives 0 to a job without a limit
+    job = megabytes * 2**20 - resident_bytes(os.getpid())
+    return max(0.0, min(machine, job, _group_bytes()))
+
+
+def _group_bytes(root: Path = Path("/sys/fs/cgroup"), process: Path = Path("/proc/self/cgroup")) -> float:
+    """Return the memory in bytes that the memory limits of this process's control groups (version 2) leave; infinity without a limit."""
+    free = math.inf
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        own = next(line.strip()[4:] for line in process.read_text().splitlines() if line.startswith("0::/"))
+        for folder in (root / own, *(root / own).parents):
+            if (limit := folder / "memory.max").is_file() and (most := limit.read_text().strip()) != "max":
+                cached = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())["inactive_file"]
+                free = min(free, int(most) - int((folder / "memory.current").read_text()) + int(cached))
+    return free

@@ -65,6 +65,8 @@ class Paths:
 
     def where(self, keep: np.ndarray | slice) -> "Paths":
         """Return the paths selected by a mask, indices or a slice."""
+        if isinstance(keep, np.ndarray) and keep.dtype == bool and keep.all():
+            return self
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         for name, value in chosen.items():
             if name not in ("poses", "frequencies_hz") and value is not None:

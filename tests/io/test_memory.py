@@ -1,9 +1,12 @@
-"""With the GNU C library, a process keeps the memory that it frees; with another C library nothing changes."""
+"""Memory of a process: the GNU C library keeps freed memory, and limits of jobs and control groups count as the machine's memory."""
 
 import ctypes
+import math
+import os
 import platform
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -33,3 +36,20 @@ def test_another_c_library_changes_nothing(monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", lambda name: object())  # a C library without mallopt and malloc_trim
     memory.keep_freed.__wrapped__()
     memory.give_back()
+
+
+def test_free_memory_respects_the_limits_of_job_and_control_group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    used = memory.resident_bytes(os.getpid())
+    monkeypatch.setenv("SLURM_MEM_PER_NODE", str(int(used / 2**20) + 100))
+    assert 0 < memory.free_bytes() < 150 * 2**20
+    monkeypatch.setenv("SLURM_MEM_PER_NODE", "1")
+    assert memory.free_bytes() == 0
+    group = tmp_path / "slice" / "job"
+    group.mkdir(parents=True)
+    (tmp_path / "process").write_text("0::/slice/job\n")
+    assert memory._group_bytes(tmp_path, tmp_path / "process") == math.inf
+    for folder, limit in ((group, "max"), (group.parent, "1000")):
+        (folder / "memory.max").write_text(f"{limit}\n")
+        (folder / "memory.current").write_text("700\n")
+        (folder / "memory.stat").write_text("anon 500\ninactive_file 150\n")
+    assert memory._group_bytes(tmp_path, tmp_path / "process") == 450

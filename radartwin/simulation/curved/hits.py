@@ -80,6 +80,8 @@ class Hits:
 
     def where(self, keep: np.ndarray) -> "Hits":
         """Return the hits that the mask or the index array `keep` selects."""
+        if keep.dtype == bool and keep.all():
+            return self
         return Hits(*(getattr(self, field.name)[keep] for field in fields(Hits)))
 
     @staticmethod

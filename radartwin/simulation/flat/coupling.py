@@ -110,7 +110,11 @@ def group_paths(
         level = largest(part.amplitude) * strength[part.pose] * (part.bounce + reflections[part.pose] <= max_bounces)
         np.maximum.at(strongest, pose[part.pose], level)
         found.append((part, level))
-    hits = Hits.concatenate([part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])) for part, level in found])
+        del part
+    strong = [part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])) for part, level in found]
+    found.clear()  # lists of millions of hits take gigabytes
+    hits = Hits.concatenate(strong)
+    strong.clear()
     row, frame = hits.pose, pose[hits.pose]
     points = [
         _to_world(object_poses[frame], end.place[row] + direction * length[:, None])
@@ -134,11 +138,12 @@ def group_paths(
         ))  # fmt: skip
         firsts.append(hits.first_m[chosen])
         crosses.append((out_leg != back_leg)[row[chosen]])
-    kept = []
-    for part, first, cross, mask in zip(parts, firsts, crosses, strong_masks(parts, radar, prune), strict=True):
+    del hits, points, departure, arrival, rate
+    kept, masks = [], strong_masks(parts, radar, prune)
+    for first, cross, mask in zip(firsts, crosses, masks, strict=True):
         keep = np.flatnonzero(mask)
-        keep = keep[np.argsort(part.pose[keep], kind="stable")]
-        kept.append(_both_ways(part.where(keep), first[keep], cross[keep]))
+        keep = keep[np.argsort(parts[0].pose[keep], kind="stable")]
+        kept.append(_both_ways(parts.pop(0).where(keep), first[keep], cross[keep]))
     return kept
 
 
