@@ -4,7 +4,8 @@
 
 Each writer is a process. It writes results of `--bytes` into one store, and then logs runs to one MLflow server on this machine, which
 `radartwin dashboard` starts on an SQLite database. All writers start each part at the same time. The script prints, for each number of
-writers, the median and the 95 % quantile of the time of one write and the number of writes per second. It deletes what it wrote.
+writers, the median and the 95 % quantile of the time of one write and the number of writes per second. A write that takes
+longer than LIMIT_S counts as failed. The script deletes what it wrote.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import urllib.request
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import Empty
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,7 @@ from radartwin.store.products import Store
 
 WRITES = 100  # writes of all writers together, but at most MOST of one writer
 MOST = 20
+LIMIT_S = 60.0  # longest time of all writes of one number of writers, in seconds
 STARTS_WITHIN_S = 60
 HOST = "127.0.0.1"
 os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"
@@ -54,7 +57,7 @@ def main() -> None:
         for part in options.parts:
             for writers in options.writers:
                 seconds, wall_s, failed = together(writes[part], writers)
-                median, high = np.quantile(seconds, [0.5, 0.95])
+                median, high = np.quantile(seconds, [0.5, 0.95]) if len(seconds) else (np.nan, np.nan)
                 print(f"{part} {writers} {len(seconds)} {failed} {median:.3f} {high:.3f} {len(seconds) / wall_s:.1f}", flush=True)
 
 
@@ -83,32 +86,35 @@ def tracked(place: Path, uri: str) -> Callable[[str], None]:
 
 def together(write: Callable[[str], None], writers: int) -> tuple[np.ndarray, float, int]:
     """Return the seconds of each write of `writers` processes, the wall time of all writes together in seconds, and the number of writes
-    that failed or were not complete.
+    that failed or were not complete after LIMIT_S.
     """
     context: Any = multiprocessing.get_context("fork")  # a forked process has imported everything
-    start, queue = context.Barrier(writers), context.SimpleQueue()
+    start, queue = context.Barrier(writers), context.Queue()
     each = min(MOST, max(1, WRITES // writers))
 
     def run(number: int) -> None:
         start.wait()
-        times, failed = [time.monotonic()], 0
         warnings.simplefilter("error")  # the tracker warns about a run that is not complete
         for turn in range(each):
+            began, good = time.monotonic(), True
             try:
                 write(f"{writers}-{number}-{turn}")
             except (UserError, BackendError, Warning):
-                failed += 1
-            times.append(time.monotonic())
-        queue.put((times, failed))
+                good = False
+            queue.put((began, time.monotonic(), good))
 
     processes = [context.Process(target=run, args=(number,)) for number in range(writers)]
     for process in processes:
         process.start()
-    told = [queue.get() for _ in processes]
-    times = np.array([times for times, _ in told])
+    end, told = time.monotonic() + LIMIT_S, []
+    with contextlib.suppress(Empty):
+        while len(told) < writers * each:
+            told.append(queue.get(timeout=max(0.0, end - time.monotonic())))
     for process in processes:
+        process.terminate()
         process.join()
-    return np.diff(times).ravel(), float(np.ptp(times)), sum(failed for _, failed in told)
+    times = np.array([(began, ended) for began, ended, good in told if good]).reshape(-1, 2)
+    return np.diff(times, axis=1).ravel(), float(np.ptp(times)) if len(times) else LIMIT_S, writers * each - len(times)
 
 
 @contextlib.contextmanager
