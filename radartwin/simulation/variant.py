@@ -104,6 +104,12 @@ def activate(preference: str = "auto", color: str = "rgb") -> str:
     return name
 
 
+def on_gpu() -> bool:
+    """Return whether Mitsuba's GPU variant is active in this process, so that Dr.Jit computes on the GPU."""
+    mitsuba = sys.modules.get("mitsuba")
+    return mitsuba is not None and str(mitsuba.variant()).startswith("cuda")
+
+
 def ensure_llvm() -> int:
     """Install LLVM if the computer has neither a GPU nor a usable LLVM library. If the installation fails, print the command to type.
 

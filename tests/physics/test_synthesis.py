@@ -11,6 +11,7 @@ from scipy.special import jv
 from radartwin import compiled
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
+from radartwin.simulation import variant
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import chebyshev_nodes
 from radartwin.simulation.signal import gridding
@@ -50,6 +51,14 @@ def direct_sum(paths, radar):
     return out
 
 
+@pytest.fixture(params=["compiled loops", "Dr.Jit"])
+def spreading(request, monkeypatch):
+    """Spread paths by the compiled loops of the CPU, and by the Dr.Jit program of the GPU, which also runs on the CPU."""
+    variant.activate()
+    monkeypatch.setattr(variant, "on_gpu", lambda: request.param == "Dr.Jit")
+
+
+@pytest.mark.usefixtures("spreading")
 @pytest.mark.parametrize("rate", [0.0, 0.2, 20.0])
 @pytest.mark.parametrize("nodes", [1, 4])
 def test_synthesis_matches_the_direct_sum(rate, nodes):
@@ -60,6 +69,7 @@ def test_synthesis_matches_the_direct_sum(rate, nodes):
     assert error < 1e-4  # the required error is 1e-3; an interpolation kernel with 6 taps gives 1e-5
 
 
+@pytest.mark.usefixtures("spreading")
 @pytest.mark.parametrize(("nodes", "thickness_m", "rate"), [(16, 0.01, 0.2), (76, 0.1, 0.2), (76, 0.1, 5.0)])
 def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, rate):
     """A path whose amplitude over frequency is that of several delayed echoes has the signal of as many paths without dispersion."""
@@ -79,6 +89,7 @@ def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, 
     assert error < 1e-4
 
 
+@pytest.mark.usefixtures("spreading")
 def test_delayed_echo_in_the_amplitude_equals_a_longer_path():
     """A path whose amplitude over frequency contains an echo delayed by twice 300 mm has the signal of two paths."""
     radar = Radar.iwr1843(element="isotropic")
@@ -95,6 +106,7 @@ def test_delayed_echo_in_the_amplitude_equals_a_longer_path():
     assert np.abs(both - apart).max() < 1e-4
 
 
+@pytest.mark.usefixtures("spreading")
 def test_no_paths_give_zero_samples():
     assert not synthesize(random_paths(0, 2, 0.0), Radar.iwr1843()).any()
 
@@ -114,6 +126,7 @@ def test_noise_power_is_kTBF():
     assert 10 * np.log10((np.abs(noise) ** 2).mean()) == pytest.approx(expected, abs=0.05)
 
 
+@pytest.mark.usefixtures("spreading")
 @pytest.mark.parametrize("samples", [1, 2, 7, 100, 257])
 def test_synthesis_matches_for_any_radar_dimensions(samples):
     """The FFT grids of the synthesis have even and odd powers of two as sizes, and some chirps have fewer samples than their grid."""
@@ -124,6 +137,7 @@ def test_synthesis_matches_for_any_radar_dimensions(samples):
     assert np.linalg.norm(synthesize(paths, radar) - expected) / np.linalg.norm(expected) < 1e-4
 
 
+@pytest.mark.usefixtures("spreading")
 def test_frames_with_many_and_with_no_paths_match(monkeypatch):
     radar = Radar.iwr1843(element="isotropic")
     paths = random_paths(60, 2, 0.2)
@@ -136,6 +150,7 @@ def test_frames_with_many_and_with_no_paths_match(monkeypatch):
     assert not iq[[1, 3]].any()
 
 
+@pytest.mark.usefixtures("spreading")
 def test_bytes_do_not_depend_on_the_number_of_cores(monkeypatch):
     paths, radar = random_paths(20_000, 5, 1.0), Radar.iwr1843()
     several = synthesize(paths, radar).tobytes()
@@ -143,6 +158,23 @@ def test_bytes_do_not_depend_on_the_number_of_cores(monkeypatch):
     assert synthesize(paths, radar).tobytes() == several
 
 
+@pytest.mark.parametrize("rate", [0.0, 2.0])
+@pytest.mark.parametrize("elements", ["exact", "planar"])
+def test_both_spreadings_agree(monkeypatch, rate, elements):
+    """The difference is the rounding of the compiled loops, which add in single precision. It grows with the number of paths of a frame."""
+    variant.activate()
+    radar, rng = Radar.iwr1843(), np.random.default_rng(4)
+    points, images = random_paths(5000, 3, rate, 3), random_paths(5000, 3, rate, seed=1)
+    gain = np.exp(1j * rng.uniform(0, 6, (5000, 8))) * rng.uniform(0.5, 3, (5000, 8))
+    images = dataclasses.replace(images, mirror=np.repeat(np.diag([1.0, -1.0, 1.0])[None], 5000, 0), gain=gain)
+    loops, drjit = (
+        monkeypatch.setattr(variant, "on_gpu", lambda gpu=gpu: gpu) or synthesize([points, images], radar, elements=elements)
+        for gpu in (False, True)
+    )
+    assert np.linalg.norm(drjit - loops) / np.linalg.norm(loops) < 1e-6
+
+
+@pytest.mark.usefixtures("spreading")
 def test_frames_are_added_to_the_given_array():
     paths, radar = random_paths(50, 2, 0.1), Radar.iwr1843()
     there = np.full((2, 16, 2, 4, 256), 3j, np.complex64)
@@ -193,6 +225,7 @@ def test_compiled_code_works_without_a_writable_cache():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.usefixtures("spreading")
 @pytest.mark.parametrize("elements", ["exact", "planar"])
 def test_paths_of_images_start_at_the_mirrored_transmitter(elements):
     """For an image path, the transmitter elements form the mirrored array at the end of the path."""
@@ -226,6 +259,7 @@ def test_paths_that_are_not_finite_are_refused(name, value):
         synthesize(dataclasses.replace(paths, **{name: broken}), Radar.iwr1843())
 
 
+@pytest.mark.usefixtures("spreading")
 def test_weak_echoes_beside_a_strong_one_keep_their_band_and_motion():
     """The synthesis drops terms according to their contribution to the frame, so that the floor under a strong echo is the floor of the
     interpolation kernel, -97 dB.

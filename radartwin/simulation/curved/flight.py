@@ -11,8 +11,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from radartwin.simulation.curved.device import rows, scalars, upload
+from radartwin.simulation.curved.device import rows, scalars
 from radartwin.simulation.curved.tube_grid import TubeGrid
+from radartwin.simulation.drjit_arrays import upload
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ import drjit as dr
 import mitsuba as mi
 
 from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact, Encounter, encounter, limited, surface
-from radartwin.simulation.curved.device import Device, upload
+from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
+from radartwin.simulation.drjit_arrays import upload
 
 # Largest number of panes that a path crosses before its last reflection, and also after it. Four panes of glass leave -25 dB each way.
 CROSSINGS = 4

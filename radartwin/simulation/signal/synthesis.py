@@ -12,8 +12,9 @@ does not depend on the number of chirps. A path whose amplitude a_p changes over
 whose delays are one grid cell apart. The function `_copies` fits the amplitudes of the copies to a_p. The sum over delays is a type-1
 non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479,
 on a grid of delays with at least twice as many cells as a chirp has samples. Equal inputs give byte-identical samples on any number of
-processor cores. radartwin.simulation.signal.gridding contains the compiled loops over paths and grid cells. The file is over 300 lines
-long, because the steps of the transform share their constants.
+processor cores. radartwin.simulation.signal.gridding contains the compiled loops over paths and grid cells. If Mitsuba's GPU variant is
+active, radartwin.simulation.signal.spreading spreads the paths on the GPU; on the CPU, it is slower than the compiled loops for moving
+paths. The file is over 300 lines long, because the steps of the transform share their constants.
 """
 
 import functools
@@ -30,6 +31,7 @@ from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.radar.phase_noise import chebyshev_terms
+from radartwin.simulation import variant
 from radartwin.simulation.checks import check_option
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
@@ -144,19 +146,26 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
     )  # fmt: skip
     antennas = gridding.Elements(radar.tx_positions, radar.rx_positions, planar)
     array_m = sum(float(np.linalg.norm(np.ptp(positions, axis=0))) for positions in (radar.tx_positions, radar.rx_positions))
-    copies = max(array.amplitude.shape[1] for array in arrays)
-    line = 2 * channels * (cells + gridding.TAPS + int(np.ceil(abs(cells_per_m) * array_m)) + copies)
-    tasks, starts = _tasks(np.stack([np.searchsorted(part.pose, np.arange(frames + 1)) for part in parts]))
+    edges = np.stack([np.searchsorted(part.pose, np.arange(frames + 1)) for part in parts])
+    gpu, copies = variant.on_gpu(), max(array.amplitude.shape[1] for array in arrays)
+    pad = 0 if gpu else gridding.TAPS + int(np.ceil(abs(cells_per_m) * array_m)) + copies
+    tasks, starts = (np.arange(frames + 1), edges) if gpu else _tasks(edges)
+    line = 2 * channels * (cells + pad)
     at_once = max(_TASKS_PER_FRAME, _GRID_BYTES // (4 * terms * line))
-    room = _aligned((min(at_once, int(tasks[-1])), terms, line))
+    room = _aligned((0 if gpu else min(at_once, int(tasks[-1])), terms, line))
     first = 0
     while first < frames:
         last = int(np.searchsorted(tasks, tasks[first] + at_once, side="right")) - 1
         low, high = tasks[first], tasks[last]
-        grid = room[: high - low]
-        grid[:] = 0.0
-        for start, array in zip(starts, arrays, strict=True):
-            shared_out(gridding.spread, int(high - low), start[low : high + 1], array, antennas, scale, grid)
+        if gpu:
+            from radartwin.simulation.signal import spreading
+
+            grid = spreading.spread(starts[:, low : high + 1], arrays, antennas, scale, terms)
+        else:
+            grid = room[: high - low]
+            grid[:] = 0.0
+            for start, array in zip(starts, arrays, strict=True):
+                shared_out(gridding.spread, int(high - low), start[low : high + 1], array, antennas, scale, grid)
         shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, grid, turn, band, slow, iq[first:last])
         first = last
     return iq
