@@ -68,17 +68,18 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4) -> None:
+def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4, grain: int = 1) -> None:
     """Split the range 0..count into `pieces` parts per core, and call function(first, last, *arguments) for each part, on all cores.
 
     The parts run in Python threads, because Numba's own thread pools do not survive a fork and cannot be nested. Two parts must not write
-    to the same memory, so that the result does not depend on the number of cores.
+    to the same memory, so that the result does not depend on the number of cores. A part has at least `grain` items, because starting a
+    thread takes about 0.1 ms.
     """
-    workers = min(cores(), count)
+    workers = min(cores(), -(-count // grain))
     if workers <= 1:
         function(0, count, *arguments)
         return
-    parts = min(count, pieces * workers)
+    parts = min(-(-count // grain), pieces * workers)
     bounds = [count * i // parts for i in range(parts + 1)]
     with ThreadPoolExecutor(workers) as pool:
         results: Iterator[Any] = pool.map(lambda i: function(bounds[i], bounds[i + 1], *arguments), range(parts))

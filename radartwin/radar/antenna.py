@@ -27,9 +27,12 @@ Conventions of this module, for which there is no measurement of these boards:
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.errors import InputError
 
 ELEMENTS = ("iwr1843", "isotropic")
@@ -63,36 +66,48 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
         return np.ones(directions.shape[:-1])
     if element != "iwr1843":
         raise InputError(f"element_gain: element {element!r} is unknown; use one of {', '.join(ELEMENTS)}")
-    x, y, z = np.moveaxis(directions, -1, 0)
-    across = x * x + y * y
-    length = np.sqrt(across + z * z)
-    # `azimuth` and `elevation` are the cosines of these angles. A vector straight up has no azimuth and lies in the plane of the board.
-    azimuth = np.divide(x, np.sqrt(across), out=np.zeros_like(x), where=across > 0)
-    elevation = np.divide(np.sqrt(across), length, out=np.zeros_like(x), where=length > 0)
-    boresight, upwards = (np.divide(v, length, out=np.zeros_like(x), where=length > 0) for v in (x, z))
-    power = 10 ** (-_loss_db(elevation, *_ELEVATION_DEG) / 10) + _side_lobe(upwards)
-    ground = 1.0 - (1.0 - np.maximum(boresight, 0.0)) ** 16
-    level = np.exp(np.log(10) / 20 * (PEAK_GAIN_DBI - _loss_db(azimuth, *_AZIMUTH_DEG)))
-    return np.where(x > 0, level * np.sqrt(power) * ground, 0.0)
+    flat = fixed(directions.reshape(-1, 3))
+    out = np.empty(len(flat))
+    shared_out(_gains, len(flat), flat, out, grain=10_000)
+    return out.reshape(directions.shape[:-1])
 
 
-def _side_lobe(sine: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the power of the side lobe of three equal patches relative to the peak, from the sine of the elevation.
+def _hyperbola(half_power_deg: float, quarter_power_deg: float) -> tuple[float, float]:
+    """Return the constants (1/b^2, a) of the hyperbola a (sqrt(1 + (s/b)^2) - 1) that is 3 dB and 6 dB at two angles.
 
-    The power is zero up to the first null of the patches, where its derivative is zero as well.
+    The angle of 6 dB must be less than twice the angle of 3 dB.
     """
-    array = (1 + 2 * np.cos(2 * np.pi * SPACING * sine)) / 3
-    patch = np.cos(np.pi / 2 * SPACING * sine)
-    return np.where(np.abs(sine) > 1 / (3 * SPACING), (array * patch) ** 2, 0.0)
-
-
-def _loss_db(cosine: NDArray[np.float64], half_power_deg: float, quarter_power_deg: float) -> NDArray[np.float64]:
-    """Compute how many dB the antenna gain is below its peak, from the cosine of the azimuth or of the elevation.
-
-    The loss is 3 dB at `half_power_deg` and 6 dB at `quarter_power_deg`, which must be less than twice `half_power_deg`.
-    """
-    near, far = (2 * (1 - np.cos(np.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
+    near, far = (2 * (1 - math.cos(math.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
     # The loss is 3 dB at `near` and 6 dB at `far` if sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
     ratio = far / near
     at_near = ratio / (4 - ratio)
-    return 3.0 * (np.sqrt(1 + (at_near**2 - 1) * 2 / near * (1 - cosine)) - 1) / (at_near - 1)
+    return (at_near**2 - 1) / near, 3.0 / (at_near - 1)
+
+
+_AZIMUTH, _ELEVATION = _hyperbola(*_AZIMUTH_DEG), _hyperbola(*_ELEVATION_DEG)
+
+
+@compiled
+def _gains(first, last, directions, out):
+    """Write the amplitude gains of the element "iwr1843" for the directions `first` to `last` - 1 of `directions` (N, 3) to `out` (N,)."""
+    for i in range(first, last):
+        x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+        if not x > 0:
+            out[i] = 0.0
+            continue
+        across = np.sqrt(x * x + y * y)
+        length = np.sqrt(across * across + z * z)
+        sine = z / length  # of the elevation
+        array = (1 + 2 * np.cos(2 * np.pi * SPACING * sine)) / 3
+        patch = np.cos(np.pi / 2 * SPACING * sine)
+        # Three equal patches have a side lobe beyond their first null, where the power and its derivative are zero.
+        side_lobe = (array * patch) ** 2 if abs(sine) > 1 / (3 * SPACING) else 0.0
+        power = 10 ** (-_loss_db(across / length, _ELEVATION) / 10) + side_lobe
+        ground = 1.0 - (1.0 - x / length) ** 16
+        out[i] = 10 ** ((PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH)) / 20) * np.sqrt(power) * ground
+
+
+@innermost
+def _loss_db(cosine, hyperbola):
+    """Return how many dB the antenna gain is below its peak, from the cosine of the azimuth or of the elevation and its hyperbola."""
+    return hyperbola[1] * (np.sqrt(1 + 2 * hyperbola[0] * (1 - cosine)) - 1)

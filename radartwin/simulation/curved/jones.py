@@ -15,6 +15,7 @@ from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FEW_NODES = 4  # number of frequency nodes by which weak hits are found
+GRAIN = 4000  # number of amplitudes that are worth a thread
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class Coefficients:
         """
         out = np.empty((received.shape[1], len(nodes)), complex)
         received, size = np.ascontiguousarray(received), np.ascontiguousarray(size)  # so that the compiled function has one version only
-        shared_out(_amplitudes, len(out), nodes, before.code, before.turn, after.code, after.turn, received, size, least, *self.values, out)
+        arguments = nodes, before.code, before.turn, after.code, after.turn, received, size, least, *self.values, out
+        shared_out(_amplitudes, len(out), *arguments, grain=-(-GRAIN // len(nodes)))
         return out
 
 
