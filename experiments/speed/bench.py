@@ -39,6 +39,7 @@ from radartwin.simulation.drives import Drives
 from radartwin.simulation.signal.synthesis import received, synthesize
 
 PATHS, FRAME_PATHS, DIRECT_PATHS = 100_000, 5_000, 1_000
+MANY_PATHS = 1_000_000
 FRAMES = 100
 ROOM_FRAMES = 20  # with a room around the object
 MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves 2 cm per frame; with tubes, frames share no work
@@ -83,9 +84,11 @@ def on_stand(bench: Bench) -> list[rt.Surface]:
 def synthesis(repeats: int, values: Values, variant: str) -> None:
     """Compare the run time of sample synthesis by gridding with the direct sum, and of `elements="planar"` with `elements="exact"`."""
     radar = sampling.RADAR
-    frame = sampling.scattered_paths(FRAME_PATHS, 0.5, 0)
-    (seconds,) = timed({"": lambda: synthesize(frame, radar)}, repeats).values()
-    values[f"gridding of {FRAME_PATHS:,} paths x 8 channels"] = 1e3 * show(f"gridding of {FRAME_PATHS:,} paths", seconds)
+    print(f"IQ synthesis, {radar.num_chirps} chirps x 8 channels, speeds up to 0.5 m/s, {variant_module.activate(variant)}:")
+    for count, end in ((FRAME_PATHS, " x 8 channels"), (MANY_PATHS, " at 0.5 m/s")):
+        frame = sampling.scattered_paths(count, 0.5, 0)
+        (seconds,) = timed({"": lambda frame=frame: received([frame], radar, 1)}, repeats).values()
+        values[f"gridding of {count:,} paths{end}"] = 1e3 * show(f"gridding of {count:,} paths", seconds)
     for rate in (0.0, 0.5):
         paths, few = sampling.scattered_paths(PATHS, rate, 0), sampling.scattered_paths(DIRECT_PATHS, rate, 0)
         methods = {

@@ -56,6 +56,7 @@ FIGURES = (
     Figure("gridding of 5,000 paths x 8 channels", "ms/frame", 10, PROJECT, "synthesis"),
     Figure("gridding of 100,000 paths at 0.0 m/s", "ms/frame", None, "", "synthesis"),
     Figure("gridding of 100,000 paths at 0.5 m/s", "ms/frame", None, "", "synthesis"),
+    Figure("gridding of 1,000,000 paths at 0.5 m/s", "ms/frame", None, "", "synthesis"),
     Figure("direct sum to gridding at 0.0 m/s", "", 80, PROJECT, "synthesis", "larger"),
     Figure("exact to planar elements at 0.0 m/s", "", None, "", "synthesis"),
     Figure("direct sum to gridding at 0.5 m/s", "", 80, PROJECT, "synthesis", "larger"),

@@ -63,8 +63,8 @@ def find_llvm() -> Path | None:
 
 
 def has_cuda() -> bool:
-    """Return whether nvidia-smi lists a GPU."""
-    if shutil.which("nvidia-smi") is None:
+    """Return whether nvidia-smi lists a GPU, and the environment variable CUDA_VISIBLE_DEVICES does not hide all GPUs."""
+    if shutil.which("nvidia-smi") is None or os.environ.get("CUDA_VISIBLE_DEVICES") in ("", "-1"):
         return False
     answer = subprocess.run(["nvidia-smi", "-L"], capture_output=True, text=True, check=False)
     return answer.returncode == 0 and "GPU" in answer.stdout

@@ -89,7 +89,7 @@ class MitsubaBackend:
             if surroundings.room is not None:
                 parts += shadows_of_mover(at_rest, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber, radar)
             movers.append(diffuse.Body(members, group.geometry, poses))
-        if self.settings.diffuse:
+        if self.settings.diffuse and any(surface.roughness_m > 0 for surface in scene.surfaces):
             parts += diffuse.of_scene(still, movers, radar, sensor_poses)
         return [replace(part, points=None) for part in parts if len(part)]
 
