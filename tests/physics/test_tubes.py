@@ -57,19 +57,22 @@ def carried(mesh, reflectance, bounces):
     """Return the power that the ray tubes carry after 0, 1, 2, ... bounces, summed tube by tube, for tubes from the middle of a closed
     mesh.
     """
+    variant.activate()
     import drjit as dr
+    import mitsuba as mi
 
     from radartwin.simulation.curved import contact as contacts
     from radartwin.simulation.curved import device as on_device
     from radartwin.simulation.curved import flight, scatter
+    from radartwin.simulation.drjit_arrays import upload
 
-    variant.activate()
     built = geometry.build([mesh])
-    device = on_device.Device(built, None, None, True)
+    device = on_device.Device.of(built, TraceOptions(bounces, hats=True))
     power = np.zeros(bounces + 1)
     source = np.array([[0.11, -0.07, 0.05]])
     for grid in tube_grid.all_around(source, np.eye(3)[None], 20_000):
-        lanes = flight.start(grid, UP, False, flight.TubeSelection(np.arange(grid.per_pose, dtype=np.uint32)))
+        index = upload(mi.UInt32, np.arange(grid.per_pose))
+        lanes = flight.start(flight.GridArrays.of(grid), on_device.vectors(UP), False, index, None)
         active = contacts.cast(device, lanes, True)
         for bounce in range(bounces + 1):
             te, tm = np.ones(dr.width(lanes.index)), 0j

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
-from radartwin.simulation.curved.device import Device, rows
+from radartwin.simulation.curved.device import Device, vectors
 from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.hits import LABEL_BITS, Occluder
 
@@ -185,8 +185,8 @@ def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, se
 
 def blocked(occluder: Occluder, pose: Any, first: Any, last: Any, active: Any) -> Any:
     """Return whether the occluder blocks the line between the points `first` and `last`, which are given in the object's frame."""
-    turn = [rows(occluder.rotation[:, i])(pose, active) for i in range(3)]
-    offset = rows(occluder.translation)(pose, active)
+    turn = [dr.gather(mi.Vector3f, vectors(occluder.rotation[:, i]), pose, active) for i in range(3)]
+    offset = dr.gather(mi.Vector3f, vectors(occluder.translation), pose, active)
     a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
     distance = dr.norm(b - a)
     return occluder.geometry.scene().ray_test(limited(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT), active)

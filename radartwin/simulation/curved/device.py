@@ -3,50 +3,55 @@
 Import this module only after a Mitsuba variant is active.
 """
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from radartwin.simulation.curved.hits import TraceOptions
 from radartwin.simulation.drjit_arrays import upload
 from radartwin.simulation.geometry import Geometry
 
 
-def rows(values: np.ndarray) -> Callable[..., Any]:
-    """Return a function that reads rows of `values` (F, 3) by index, as 3-vectors."""
-    columns = [upload(mi.Float, values[:, i]) for i in range(3)]
-    return lambda index, active=True: mi.Vector3f(*(dr.gather(mi.Float, column, index, active) for column in columns))
+def vectors(values: np.ndarray) -> Any:
+    """Copy F vectors `values` (F, 3) to the device."""
+    return mi.Vector3f(*(upload(mi.Float, values[:, i]) for i in range(3)))
 
 
-def scalars(values: np.ndarray) -> Callable[[Any], Any]:
-    """Return a function that reads entries of `values` (F,) by index."""
-    column = upload(mi.Float, values)
-    return lambda index: dr.gather(mi.Float, column, index)
-
-
+@dataclass
 class Device:
     """Hold the triangles of a geometry on the GPU or CPU that traces the tubes."""
 
-    def __init__(self, geometry: Geometry, cluster: np.ndarray | None, labels: np.ndarray | None, hats: bool):
-        self.scene = geometry.scene()
-        self.hats = dr.opaque(mi.Bool, hats)
-        self.corner = upload(mi.Float, geometry.corners)
-        self.normal = upload(mi.Float, geometry.normals)
-        self.surface = upload(mi.UInt32, geometry.surface)
-        self.cluster = None if cluster is None else upload(mi.UInt32, cluster)
-        self.labels = None if labels is None else upload(mi.UInt64, labels + 1)
-        # Rays start this many metres above a surface. The height is well above the float32 resolution of the surface's coordinates.
-        self.lift = dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7))
-        self.curved = geometry.curved
-        self.patch = upload(mi.UInt32, geometry.patch + 1)
+    scene: Any  # Mitsuba scene of the triangles
+    hats: Any  # whether all tubes have hat weights
+    corner: Any  # (F x 9,) corners of the facets
+    normal: Any  # (F x 9,) vertex normals of the facets
+    surface: Any  # (F,) number of the surface of each facet
+    cluster: Any  # (F,) number of the object cluster of each facet; None without clusters
+    first_cluster: Any  # number of the object cluster of the first hit; None without clusters
+    labels: Any  # (F,) label of each facet plus 1; None without labels
+    lift: Any  # rays start this many metres above a surface, well above the float32 resolution of the surface's coordinates
+    curved: bool  # whether the geometry has curved facets
+    patch: Any  # (F,) number of the smooth surface patch of each facet plus 1
 
-    def in_cluster(self, face: Any, cluster: int, active: Any) -> Any:
-        """Return a mask of the active tubes whose facet belongs to the object cluster `cluster`; without clusters, all active tubes."""
+    @staticmethod
+    def of(geometry: Geometry, options: TraceOptions) -> "Device":
+        """Copy a geometry to the device."""
+        clusters = None if options.cluster is None else (upload(mi.UInt32, options.cluster), dr.opaque(mi.UInt32, options.first_cluster))
+        return Device(
+            geometry.scene(), dr.opaque(mi.Bool, options.hats), upload(mi.Float, geometry.corners), upload(mi.Float, geometry.normals),
+            upload(mi.UInt32, geometry.surface), *(clusters or (None, None)),
+            None if options.labels is None else upload(mi.UInt64, options.labels + 1),
+            dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7)), geometry.curved, upload(mi.UInt32, geometry.patch + 1),
+        )  # fmt: skip
+
+    def in_cluster(self, face: Any, active: Any) -> Any:
+        """Return a mask of the active tubes whose facet belongs to the first cluster; without clusters, all active tubes."""
         if self.cluster is None:
             return active
-        return active & (dr.gather(mi.UInt32, self.cluster, face, active) == dr.opaque(mi.UInt32, cluster))
+        return active & (dr.gather(mi.UInt32, self.cluster, face, active) == self.first_cluster)
 
     @staticmethod
     def corners(source: Any, face: Any, active: Any) -> list[Any]:

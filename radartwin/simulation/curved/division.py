@@ -23,7 +23,7 @@ from radartwin.errors import BackendError
 from radartwin.simulation.curved import tube_grid
 from radartwin.simulation.curved.contact import cast, leave, meet
 from radartwin.simulation.curved.device import Device
-from radartwin.simulation.curved.flight import Tubes, TubeSelection, rays
+from radartwin.simulation.curved.flight import GridArrays, Tubes, TubeSelection, rays
 from radartwin.simulation.curved.hits import TraceOptions
 from radartwin.simulation.curved.transit import Walls
 from radartwin.simulation.curved.tube_grid import TubeGrid
@@ -96,7 +96,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     count = dr.select(corner, dr.opaque(mi.UInt32, grid.count_u + 1), dr.opaque(mi.UInt32, grid.count_u))
     cell_v = cell // count
     offset = dr.select(corner, mi.Float(0.5), 0.0)
-    origin, direction, *_ = rays(grid, pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
+    origin, direction, *_ = rays(GridArrays.of(grid), pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
     zero, length = mi.Vector3f(0.0), mi.Float64(0.0)
     tubes = Tubes(
         index, pose, origin, direction, zero, zero, zero, zero, length, None, None, zero, zero, [], mi.UInt32(0), length, length,
@@ -107,7 +107,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
         alive = cast(device, tubes, bounce == 0, alive)
         contact, alive = meet(device, tubes, bounce == 0, alive)
         if bounce == 0:
-            alive = device.in_cluster(contact.face, options.first_cluster, alive)
+            alive = device.in_cluster(contact.face, alive)
         if walls and bounce == 0:
             alive = walls.enter(tubes, contact, alive)
         # The multiplication by an odd constant makes the number depend on the order in which the ray meets the patches.

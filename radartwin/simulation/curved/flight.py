@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from radartwin.simulation.curved.device import rows, scalars
+from radartwin.simulation.curved.device import vectors
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.drjit_arrays import upload
 
@@ -26,6 +26,54 @@ class TubeSelection:
     hat_share: np.ndarray | None = None  # (N,) factor of each tube's hat weight; None if all tubes are whole cells
     in_box: np.ndarray | None = None  # (N,) whether each tube contributes on surfaces with box weights; None if all tubes are whole cells
     pieces: int = 1  # number of pieces of a divided cell along each grid axis, an odd number
+
+
+@dataclass
+class GridArrays:
+    """Hold a `TubeGrid` on the device."""
+
+    source: Any
+    forward: Any
+    u_axis: Any
+    v_axis: Any
+    low_u: Any
+    low_v: Any
+    step_u: Any
+    step_v: Any
+    per_pose: Any
+    count_u: Any
+    plane: bool
+
+    @staticmethod
+    def of(grid: TubeGrid) -> "GridArrays":
+        """Copy a grid to the device."""
+        places = [vectors(values) for values in (grid.source, grid.forward, grid.u_axis, grid.v_axis)]
+        steps = [upload(mi.Float, values) for values in (grid.low_u, grid.low_v, grid.step_u, grid.step_v)]
+        return GridArrays(*places, *steps, dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u), grid.plane)
+
+
+@dataclass
+class Pieces:
+    """Hold the pieces of a `TubeSelection` on the device."""
+
+    hat_share: Any
+    in_box: Any
+    first: Any  # index of the first piece
+    per_pose: Any  # number of pieces per pose
+    count_u: Any  # number of pieces along u
+    size: Any  # width of a piece, in cells
+    offset: Any  # number of cells by which the pieces extend beyond the grid on every side
+
+    @staticmethod
+    def of(grid: TubeGrid, selection: TubeSelection) -> "Pieces | None":
+        """Copy the pieces of a selection to the device; None if all tubes are whole cells."""
+        if selection.hat_share is None or selection.in_box is None:
+            return None
+        margin = selection.pieces - 1
+        fine_u, fine_v = (selection.pieces * count + margin for count in (grid.count_u, grid.count_v))
+        numbers = (dr.opaque(mi.UInt32, number) for number in (grid.poses * grid.per_pose, fine_u * fine_v, fine_u))
+        widths = (dr.opaque(mi.Float, width) for width in (1 / selection.pieces, margin / selection.pieces))
+        return Pieces(upload(mi.Float, selection.hat_share), upload(mi.Bool, selection.in_box), *numbers, *widths)
 
 
 @dataclass
@@ -96,7 +144,7 @@ def project(axis: Any, direction: Any) -> Any:
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
-def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
+def rays(grid: GridArrays, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
     """Compute the centre rays of tubes at the grid coordinates `cell_u` and `cell_v`.
 
     Returns:
@@ -104,10 +152,10 @@ def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any,
         derivatives are those of the direction, and the weight is a solid angle. For a plane wave, the derivatives are those of the
         position, and the weight is an area.
     """
-    step_u, step_v = scalars(grid.step_u)(pose), scalars(grid.step_v)(pose)
-    u = scalars(grid.low_u)(pose) + cell_u * step_u
-    v = scalars(grid.low_v)(pose) + cell_v * step_v
-    origin, forward, u_axis, v_axis = (rows(x)(pose) for x in (grid.source, grid.forward, grid.u_axis, grid.v_axis))
+    step_u, step_v = dr.gather(mi.Float, grid.step_u, pose), dr.gather(mi.Float, grid.step_v, pose)
+    u = dr.gather(mi.Float, grid.low_u, pose) + cell_u * step_u
+    v = dr.gather(mi.Float, grid.low_v, pose) + cell_v * step_v
+    origin, forward, u_axis, v_axis = (dr.gather(mi.Vector3f, x, pose) for x in (grid.source, grid.forward, grid.u_axis, grid.v_axis))
     if grid.plane:
         return origin + u_axis * u + v_axis * v, forward, u_axis * step_u, v_axis * step_v, step_u * step_v
     scale = dr.rsqrt(1 + u * u + v * v)
@@ -117,27 +165,23 @@ def rays(grid: TubeGrid, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any,
     return origin, direction, direction_du, direction_dv, step_u * step_v * scale * scale * scale
 
 
-def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelection) -> Tubes:
-    """Start the selected tubes of a grid at their source.
+def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: Pieces | None) -> Tubes:
+    """Start tubes of a grid at their source.
 
     Args:
         grid: grid of tubes for F sensor poses.
-        axis: (F, 3) antenna axes. The electric field of a tube lies along the projection of the axis perpendicular to its ray.
+        axis: F antenna axes. The electric field of a tube lies along the projection of the axis perpendicular to its ray.
         cross: whether the electric field is turned by 90 degrees about the ray, for horizontal (H) polarisation.
-        selection: tubes to start.
+        index: indices of the tubes to start, as in `TubeSelection`.
+        pieces: pieces of divided cells among these tubes; None if all tubes are whole cells.
     """
-    index = upload(mi.UInt32, selection.index)
-    per_pose, count_u = dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u)
+    per_pose, count_u = grid.per_pose, grid.count_u
     cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)
-    if selection.hat_share is not None:
-        total, margin = grid.poses * grid.per_pose, selection.pieces - 1
-        piece = index >= dr.opaque(mi.UInt32, total)
-        cell = dr.select(piece, index - dr.opaque(mi.UInt32, total), index)
-        fine_u, fine_v = (selection.pieces * count + margin for count in (grid.count_u, grid.count_v))
-        per_pose = dr.select(piece, dr.opaque(mi.UInt32, fine_u * fine_v), per_pose)
-        count_u = dr.select(piece, dr.opaque(mi.UInt32, fine_u), count_u)
-        size = dr.select(piece, dr.opaque(mi.Float, 1 / selection.pieces), size)
-        offset = dr.select(piece, dr.opaque(mi.Float, margin / selection.pieces), offset)
+    if pieces is not None:
+        piece = index >= pieces.first
+        cell = dr.select(piece, index - pieces.first, index)
+        per_pose, count_u = dr.select(piece, pieces.per_pose, per_pose), dr.select(piece, pieces.count_u, count_u)
+        size, offset = dr.select(piece, pieces.size, size), dr.select(piece, pieces.offset, offset)
     pose = cell // per_pose
     cell = cell - pose * per_pose  # an in-place operation would be wrong, because `cell` and `index` may be the same array
     cell_v = cell // count_u
@@ -146,17 +190,17 @@ def start(grid: TubeGrid, axis: np.ndarray, cross: bool, selection: TubeSelectio
         grid, pose, mi.Float(cell_u) * size - offset, mi.Float(cell_v) * size - offset
     )
     direction_du, direction_dv, weight = direction_du * size, direction_dv * size, weight * size * size
-    field = project(rows(axis)(pose), direction)
+    field = project(dr.gather(mi.Vector3f, axis, pose), direction)
     if cross:  # the H vector is the cross product of the direction towards the radar with the V vector; the ray points away from the radar
         field = dr.cross(-direction, field)
-    nothing = dr.zeros(mi.Vector3f, dr.width(index))
+    # No index is as large as this. A zero that depends on an array has the array's width also when Dr.Jit replays a recorded program.
+    none = dr.select(index == 0xFFFFFFFF, mi.UInt32(1), mi.UInt32(0))
+    nothing = mi.Vector3f(mi.Float(none))
     position_du, position_dv = (direction_du, direction_dv) if grid.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))
     if grid.plane:
         direction_du, direction_dv = mi.Vector3f(nothing), mi.Vector3f(nothing)
-    hat_share = None if selection.hat_share is None else upload(mi.Float, selection.hat_share)
-    in_box = None if selection.in_box is None else upload(mi.Bool, selection.in_box)
-    count = dr.width(index)
-    zero, none, sequence = dr.zeros(mi.Float64, count), dr.zeros(mi.UInt32, count), dr.zeros(mi.UInt64, count)
+    hat_share, in_box = (None, None) if pieces is None else (pieces.hat_share, pieces.in_box)
+    zero, sequence = mi.Float64(none), mi.UInt64(none)
     return Tubes(
         index, pose, origin, direction, position_du, position_dv, direction_du, direction_dv, weight, hat_share, in_box,
         mi.Vector3f(direction), field, [], none, zero, mi.Float64(zero), sequence,

@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -14,7 +15,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.curved import contact as contacts
 from radartwin.simulation.curved import division, flight, scatter
 from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
-from radartwin.simulation.curved.device import Device, rows
+from radartwin.simulation.curved.device import Device, vectors
 from radartwin.simulation.curved.flight import Tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.jones import Coefficients, Encounters
@@ -22,9 +23,67 @@ from radartwin.simulation.curved.scatter import Reception
 from radartwin.simulation.curved.shell import Shells
 from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls, picked
 from radartwin.simulation.curved.tube_grid import TubeGrid
+from radartwin.simulation.drjit_arrays import upload
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import EARLY
 from radartwin.simulation.reflection_table import ReflectionTable
+
+
+@dataclass
+class Setting:
+    """Hold what all tubes of a grid share, on the device."""
+
+    device: Device
+    grid: flight.GridArrays
+    transmit_axis: Any  # axis of the transmit antenna at F sensor poses
+    receiver: Any  # position of the receive antenna
+    receive_axis: Any  # axis of the receive antenna
+    wavenumber: Any
+    transmit_cross: bool  # as `Antennas.cross`
+    receive_cross: bool
+
+    def reception(self, pose: Any, contact: Contact, active: Any) -> tuple[Reception, Any]:
+        """Find the receiver from each contact. The function returns a mask of the contacts that face the receiver."""
+        receiver = dr.gather(mi.Vector3f, self.receiver, pose, active)
+        away = -dr.gather(mi.Vector3f, self.grid.forward, pose, active) if self.grid.plane else receiver - contact.point
+        outgoing = dr.normalize(away)
+        length = dr.dot(receiver - contact.point, outgoing)
+        across = flight.project(dr.gather(mi.Vector3f, self.receive_axis, pose, active), outgoing)
+        if self.receive_cross:
+            across = dr.cross(outgoing, across)
+        seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
+        return Reception(outgoing, length, across, self.grid.plane), seen
+
+    def lanes(self, tubes: Tubes, contact: Contact, reception: Reception, walls: list, active: Any) -> list[Any]:
+        """Compute the echo of the tubes. Returns the arrays that `Tracer._hits` reads.
+
+        Dr.Jit treats plain tuples as groups of arrays. In a recorded program, it would take a named tuple for a constant.
+        """
+        echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
+        return [
+            tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first, tubes.sequence,
+            echo, [tuple(met) for met in tubes.encounters], walls,
+            contact.facet_point + contact.flat_normal * self.device.lift, reception.across,
+        ]  # fmt: skip
+
+    def single_bounce(self, index: Any, pieces: flight.Pieces | None) -> tuple[list[Any], Any]:
+        """Trace tubes to their first facet and back.
+
+        Returns:
+            The arrays that `Tracer._hits` reads, and a mask of the tubes that the receiver sees.
+        """
+        tubes = flight.start(self.grid, self.transmit_axis, self.transmit_cross, index, pieces)
+        contact, active = contacts.meet(self.device, tubes, True, contacts.cast(self.device, tubes, True))
+        active = self.device.in_cluster(contact.face, active)
+        reception, seen = self.reception(tubes.pose, contact, active)
+        lanes = self.lanes(tubes, contact, reception, [], active)
+        dr.eval(lanes, seen)
+        return lanes, seen
+
+
+# Dr.Jit records the program once for each mesh and for one or several poses. Afterwards it only runs the compiled kernels. The limit is the
+# number of recordings in memory.
+_single_bounce = dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000)
 
 
 class Tracer:
@@ -43,13 +102,17 @@ class Tracer:
     ):
         """Prepare the tracing. `panes` is a mask (faces,) of the sheets that tubes also pass through; None if there are none."""
         self.geometry, self.grid, self.transmit, self.receive, self.options = geometry, grid, transmit, receive, options
-        self.device = Device(geometry, options.cluster, options.labels, options.hats)
+        self.device = Device.of(geometry, options)
         self.coefficients = Coefficients(table, table if shells is None else shells.inside)
         self.walls = None if shells is None else Walls(self.device, shells.faces)
         self.panes = None if panes is None else Panes(self.device, panes)
-        self.wavenumber = dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT)
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
-        self.receiver_at, self.axis_at, self.forward_at = rows(receive.position), rows(receive.axis), rows(grid.forward)
+        self.setting = Setting(
+            self.device, flight.GridArrays.of(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
+            dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT), transmit.cross, receive.cross,
+        )  # fmt: skip
+        # The receiver sees the first hit of every tube, and no tube goes on.
+        self.single = self.monostatic and options.max_bounces == 1 and not (self.walls or self.panes or options.occluder)
 
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
@@ -63,7 +126,11 @@ class Tracer:
         bounces and of panes.
         """
         strongest = np.zeros(self.grid.poses)
-        tubes = flight.start(self.grid, self.transmit.axis, self.transmit.cross, selection)
+        index, pieces = upload(mi.UInt32, selection.index), flight.Pieces.of(self.grid, selection)
+        if self.single:
+            yield from self._hits(*_single_bounce(self.setting, index, pieces), 1, strongest)
+            return
+        tubes = flight.start(self.setting.grid, self.setting.transmit_axis, self.setting.transmit_cross, index, pieces)
         active = contacts.cast(self.device, tubes, True)
         waiting: dict[tuple[int, int], list[Tubes]] = {(1, 0): [tubes]}
         while waiting:
@@ -93,26 +160,13 @@ class Tracer:
         # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
         clear = self.monostatic and bounce == 1 and crossed == 0
         reception, walls, seen = self._reception(tubes, contact, near, clear, active)
-        echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
-        lanes = (
-            tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first, tubes.sequence,
-            echo, tubes.encounters, walls, contact.facet_point + contact.flat_normal * self.device.lift, reception.across,
-        )  # fmt: skip
+        lanes = self.setting.lanes(tubes, contact, reception, walls, active)
         if bounce < options.max_bounces:
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, active))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
         dr.schedule(*(value for copies, passing in straight for value in (*copies.values(), passing)))
         tubes.evaluate(lanes, seen, *(going for _, going in onwards))
-        keep = dr.compress(seen)
-        found = []
-        if dr.width(keep):
-            *hits, origin, across = picked(lanes, keep)
-            dr.eval(hits, origin, across)
-            groups = [(hits, hits.pop())]
-            if self.panes and not clear:
-                reach = dr.full(mi.Float, dr.inf, dr.width(origin)) if self.grid.plane else (1 - SHADOW_SHORT) * mi.Float(hits[2])
-                groups = ((picked(hits, free), met) for free, met in self.panes.free(Line(origin, hits[4], reach, across), self.grid.plane))
-            found = [self._read(some, met, bounce, strongest) for some, met in groups]
+        found = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
         waiting = []
         for some, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
             for going, mask in some:
@@ -120,6 +174,19 @@ class Tracer:
                 if dr.width(alive):
                     waiting.append((going.compacted(alive), more))
         return found, waiting
+
+    def _hits(self, lanes: list, seen: Any, bounce: int, strongest: np.ndarray, panes: Panes | None = None) -> list[Hits]:
+        """Return the hits among the results `lanes` of `Setting.lanes` that the mask `seen` selects, also behind `panes`."""
+        keep = dr.compress(seen)
+        if not dr.width(keep):
+            return []
+        *hits, origin, across = picked(lanes, keep)
+        dr.eval(hits, origin, across)
+        groups = [(hits, hits.pop())]
+        if panes:
+            reach = dr.full(mi.Float, dr.inf, dr.width(origin)) if self.grid.plane else (1 - SHADOW_SHORT) * mi.Float(hits[2])
+            groups = ((picked(hits, free), met) for free, met in panes.free(Line(origin, hits[4], reach, across), self.grid.plane))
+        return [self._read(some, met, bounce, strongest) for some, met in groups]
 
     def _meet(self, tubes: Tubes, origin: Any, bounce: int, active: Any) -> tuple[Contact, Contact, Any, Any]:
         """Move the tubes to their next facet.
@@ -131,7 +198,7 @@ class Tracer:
         contact, active = contacts.meet(self.device, tubes, bounce == 1, active)
         near, met = contact, active
         if bounce == 1:
-            active = self.device.in_cluster(contact.face, self.options.first_cluster, active)
+            active = self.device.in_cluster(contact.face, active)
             if self.walls:
                 active = self.walls.enter(tubes, near, active)
                 active = contacts.cast(self.device, tubes, False, active)
@@ -148,10 +215,8 @@ class Tracer:
             shells, and a mask of the contacts that the receiver sees. Panes do not count here.
         """
         plane = self.grid.plane
-        receiver = self.receiver_at(tubes.pose, active)
-        outgoing = dr.normalize(-self.forward_at(tubes.pose, active) if plane else receiver - contact.point)
-        length = dr.dot(receiver - contact.point, outgoing)
-        seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
+        reception, seen = self.setting.reception(tubes.pose, contact, active)
+        outgoing, length = reception.direction, reception.length
         wall = near
         if self.walls:
             if not clear:
@@ -159,12 +224,10 @@ class Tracer:
         elif not self.geometry.convex and not clear and not self.panes:
             seen = contacts.visible(self.device, contact, outgoing, length, seen, plane)
         if self.options.occluder is not None and not clear:
+            receiver = dr.gather(mi.Vector3f, self.setting.receiver, tubes.pose, active)
             seen &= ~contacts.blocked(self.options.occluder, tubes.pose, receiver, contact.facet_point, seen)
-        across = flight.project(self.axis_at(tubes.pose, active), outgoing)
-        if self.receive.cross:
-            across = dr.cross(outgoing, across)
-        walls = [contacts.encounter(self.device, wall, outgoing, across, True, seen)[1]] if self.walls else []
-        return Reception(outgoing, length, across, plane), walls, seen
+        walls = [contacts.encounter(self.device, wall, outgoing, reception.across, True, seen)[1]] if self.walls else []
+        return reception, walls, seen
 
     def _read(self, lanes: list, after: list, bounce: int, strongest: np.ndarray) -> Hits:
         """Compute the amplitudes of hits, and return the strong hits as NumPy arrays. The function updates `strongest` as in `_step`."""

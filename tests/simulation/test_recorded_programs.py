@@ -1,0 +1,41 @@
+"""Dr.Jit replays the recorded program of single-bounce tubes; the replay gives the results of the program."""
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from radartwin.scene import objects
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation import variant
+
+CALLS = ((0.05, 1.0, 1, None), (0.05, 1.2, 1, 3000), (0.03, 0.7, 1, None), (0.05, 1.1, 3, None), (0.05, 1.4, 5, 500))
+
+
+@pytest.mark.parametrize("material", ["metal", "glass"])
+def test_replays_equal_new_recordings(monkeypatch, material):
+    """The calls differ in radius, distance, number of poses and number of tubes. All metal spheres share some recordings."""
+    variant.activate()
+    from radartwin.simulation.curved import tracer
+
+    replayed = tracer._single_bounce
+    different = []
+
+    def both(setting, index, pieces):
+        lanes, seen = replayed(setting, index, pieces)
+        expected = tracer.Setting.single_bounce(setting, index, pieces)
+        hit = np.array(seen)  # rays that miss the mesh have undefined values
+        different.append(not np.array_equal(hit, np.array(expected[1])) or compared(lanes, expected[0], hit))
+        return lanes, seen
+
+    def compared(found, expected, hit):
+        if isinstance(found, list | tuple):
+            return any(compared(a, b, hit) for a, b in zip(found, expected, strict=True))
+        return not np.array_equal(np.array(found)[..., hit], np.array(expected)[..., hit])
+
+    monkeypatch.setattr(tracer, "_single_bounce", both)
+    for radius, distance, poses, rays in CALLS:
+        scene = rt.Scene([rt.Surface(objects.sphere(radius), material, "ball")])
+        sensor = np.array([trajectory.pose([-distance, 0.01 * k, 0.02]) for k in range(poses)])
+        rt.simulate(scene, rt.Radar.iwr1843(), sensor, rays=rays)
+    assert len(different) >= len(CALLS)
+    assert not any(different)
