@@ -49,7 +49,8 @@ class GridArrays:
         """Copy a grid to the device."""
         places = [vectors(values) for values in (grid.source, grid.forward, grid.u_axis, grid.v_axis)]
         steps = [upload(mi.Float, values) for values in (grid.low_u, grid.low_v, grid.step_u, grid.step_v)]
-        return GridArrays(*places, *steps, dr.opaque(mi.UInt32, grid.per_pose), dr.opaque(mi.UInt32, grid.count_u), grid.plane)
+        counts = [dr.opaque(mi.UInt32, count) for count in (grid.per_pose, grid.count_u)]
+        return GridArrays(*[*places, *steps, *counts, grid.plane])
 
 
 @dataclass
@@ -155,7 +156,8 @@ def rays(grid: GridArrays, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, An
     step_u, step_v = dr.gather(mi.Float, grid.step_u, pose), dr.gather(mi.Float, grid.step_v, pose)
     u = dr.gather(mi.Float, grid.low_u, pose) + cell_u * step_u
     v = dr.gather(mi.Float, grid.low_v, pose) + cell_v * step_v
-    origin, forward, u_axis, v_axis = (dr.gather(mi.Vector3f, x, pose) for x in (grid.source, grid.forward, grid.u_axis, grid.v_axis))
+    frame: list[Any] = [dr.gather(mi.Vector3f, x, pose) for x in (grid.source, grid.forward, grid.u_axis, grid.v_axis)]
+    origin, forward, u_axis, v_axis = frame
     if grid.plane:
         return origin + u_axis * u + v_axis * v, forward, u_axis * step_u, v_axis * step_v, step_u * step_v
     scale = dr.rsqrt(1 + u * u + v * v)
