@@ -73,8 +73,10 @@ def test_tab_reaches_every_control(opened: browser.Page) -> None:
     opened.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     # the buttons of a table appear when the table is unfolded
     opened.until("document.querySelectorAll('#environment .tools').length === 1")
-    opened.run("document.querySelector('iframe[data-fit]').scrollIntoView()")
-    opened.until("document.querySelector('iframe[data-fit]').style.height !== ''")  # from this event on, no element of the page moves
+    frames = "document.querySelectorAll('iframe[data-fit]')"
+    for k in range(opened.run(f"{frames}.length")):
+        opened.run(f"{frames}[{k}].scrollIntoView()")
+        opened.until(f"{frames}[{k}].style.height !== ''")  # once all frames have their height, no element of the page moves
     opened.run("scrollTo(0, 0)")
     every = f"[...document.querySelectorAll({json.dumps(FOCUSABLE)})]"
     opened.run(f"{every}.forEach((one, k) => {{ one.dataset.stop = k; }}); document.activeElement.blur()")

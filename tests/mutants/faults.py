@@ -163,8 +163,8 @@ _element_distance | 2 * length * along | length * along | antenna elements are h
 _motion | orders[k] if k == 0 else 2 * orders[k] | orders[k] | the Jacobi-Anger series lacks its factor of two
 
 radar/antenna: radar/test_radar physics/test_receiver
-element_gain | np.log(10) / 20 | np.log(10) / 10 | the gain is doubled
-_side_lobe | (array * patch) ** 2 | 0 * array | the antenna has no side lobe
+_gains | PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH) | 2 * PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH) | the gain is the square
+_gains | (array * patch) ** 2 | 0 * array | the antenna has no side lobe
 
 radar/if_filter: physics/test_receiver
 IfFilter.gain | beat_hz - 1j * corner | beat_hz + 1j * corner | the high-pass filter delays the phase
