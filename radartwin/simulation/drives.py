@@ -192,7 +192,7 @@ class Drives:
             MitsubaBackend(replace(settings, coupled_rays_per_wavelength2=tubes)) for tubes in (OVER_ROOM, CLUTTER_OVER_ROOM)
         )
         self._still = static_scene(list(surfaces), radar) if len(surfaces) else None
-        self._latest: tuple[bytes, list[Paths]] = (b"", [])
+        self._latest: tuple[bytes, list[Paths], list[np.ndarray]] = (b"", [], [])
         self._sampled: tuple[tuple[bytes, str], np.ndarray] = ((b"", ""), np.zeros(0))
 
     def room(self, poses: np.ndarray) -> list[Paths]:
@@ -202,7 +202,7 @@ class Drives:
         body = diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])
         rough = diffuse.of_scene(body, [], self._radar, poses) if self._backend.settings.diffuse else []
         clutter = [] if (poses == poses[0]).all() else self._clutter.seen(poses, self._radar.frame_rate_hz)
-        return [*(replace(part, points=None) for part in self._walls(poses)), *clutter, *rough]
+        return [*(replace(part, points=None) for part in self._walls(poses)[0]), *clutter, *rough]
 
     def room_samples(self, poses: np.ndarray, elements: str = "exact") -> np.ndarray:
         """Return the samples (F or 1, C, T, R, N) of the room without the object, for sensor poses (F, 4, 4); the last result is cached."""
@@ -211,8 +211,10 @@ class Drives:
             self._sampled = key, received(self.room(poses), self._radar, len(poses), elements=elements, oscillator=None)
         return self._sampled[1]
 
-    def _walls(self, poses: np.ndarray) -> list[Paths]:
-        """Return the paths of the flat room with their points, for a drive through `poses` (F, 4, 4); the last result is cached.
+    def _walls(self, poses: np.ndarray) -> tuple[list[Paths], list[np.ndarray]]:
+        """Return the paths of the flat room with their points, and their levels, for a drive through `poses` (F, 4, 4).
+
+        The last result is cached.
 
         For a resting sensor, the result also has the paths of the clutter.
         """
@@ -224,8 +226,8 @@ class Drives:
                 parts = self._backend.cached_static_paths(self._still, self._radar, poses[:1], searched)
             else:
                 parts = self._still.room_paths(poses, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
-            self._latest = key, parts
-        return self._latest[1]
+            self._latest = key, parts, [pruning.level(part, self._radar) for part in parts]
+        return self._latest[1:]
 
     @cached_property
     def _searched(self) -> Searched | None:
@@ -296,7 +298,7 @@ class Drives:
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         if self._still is not None:
             there = poses_module.repeated(poses, len(sensor))
-            found += shadows_of_mover(self._walls(sensor), body.geometry, sensor, there, self._still.room.wavenumber, self._radar)
+            found += shadows_of_mover(*self._walls(sensor), body.geometry, sensor, there, self._still.room.wavenumber)
         if not self._backend.settings.diffuse:
             return found
         others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]

@@ -80,6 +80,7 @@ class MitsubaBackend:
             if motion:
                 surroundings = Surroundings(static.beside(flat=static.is_flat), static.geometry)
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
+        levels = [pruning.level(part, radar) for part in at_rest] if motion else []
         for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
             frames = slice(1) if resting and poses_module.at_rest(poses) else slice(None)
@@ -87,7 +88,7 @@ class MitsubaBackend:
             group = target(members, radar)
             parts += self.group_paths(group, surroundings, radar, sensor_poses[frames], poses[frames])
             if surroundings.room is not None:
-                parts += shadows_of_mover(at_rest, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber, radar)
+                parts += shadows_of_mover(at_rest, levels, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber)
             movers.append(diffuse.Body(members, group.geometry, poses))
         if self.settings.diffuse and any(surface.roughness_m > 0 for surface in scene.surfaces):
             parts += diffuse.of_scene(still, movers, radar, sensor_poses)

@@ -25,7 +25,7 @@ from radartwin.simulation.flat import obstacles, shadows
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, made_once
-from radartwin.simulation.pruning import SHADED, level, strongest
+from radartwin.simulation.pruning import SHADED, strongest
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
@@ -193,7 +193,12 @@ class StaticScene:
 
 
 def shadows_of_mover(
-    parts: Sequence[Paths], geometry: Geometry, sensor_poses: np.ndarray, poses: np.ndarray, wavenumber: float, radar: Radar
+    parts: Sequence[Paths],
+    levels: Sequence[np.ndarray],
+    geometry: Geometry,
+    sensor_poses: np.ndarray,
+    poses: np.ndarray,
+    wavenumber: float,
 ) -> list[Paths]:
     """Return the paths to add to static paths for the shadow of a moving body: changed paths with the amplitude of the change.
 
@@ -201,13 +206,13 @@ def shadows_of_mover(
 
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
+        levels: (N,) of the N paths of each part (`pruning.level`).
         geometry: triangles of the body in its own frame. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
-        wavenumber: rad/m. radar: its antenna gain is part of the level of a path.
+        wavenumber: rad/m.
     """
     body = Bodies.of(geometry, np.ones(int(geometry.surface.max(initial=0)) + 1, bool))
     inverse, frames = poses_module.inverse(poses), len(poses)
     sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
-    levels = [level(part, radar) for part in parts]
     most, out = strongest(parts, levels, frames), []
     for part, loudness in zip(parts, levels, strict=True):
         if part.points is None:
