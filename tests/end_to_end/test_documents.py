@@ -29,7 +29,7 @@ COMPOSED = {
     "radartwin run -m experiment=environment seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
     "radartwin run experiment=environment -m seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
     "radartwin run -m experiment=campaign_part": "a campaign of an hour; tests/slurm/test_campaign_parts.py runs parts of a small one",
-    "radartwin tables --profile paper": "hours; tests/end_to_end runs the quick tables",
+    "radartwin tables --profile paper": "hours; make tables runs the quick profile",
     "radartwin run -m experiment=turntable_shape": "three campaigns of minutes",
     "radartwin run -m experiment=rover_fidelity": "three campaigns of minutes",
     "radartwin run -m experiment=environment simulator": "six campaigns of minutes",
