@@ -119,7 +119,7 @@ class ExactImages:
     def settings(self) -> Any:
         return self
 
-    def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None) -> list[Paths]:
+    def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None, track: Any = None) -> list[Paths]:
         """Return the paths between isotropic antennas. The synthesis of samples applies the radar's antenna pattern later."""
         reflection, frequency = rooms.wall_reflection("concrete"), radar.center_frequency_hz
         found: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []

@@ -33,7 +33,14 @@ class Backend(Protocol):
     @property
     def settings(self) -> Any: ...
 
-    def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
+    def paths(
+        self,
+        scene: Scene,
+        radar: Radar,
+        sensor_poses: np.ndarray,
+        motion: Mapping[str, np.ndarray] | None = None,
+        track: np.ndarray | None = None,
+    ) -> list[Paths]:
         """Return the propagation paths over all static surfaces and over every group of surfaces that move together.
 
         Args:
@@ -41,6 +48,8 @@ class Backend(Protocol):
             radar: waveform, frame rate and element pattern. Path amplitudes exclude the element gain, because the synthesis applies it.
             sensor_poses: (F, 4, 4) transformations from the sensor frame to the world, which the caller has checked.
             motion: (F, 4, 4) transformations from a surface's own frame to the world, by surface name, which the caller has checked.
+            track: (T, 4, 4) all sensor poses of a recording, of which `sensor_poses` are a part; None if they are the whole recording. A
+                simulator may ignore it, or prepare once for the whole track.
         Returns:
             `Paths` objects whose signals add up. Each has F poses, or one pose that is valid for all frames. The list is empty for a scene
             without surfaces.
@@ -60,8 +69,7 @@ def paths_of_frames(
     if (start, stop) == (0, frames):
         return tracer.paths(scene, radar, sensor_poses, motion)
     low, high = min(start, frames - 2), min(stop + 1, frames)
-    whole = {"track": sensor_poses} if isinstance(tracer, MitsubaBackend) else {}
-    parts = tracer.paths(scene, radar, sensor_poses[low:high], {name: poses[low:high] for name, poses in motion.items()}, **whole)
+    parts = tracer.paths(scene, radar, sensor_poses[low:high], {name: poses[low:high] for name, poses in motion.items()}, sensor_poses)
     return [part if part.poses == 1 else part.frames(start - low, stop - low) for part in parts]
 
 

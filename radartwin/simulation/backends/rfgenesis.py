@@ -100,7 +100,14 @@ class RFGenesisBackend:
     settings: RFGenesisSettings = RFGenesisSettings()
     name: ClassVar[str] = "rfgenesis"
 
-    def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
+    def paths(
+        self,
+        scene: Scene,
+        radar: Radar,
+        sensor_poses: np.ndarray,
+        motion: Mapping[str, np.ndarray] | None = None,
+        track: np.ndarray | None = None,
+    ) -> list[Paths]:
         """Return one path per hit and frame. If neither sensor nor surfaces move, the paths have a single pose.
 
         The arguments are those of `backend.Backend.paths`, and the errors are those of `trace`.

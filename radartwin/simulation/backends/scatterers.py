@@ -70,7 +70,14 @@ class PointBackend:
     settings: PointSettings = PointSettings()
     name: ClassVar[str] = "points"
 
-    def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
+    def paths(
+        self,
+        scene: Scene,
+        radar: Radar,
+        sensor_poses: np.ndarray,
+        motion: Mapping[str, np.ndarray] | None = None,
+        track: np.ndarray | None = None,
+    ) -> list[Paths]:
         """Return one `Paths` object per scene object and one for the room. The arguments are those of `backend.Backend.paths`.
 
         A `Paths` object has a single pose if its surfaces do not move relative to the sensor.

@@ -78,7 +78,14 @@ class SionnaBackend:
     settings: SionnaSettings = SionnaSettings()
     name: ClassVar[str] = "sionna"
 
-    def paths(self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None = None) -> list[Paths]:
+    def paths(
+        self,
+        scene: Scene,
+        radar: Radar,
+        sensor_poses: np.ndarray,
+        motion: Mapping[str, np.ndarray] | None = None,
+        track: np.ndarray | None = None,
+    ) -> list[Paths]:
         """Return one `Paths` object with mirror reflections and one with diffuse paths. The arguments are those of `backend.Backend.paths`.
 
         If neither sensor nor surfaces move, the paths have a single pose.
