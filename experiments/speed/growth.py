@@ -202,6 +202,9 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
             points = [(one["at"], one["value"]) for one in mine if one["metric"] == SECONDS]
             panel.plot(*zip(*points, strict=True), marker="o", markersize=3, color=colour, label=f"{part}, slope {fitted:.2f}")
         panel.set(xscale="log", yscale="log", xlabel=sweep.size, ylabel=SECONDS)
+        if max(at for at, _ in points) < 10:  # a logarithmic axis of less than a decade has labels that overlap
+            panel.set_xticks([at for at, _ in points], [f"{at:g}" for at, _ in points], minor=False)
+            panel.minorticks_off()
         panel.legend(fontsize=6)
     for panel in list(panels.flat)[len(SWEEPS) :]:
         panel.set_visible(False)
