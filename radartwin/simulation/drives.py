@@ -34,7 +34,7 @@ SPACING_M = 0.04  # distance between places along a track
 OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
 CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of a metal umbrella stand, 0.10 of that of a litter bin)
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
-TOGETHER = 8  # number of places traced at once; limits memory
+TOGETHER = 20  # largest number of places traced at once; limits memory
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
@@ -266,13 +266,17 @@ class Drives:
         """
         at_rest = np.eye(4)[None]
         places = slice(None) if drive is None else nearest(self._places, drive)
-        return self._track(lambda some: self._moving(self._things, surfaces, some, at_rest, True, aside)[1:], places)  # 0: direct echo
+
+        def traced(some: np.ndarray) -> list[Paths]:
+            return self._moving(self._things, surfaces, some, at_rest, True, aside, direct=False)[1:]
+
+        return self._track(traced, places)
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]], chosen: np.ndarray | slice = slice(None)) -> Track:
         """Call `traced` for the chosen ones of the equally spaced sensor positions along the track. Return the traced paths as a Track."""
         places = self._places
         index = np.unique(np.arange(len(places))[chosen])
-        blocks = [index[low : low + TOGETHER] for low in range(0, len(index), TOGETHER)]
+        blocks = np.array_split(index, -(-len(index) // TOGETHER))
         some = [traced(places[block]) for block in blocks]
         longest = max(len(parts) for parts in some)
         parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], blocks, len(places)) for k in range(longest)]
@@ -306,7 +310,7 @@ class Drives:
 
     def _moving(
         self, backend: MitsubaBackend, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool,
-        aside: np.ndarray | None,
+        aside: np.ndarray | None, direct: bool = True,
     ) -> list[Paths]:  # fmt: skip
         group = target(list(surfaces), self._radar)
         built = group.geometry
@@ -323,5 +327,6 @@ class Drives:
         if not coupled:
             backend = MitsubaBackend(replace(backend.settings, coupling=False))
         return backend.group_paths(
-            group, Surroundings(self._beside, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=pruning.THING
-        )
+            group, Surroundings(self._beside, occluder), self._radar, sensor, poses, ball=None if wanders else ball, prune=pruning.THING,
+            direct=direct,
+        )  # fmt: skip

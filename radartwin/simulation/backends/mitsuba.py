@@ -148,6 +148,7 @@ class MitsubaBackend:
         least: float = 0.0,
         ball: tuple[np.ndarray, float] | None = None,
         prune: float = pruning.PRUNE,
+        direct: bool = True,
     ) -> list[Paths]:
         """Trace the paths of a group of surfaces that move together.
 
@@ -157,7 +158,7 @@ class MitsubaBackend:
             radar: radar whose frequency sweep and frame rate apply.
             sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
             poses: (F, 4, 4) transformations from the group's own frame to the world.
-            least, ball, prune: as in `radartwin.simulation.flat.coupling.group_paths`.
+            least, ball, prune, direct: as in `radartwin.simulation.flat.coupling.group_paths`.
         """
         settings, room = self.settings, surroundings.room
         alone = room is None
@@ -167,7 +168,7 @@ class MitsubaBackend:
         found = coupling.group_paths(
             room, group.geometry, group.table, sensor_poses, poses, radar, max_bounces=settings.max_bounces,
             cell_m=tube_paths.cell_m(group.geometry, settings, source, radar, alone), prune=prune, coupled=coupled, least=least,
-            ball=ball, coupled_cell_m=None if density is None else radar.wavelength_m / float(np.sqrt(density)),
+            ball=ball, coupled_cell_m=None if density is None else radar.wavelength_m / float(np.sqrt(density)), direct=direct,
         )  # fmt: skip
         if found is not None:
             return found

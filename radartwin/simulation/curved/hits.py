@@ -56,6 +56,7 @@ class TraceOptions:
     # The tracer drops hits whose amplitude is below this factor times the strongest amplitude of the same pose in the same block of tubes
     # (`division.blocks`).
     prune: float = 0.0
+    bounces: np.ndarray | None = None  # (F,) largest number of reflections of each sensor pose; None: `max_bounces` for all poses
     least: np.ndarray | None = None  # (F,) amplitudes below which the tracer drops hits of each sensor pose; None drops no more hits
     hats: bool = False  # True gives all tubes hat weights, which rooms need; False gives hat weights only to tubes on curved facets
     # Number of pieces along each grid axis, an odd number. The tracer divides a tube into pieces if the tube straddles two smooth surface

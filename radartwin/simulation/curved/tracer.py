@@ -106,6 +106,7 @@ class Tracer:
         self.coefficients = Coefficients(table, table if shells is None else shells.inside)
         self.walls = None if shells is None else Walls(self.device, shells.faces)
         self.panes = None if panes is None else Panes(self.device, panes)
+        self.most = None if options.bounces is None else upload(mi.UInt32, options.bounces)
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.setting = Setting(
             self.device, flight.GridArrays.of(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
@@ -162,7 +163,10 @@ class Tracer:
         reception, walls, seen = self._reception(tubes, contact, near, clear, active)
         lanes = self.setting.lanes(tubes, contact, reception, walls, active)
         if bounce < options.max_bounces:
-            onwards = [(tubes, contacts.bounce(self.device, tubes, contact, active))]
+            reflected = active
+            if options.bounces is not None:
+                reflected &= dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce
+            onwards = [(tubes, contacts.bounce(self.device, tubes, contact, reflected))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
         dr.schedule(*(value for copies, passing in straight for value in (*copies.values(), passing)))
         tubes.evaluate(lanes, seen, *(going for _, going in onwards))

@@ -29,6 +29,7 @@ from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basi
 
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
+STRONGEST = 0.5  # share of the strongest direct path below which direct paths that are only estimated are dropped
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
 
@@ -51,6 +52,7 @@ def group_paths(
     coupled_cell_m: float | None = None,
     least: float = 0.0,
     ball: tuple[np.ndarray, float] | None = None,
+    direct: bool = True,
 ) -> list[Paths] | None:
     """Trace the direct paths of an object and its paths with the room; None if it is too close for a planar grid of tubes.
 
@@ -62,8 +64,10 @@ def group_paths(
         coupled: whether to trace paths that reflect at object and room. If False, the room only hides the object.
         least: amplitude below which pairs of legs are dropped.
         ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
+        direct: whether to return the direct paths. If False, they are only estimated, as the level by which other paths are pruned.
     """
-    if polygons.of(built, table) is not None:
+    by_tubes = polygons.of(built, table) is None
+    if not by_tubes:
         table = polygons.with_nodes(table, radar)
     share, most = LEGS, np.inf
     longest = max_bounces - 1 if coupled else 0
@@ -99,21 +103,26 @@ def group_paths(
     reflections = legs.order[out_leg] + legs.order[back_leg]
     strength = legs.share[place_of[pose], out_leg] * legs.share[place_of[pose], back_leg]
     found, strongest = [], np.zeros(frames)
-    for over, cell in ((False, cell_m), (True, coupled_cell_m or cell_m)):
+    coupled_cell_m = coupled_cell_m or cell_m
+    for over, cell in ((False, cell_m if direct else coupled_cell_m), (True, coupled_cell_m)):
         rows = np.flatnonzero(straight != over)
         if not len(rows):
             continue
         weakest = EARLY * prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)
-        part = _traced(built, table, ends, rows, cell, max_bounces, weakest)
+        estimated = not (over or direct)
+        part = _traced(built, table, ends, rows, cell, max_bounces - reflections[rows], weakest, STRONGEST if estimated else TRACED)
         if part is None:
             return None
         level = largest(part.amplitude) * strength[part.pose] * (part.bounce + reflections[part.pose] <= max_bounces)
+        if estimated and by_tubes:
+            level *= (cell_m / cell) ** 2  # the amplitude of a tube grows with its cross-section
         np.maximum.at(strongest, pose[part.pose], level)
-        found.append((part, level))
+        if not estimated:
+            found.append((part, level))
         del part
     strong = [part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])) for part, level in found]
     found.clear()  # lists of millions of hits take gigabytes
-    hits = Hits.concatenate(strong)
+    hits = Hits.concatenate(strong) if strong else Hits.none(len(table.frequencies_hz))
     strong.clear()
     row, frame = hits.pose, pose[hits.pose]
     points = [
@@ -157,9 +166,12 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
 
 
 def _traced(
-    built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, max_bounces: int, least: np.ndarray
-) -> Hits | None:
-    """Trace the object for the chosen pairs of an outgoing and a returning leg. Hits below the amplitude `least` (rows,) may be missing.
+    built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, bounces: np.ndarray, least: np.ndarray,
+    prune: float,
+) -> Hits | None:  # fmt: skip
+    """Trace the object for the chosen pairs of an outgoing and a returning leg, with at most `bounces` (rows,) reflections at the object.
+
+    Hits below the amplitude `least` (rows,), and hits below `prune` times the strongest hit of their pair, may be missing.
 
     An object of flat faces is traced by its polygons, any other object by ray tubes. Return None if an object that needs tubes is too close
     to the sensor for a planar ray grid.
@@ -167,14 +179,15 @@ def _traced(
     body = polygons.of(built, table)
     if body is not None:
         out, back = ends
-        hits = polygons.paths(body, table, out.place[rows], back.place[rows], out.axis[rows], back.axis[rows], max_bounces)
+        hits = polygons.paths(body, table, out.place[rows], back.place[rows], out.axis[rows], back.axis[rows], int(bounces.max()))
         return replace(hits, pose=rows[hits.pose])
     grid = tube_grid.towards(built.hull_points(), ends[0].place[rows], built.centre, cell_m, built.grid_shift)
     if grid is None:
         return None
     transmit, receive = (Antennas(end.place[rows], end.axis[rows]) for end in ends)
     pieces = 3 if grid.per_pose <= FEW_TUBES else 1
-    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(max_bounces, prune=TRACED, least=least, pieces=pieces))
+    options = TraceOptions(int(bounces.max()), prune=prune, bounces=bounces, least=least, pieces=pieces)
+    hits = tubes.trace(built, table, grid, transmit, receive, options)
     return replace(hits, pose=rows[hits.pose])
 
 
