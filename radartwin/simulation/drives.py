@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 
 from radartwin.compiled import compiled, shared_out
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
@@ -51,7 +50,7 @@ class Track:
     @cached_property
     def _gains(self) -> list[np.ndarray]:
         """Return the antenna gain (N,) of the paths of each part."""
-        return [_gain(part, self.radar) for part in self.parts]
+        return [pruning.both_gains(self.radar, part.departure, part.arrival) for part in self.parts]
 
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
         """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each.
@@ -96,11 +95,6 @@ def nearest(places: np.ndarray, poses: np.ndarray) -> np.ndarray:
     along = places[-1, :3, 3] - places[0, :3, 3]
     where = (poses[:, :3, 3] - places[0, :3, 3]) @ along / (along @ along) * (len(places) - 1)
     return np.clip(np.round(where), 0, len(places) - 1).astype(int)
-
-
-def _gain(part: Paths, radar: Radar) -> np.ndarray:
-    """Return the antenna gain (N,) of paths, at both ends together."""
-    return element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
 
 
 @compiled
@@ -296,7 +290,7 @@ class Drives:
                 ball around the nominal position, so that all objects placed there share these legs.
         """
         found = [
-            merged(part, self._radar, _gain(part, self._radar))
+            merged(part, self._radar, pruning.both_gains(self._radar, part.departure, part.arrival))
             for part in self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
         ]
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)

@@ -35,8 +35,12 @@ DIFFUSE_POWER = 100 * TARGET_ERROR**2  # largest share of the diffuse power of a
 
 def level(paths: Paths, radar: Radar) -> np.ndarray:
     """Return the largest amplitude (N,) of each path over the frequency nodes, including the gain of the radar's antenna elements."""
-    gain = element_gain(radar.element, paths.departure) * element_gain(radar.element, paths.arrival)
-    return largest(paths.amplitude) * gain
+    return largest(paths.amplitude) * both_gains(radar, paths.departure, paths.arrival)
+
+
+def both_gains(radar: Radar, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
+    """Return the antenna gain (N,) of paths at both ends together. The directions (N, 3) at the sensor are in the sensor frame."""
+    return element_gain(radar.element, departure) * element_gain(radar.element, arrival)
 
 
 def largest(amplitude: np.ndarray) -> np.ndarray:

@@ -89,3 +89,34 @@ def test_places_reach_beyond_both_ends():
     assert along.min() < nominal[:, 1, 3].min() - 0.03
     assert along.max() > nominal[:, 1, 3].max() + 0.03
     assert np.allclose(np.diff(along), 0.02 * np.sign(along[-1] - along[0]))
+
+
+def test_paths_of_one_drive_over_the_room_equal_those_of_the_whole_track(drive):
+    room, nominal, actual = drive
+    at = rooms.bench("lab").target_position(1.0)
+    can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
+    drives = Drives(room, RADAR, nominal, SETTINGS)
+    every, some = drives.over_room([can]), drives.over_room([can], actual)
+    assert sum(map(len, some.parts)) < sum(map(len, every.parts))
+    ones, others = (signal(track.seen(actual, RADAR.frame_rate_hz), len(actual)) for track in (some, every))
+    assert relative_error(ones, others) < 1e-5  # the kernels of the ray tracer have single precision
+
+
+def test_room_samples_are_the_received_paths_of_the_room(drive):
+    room, nominal, actual = drive
+    drives = Drives(room, RADAR, nominal, SETTINGS)
+    samples = drives.room_samples(actual)
+    assert np.array_equal(samples, received(drives.room(actual), RADAR, len(actual), elements="exact", oscillator=None))
+    assert drives.room_samples(actual.copy()) is samples  # the result is cached by the poses
+    assert not np.array_equal(drives.room_samples(nominal), samples)
+
+
+def test_a_similar_room_shares_its_sequences(drive):
+    """Reuse the search in a room whose first surface is shifted by a hundredth of a wavelength. The sensor rests."""
+    room, nominal, _ = drive
+    at_rest, wavelength = nominal[:1], RADAR.wavelength_m
+    shifted = [room[0].moved(trajectory.pose([0.01 * wavelength, 0.0, 0.0])), *room[1:]]
+    first = Drives(room, RADAR, at_rest, SETTINGS)
+    alone, shared = (Drives(shifted, RADAR, at_rest, SETTINGS, similar=other).room_samples(at_rest) for other in (None, first))
+    assert relative_error(shared, alone) < 1e-3  # share of the paths that pruning leaves out
+    assert relative_error(shared, first.room_samples(at_rest)) > 1e-3  # the signal is that of the shifted room

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.curved import tube_grid, tubes
@@ -24,7 +23,7 @@ from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, LEGS, TRACED, largest, strong_masks
+from radartwin.simulation.pruning import EARLY, LEGS, TRACED, both_gains, largest, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
@@ -103,14 +102,14 @@ def group_paths(
     reflections = legs.order[out_leg] + legs.order[back_leg]
     strength = legs.share[place_of[pose], out_leg] * legs.share[place_of[pose], back_leg]
     found, strongest = [], np.zeros(frames)
-    coupled_cell_m = coupled_cell_m or cell_m
+    coupled_cell_m, share_of_pair = coupled_cell_m or cell_m, max(TRACED, EARLY * prune)
     for over, cell in ((False, cell_m if direct else coupled_cell_m), (True, coupled_cell_m)):
         rows = np.flatnonzero(straight != over)
         if not len(rows):
             continue
-        weakest = EARLY * prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)
+        weakest = prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)  # the tracer multiplies by EARLY
         estimated = not (over or direct)
-        part = _traced(built, table, ends, rows, cell, max_bounces - reflections[rows], weakest, STRONGEST if estimated else TRACED)
+        part = _traced(built, table, ends, rows, cell, max_bounces - reflections[rows], weakest, STRONGEST if estimated else share_of_pair)
         if part is None:
             return None
         level = largest(part.amplitude) * strength[part.pose] * (part.bounce + reflections[part.pose] <= max_bounces)
@@ -228,8 +227,8 @@ def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def _loudest(part: Paths, radar: Radar) -> float:
     """Return the largest sum of a pose's paths, with the element gain, over all poses and frequency nodes."""
-    gain = element_gain(radar.element, part.departure) * element_gain(radar.element, part.arrival)
-    turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz) * gain[:, None]
+    turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz)
+    turned *= both_gains(radar, part.departure, part.arrival)[:, None]
     total = np.zeros((part.poses, turned.shape[1]), complex)
     np.add.at(total, part.pose, turned)
     return float(np.abs(total).max(initial=0.0))

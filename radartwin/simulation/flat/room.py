@@ -18,7 +18,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.simulation.flat import field, obstacles, search, shadows
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, level, strong_masks
+from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable
 
 KEY_SPACING_M = 0.2  # distance between key places
@@ -237,7 +237,7 @@ class FlatRoom:
         """Return which sequences (N,) have a path at a pose (4, 4), and the levels of these paths in the middle of the sweep."""
         none = np.zeros(len(which), int)
         found, (amplitude, _, departure, arrival, _) = self._fields(every, none, which, pose[None], np.full(1, least), self._middle)
-        gain = element_gain(radar.element, departure[found] @ pose[:3, :3]) * element_gain(radar.element, arrival[found] @ pose[:3, :3])
+        gain = both_gains(radar, departure[found] @ pose[:3, :3], arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
     def _beams(self, place: np.ndarray, longest: int, bounds: search.Levels) -> search.Beams:
