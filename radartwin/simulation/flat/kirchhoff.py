@@ -175,5 +175,6 @@ def edge_part(
     if t_a > reach or t_b < -reach:
         return 0j, z
     d = math.sqrt(scale * max(least, 0.0))
-    taper = math.cos(0.5 * math.pi * min(max(16 * d / reach - 15, 0.0), 1.0)) ** 2
-    return taper * edge_wave(d, t_a, t_b) / (2 * math.pi), z
+    outer = 16 * d - 15 * reach
+    taper = 1.0 if outer <= 0 else math.cos(0.5 * math.pi * min(outer / reach, 1.0)) ** 2
+    return taper / (2 * math.pi) * edge_wave(d, t_a, t_b), z

@@ -26,6 +26,7 @@ OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
 IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
 FLAT_RAD = 1e-3  # edges between faces whose normals differ less are no edges
+GROUP = 24  # largest number of edges of a part; one test of a part can leave out all its edges
 
 
 class Outlines(NamedTuple):
@@ -33,6 +34,8 @@ class Outlines(NamedTuple):
 
     Attributes:
         first: (C + 1,) range of each part. centre: (C, 3), radius: (C,) ball around each part, metres. surface: (C,) its surface.
+        axis: (C, 3) unit. cone: (C, 2) cosine and sine of the largest angle between the axis and the normals of the faces of the part's
+            edges, at most 90 degrees.
         start, along, length, into, up, opening, sides: of each edge, as in `radartwin.simulation.flat.faces.Faces`; a side is -1 where the
             body is a mesh without faces.
         other: (E, 3) unit, perpendicular to face n and to the edge, into the open sector.
@@ -42,6 +45,8 @@ class Outlines(NamedTuple):
     centre: np.ndarray
     radius: np.ndarray
     surface: np.ndarray
+    axis: np.ndarray
+    cone: np.ndarray
     start: np.ndarray
     along: np.ndarray
     length: np.ndarray
@@ -60,14 +65,14 @@ class Outlines(NamedTuple):
 
 
 def of_faces(faces: Faces) -> Outlines:
-    """Return the outlines of flat faces, one part per surface."""
+    """Return the outlines of flat faces."""
     owner = faces.surface[faces.sides[:, 0]] if len(faces.length) else np.zeros(0, int)
     edges = (faces.start, faces.along, faces.length, faces.into, faces.up, faces.opening, faces.sides)
     return _parts(owner, owner, edges)
 
 
 def of_mesh(geometry: Geometry) -> Outlines:
-    """Return the outlines of all triangles of a geometry, one part per connected piece."""
+    """Return the outlines of all triangles of a geometry."""
     mesh = trimesh.Trimesh(geometry.corners.reshape(-1, 3), np.arange(3 * len(geometry.corners)).reshape(-1, 3), process=False)
     mesh.merge_vertices(digits_vertex=7)
     normal = np.cross(*np.diff(geometry.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3)
@@ -106,18 +111,37 @@ def _across(way: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _parts(owner: np.ndarray, surface: np.ndarray, edges: Sequence[np.ndarray]) -> Outlines:
-    into, up, turn = edges[3], edges[4], np.pi * edges[5][:, None]
-    edges = [*edges, np.sin(turn) * into - np.cos(turn) * up]
-    order = np.argsort(owner, kind="stable")
-    edges = [np.ascontiguousarray(values[order]) for values in edges]
-    first = np.append(np.flatnonzero(np.diff(owner[order], prepend=-1)), len(owner))
-    centre, radius = np.zeros((len(first) - 1, 3)), np.zeros(len(first) - 1)
-    for i in range(len(first) - 1):
-        here = slice(first[i], first[i + 1])
-        points = np.concatenate([edges[0][here], edges[0][here] + edges[2][here, None] * edges[1][here]])
+    """Divide edges into parts of one owner each, whose edges are near each other and belong to faces of similar normals."""
+    start, along, length, into, up, opening, _ = edges
+    other = np.sin(np.pi * opening)[:, None] * into - np.cos(np.pi * opening)[:, None] * up
+    middle = start + length[:, None] / 2 * along
+    likeness = np.concatenate([(up + other) / np.maximum(np.linalg.norm(up + other, axis=1), 1e-30)[:, None], middle], axis=1)
+    pieces = [np.flatnonzero(owner == one) for one in np.unique(owner)]
+    divided = [_halved(piece, likeness) for piece in pieces]
+    groups = [group for some in divided for group in some]
+    order = np.concatenate([np.zeros(0, int), *groups])
+    first = np.cumsum([0, *(len(group) for group in groups)])
+    centre, radius, axis, cone = np.zeros((len(groups), 3)), np.zeros(len(groups)), np.zeros((len(groups), 3)), np.zeros((len(groups), 2))
+    for i, group in enumerate(groups):
+        points = np.concatenate([start[group], start[group] + length[group, None] * along[group]])
         centre[i] = (points.min(axis=0) + points.max(axis=0)) / 2
         radius[i] = np.linalg.norm(points - centre[i], axis=1).max()
-    return Outlines(first, centre, radius, np.ascontiguousarray(surface[order][first[:-1]], int), *edges)
+        normals = np.concatenate([up[group], other[group]])
+        axis[i] = normals.sum(axis=0) / max(np.linalg.norm(normals.sum(axis=0)), 1e-30)
+        widest = np.arccos(np.clip((normals @ axis[i]).min(), 0.0, 1.0))
+        cone[i] = np.cos(widest), np.sin(widest)
+    edges = [np.ascontiguousarray(values[order]) for values in (*edges, other)]
+    part_surface = np.array([surface[piece[0]] for piece, some in zip(pieces, divided, strict=True) for _ in some], int)
+    return Outlines(first, centre, radius, part_surface, axis, cone, *edges)
+
+
+def _halved(group: np.ndarray, likeness: np.ndarray) -> list[np.ndarray]:
+    """Divide the indices of a group at the median of the column of `likeness` with the largest range, down to GROUP indices each."""
+    if len(group) <= GROUP:
+        return [group]
+    column = likeness[group, np.ptp(likeness[group], axis=0).argmax()]
+    order = group[np.argsort(column, kind="stable")]
+    return [*_halved(order[: len(order) // 2], likeness), *_halved(order[len(order) // 2 :], likeness)]
 
 
 @innermost
@@ -133,6 +157,16 @@ def _is_near(centre: Vector, radius: float, source: Vector, way: Vector, low: fl
     thickest = min(max(0.5 * total, along - radius), along + radius)
     share = (thickest - 0.5 * total) / (0.5 * (total + excess))
     return aside < radius + 0.5 * math.sqrt(excess * (2 * total + excess) * max(1 - share * share, 0.0))
+
+
+@innermost
+def _has_silhouette(outlines: Outlines, c: int, source: Vector) -> bool:
+    """Return False if a source is in front of all faces at the edges of part `c`, or behind all of them, so that no edge is a silhouette."""
+    way = toward(vector(outlines.centre, c), source, 1.0)
+    axis = vector(outlines.axis, c)
+    along = dot(way, axis)
+    across = math.sqrt(max(dot(way, way) - along * along, 0.0))
+    return abs(along) * outlines.cone[c, 0] - across * outlines.cone[c, 1] <= outlines.radius[c] + OUTSIDE_M
 
 
 @innermost
@@ -184,6 +218,8 @@ def waves(
     others = opaque.copy()
     count = 0
     for c in range(len(outlines.radius)):
+        if not _has_silhouette(outlines, c, source):
+            continue
         if not _is_near(vector(outlines.centre, c), outlines.radius[c], source, way, low, high, total, excess):
             continue
         at_a, at_b = _touches(outlines, c, start, normal_a), _touches(outlines, c, end, normal_b)
