@@ -161,7 +161,7 @@ def _is_near(centre: Vector, radius: float, source: Vector, way: Vector, low: fl
 
 @innermost
 def _has_silhouette(outlines: Outlines, c: int, source: Vector) -> bool:
-    """Return False if a source is in front of all faces at the edges of part `c`, or behind all of them, so that no edge is a silhouette."""
+    """Return False if a source is in front of all faces at the edges of part `c`, or behind all of them: no edge is a silhouette."""
     way = toward(vector(outlines.centre, c), source, 1.0)
     axis = vector(outlines.axis, c)
     along = dot(way, axis)
