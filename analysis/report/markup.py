@@ -21,7 +21,7 @@ from analysis.tables import caption
 from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
-FIRST = ("speed_accuracy", "stability", GALLERY)  # shown above the other tables
+FIRST = ("reality", "speed_accuracy", "stability", GALLERY)  # shown above the other tables
 OPEN_ROWS = 12  # a table with more rows starts folded, and unfolds in print
 _CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # of tables.to_html; this page shows the caption above the figures
 

@@ -10,7 +10,6 @@ from scipy.special import hankel2
 
 import radartwin as rt
 from experiments.validation.oracles import moments_2d, traced
-from experiments.validation.oracles.case import reference_rows
 from experiments.validation.oracles.nearfield import chain_quadrature, corner_quadrature, panel_quadrature
 from experiments.validation.oracles.targets import corner_faces
 from radartwin.constants import SPEED_OF_LIGHT
@@ -193,22 +192,6 @@ def test_fringe_currents_match_the_method_of_moments(soft, most_db):
     assert np.abs(without).max() > 5
     if soft:
         assert abs(decibels(tall_strip(0.1, np.radians(75), 1.0, axis, True) / strip(0.1, np.radians(75), 1.0, soft))) < 0.15
-
-
-@pytest.mark.parametrize(("column", "side"), [("level_5cm_db", 0.05), ("level_10cm_db", 0.1)])
-def test_dihedral_matches_the_measured_pattern(column, side):
-    """The corner edge is 0.896 m from the radar, which is 67 mm above the lower end of the edge."""
-    rows = reference_rows("measured_dihedral_77ghz.csv")
-    measured = np.array([float(row[column]) for row in rows])
-    frequency = 78.5e9
-    table = replace(METAL, frequencies_hz=np.array([frequency]))
-    height = 0.067 - side / 2
-    levels = []
-    for row in rows:
-        hits = echo(objects.dihedral(side, side), around(0.896, float(row["aspect_deg"]), height), fringes=True, table=table)
-        phase = np.exp(2j * np.pi * frequency / SPEED_OF_LIGHT * (hits.length_in_m + hits.length_out_m))
-        levels.append(decibels((hits.amplitude[:, 0] * phase).sum()))
-    assert np.std(np.array(levels) - measured) < 1.1
 
 
 def test_objects_with_curved_or_many_faces_have_no_polygons():
