@@ -92,11 +92,13 @@ def _add_recordings(group: Verbs) -> None:
     _output(process)
 
     captures = _add(group, "import", verbs.import_captures, "raw captures to a recording set", resumes=True)
-    captures.add_argument("source", metavar="SOURCE", type=Path, help="a mmWave Studio .bin, a .npy cube, or a folder of captures")
+    captures.add_argument("source", metavar="SOURCE", type=Path, help="a .bin, a .npy or .npz cube, a roverd trace, or a folder of them")
     captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="columns of the index for all, keys of a new set's card")
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
     captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: the columns of each capture")
     captures.add_argument("--radar", metavar="FILE", help="as for process (default: the .mmwave.json beside each capture)")
+    chosen = "import only these frames of each capture, such as 100:200 (default: all)"
+    captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=chosen)
     captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
 
     text = "the virtual measurement campaign to a recording set, as measured=recordings reads it"
@@ -193,7 +195,7 @@ def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
 def _recording(verb: argparse.ArgumentParser) -> None:
     radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or the name of a radar option"
     swapped = "Q before I in the file (default: found from the data)"
-    verb.add_argument("recording", metavar="RECORDING", type=Path, help="a radartwin recording, a mmWave Studio .bin, or a .npy cube")
+    verb.add_argument("recording", metavar="RECORDING", type=Path, help="a recording, a mmWave Studio .bin, or a .npy or .npz cube")
     verb.add_argument("--radar", metavar="FILE", help=radar)
     verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=swapped)
 
@@ -206,6 +208,13 @@ def _port(text: str) -> int:
     if not (text.isdecimal() and int(text) <= 65535):
         raise argparse.ArgumentTypeError(f"{text!r} is not a port, a whole number from 0 to 65535")
     return int(text)
+
+
+def _frames(text: str) -> slice:
+    first, separator, end = text.partition(":")
+    if not separator or not all(part == "" or part.isdecimal() for part in (first, end)) or (end and int(end) <= int(first or 0)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not FIRST:END, two frame numbers from 0 of which END is larger")
+    return slice(int(first) if first else None, int(end) if end else None)
 
 
 def _experiments() -> list[str]:

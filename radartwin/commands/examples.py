@@ -56,6 +56,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "one capture with its origin",
         ),
         ("radartwin import captures --out measurements --map map.yaml", "a folder of captures"),
+        (
+            "radartwin import iq1m/indoor/baker/baker.1.fwd --out measurements --frames 0:200 object=none room=baker motion=other "
+            "licence=CC-BY-4.0 who=RadarML sensor=AWR1843BOOST when=2025",
+            "200 frames of a trace of I/Q-1M",
+        ),
     ),
     "export": (
         ("radartwin export --out virtual", "the quick campaign"),

@@ -92,6 +92,7 @@ def import_captures(options: argparse.Namespace) -> int:
         read_mapping(options.map) if options.map else None,
         radar=named_radar(options.radar) if options.radar else None,
         cut=options.cut,
+        frames=options.frames,
         progress=progress,
         say=progress.say,
     )

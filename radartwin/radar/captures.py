@@ -22,17 +22,20 @@ from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording, read_counts, recording_files
 
+CUBES = (".npy", ".npz")  # suffixes of files with an array of samples
 EDGE_DB = 2.0  # smallest magnitude of band_edge_db that determines the sample order; real captures have 2.7 to 9.9 dB
 
 
 def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None) -> Recording:
-    """Read a recording of this package, a mmWave Studio capture, or an array of samples in a .npy file.
+    """Read a recording of this package, a mmWave Studio capture, or an array of samples in a .npy or .npz file.
 
     Args:
         path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file with one
             .mmwave.json in its folder, or of a .npy file. The array in a .npy file has the shape [chirp, sample], [chirp, channel, sample],
-            [frame, chirp, channel, sample] or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
-        radar: a Radar or the path of a radar file. A .npy file requires `radar`; for a .bin file, `radar` replaces the .mmwave.json.
+            [frame, chirp, channel, sample] or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. Its samples are
+            complex, or int16 with one more axis of I and Q at the end. A .npz file holds this array as `iq`, and may hold the poses of the
+            radar as `poses` (F, 4, 4).
+        radar: a Radar or the path of a radar file. An array requires `radar`; for a .bin file, `radar` replaces the .mmwave.json.
         iq_swapped: whether Q comes before I in a capture of another tool. None detects the sample order from the noise. For a recording of
             this package, the .json file gives the sample order.
     Raises:
@@ -42,7 +45,7 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
     path = Path(path)
     if radar is not None and not isinstance(radar, Radar):
         radar = Radar.from_file(radar)
-    if path.suffix == ".npy":
+    if path.suffix in CUBES:
         return _load_cube(path, radar, iq_swapped)
     bin_path, json_path = recording_files(path)
     if radar is None and (json_path.is_file() or not bin_path.is_file()):
@@ -55,9 +58,9 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
 
 
 def capture_name(path: str | Path) -> str:
-    """Return the file name of a capture without its suffix .bin, .json or .npy. Raise RecordingError if the path has no file name."""
+    """Return the file name of a capture without its suffix .bin, .json, .npy or .npz. Raise RecordingError if the path has no file name."""
     path = Path(path)
-    return path.stem if path.suffix == ".npy" else recording_files(path)[0].stem
+    return path.stem if path.suffix in CUBES else recording_files(path)[0].stem
 
 
 def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
@@ -117,13 +120,18 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     if not path.is_file():
         raise MissingError(f"{path}: no such file")
     if radar is None:
-        raise RecordingError(f"{path}: a .npy cube does not name its radar; give a .cfg, .mmwave.json or .yaml")
+        raise RecordingError(f"{path}: a {path.suffix} cube does not name its radar; give a .cfg, .mmwave.json or .yaml")
     try:
-        cube = files.read_array(path)
+        stored = {"iq": files.read_array(path)} if path.suffix == ".npy" else files.read_arrays(path)
     except (InputError, OSError) as error:
-        raise RecordingError(f"{error}; give a .npy cube of complex samples") from error
+        raise RecordingError(f"{error}; give a {path.suffix} cube of complex samples") from error
+    if "iq" not in stored:
+        raise RecordingError(f"{path}: it has no array iq; name the array of the samples iq")
+    cube = stored["iq"]
+    if cube.dtype == np.int16 and cube.ndim > 2 and cube.shape[-1] == 2:
+        cube = (cube[..., 0] + 1j * cube[..., 1]).astype(np.complex64)
     if not np.iscomplexobj(cube):
-        raise RecordingError(f"{path}: expected complex samples, not {cube.dtype}")
+        raise RecordingError(f"{path}: expected complex samples, or int16 with a last axis of I and Q, not {cube.dtype} {cube.shape}")
     if cube.ndim == 2:
         # The array has one channel, but its chirps repeat at the loop interval of all transmitters.
         radar = replace(
@@ -140,7 +148,8 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
         )
     if frames < 1:
         raise RecordingError(f"{path}: it has zero frames; record again")
-    return from_counts(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
+    recording = from_counts(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
+    return replace(recording, sensor_poses=stored.get("poses"))
 
 
 def _signed(cube: NDArray[np.complexfloating]) -> NDArray[np.complex64]:

@@ -224,8 +224,12 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
     return path.with_name(name + ".bin"), path.with_name(name + ".json")
 
 
-def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False, scale: float = 1.0) -> NDArray[np.complex64]:
+def read_counts(
+    path: Path, radar: Radar, *, iq_swapped: bool = False, scale: float = 1.0, frames: range | None = None
+) -> NDArray[np.complex64]:
     """Read the counts of a .bin times `scale`, [frame, chirp, tx, rx, sample]. More than MAPPED_BYTES of samples are mapped into memory.
+
+    The argument `frames` names the consecutive frames to read. None reads all frames and refuses an incomplete last frame.
 
     Raises:
         RecordingError: the file is empty or does not fit the radar.
@@ -234,20 +238,22 @@ def read_counts(path: Path, radar: Radar, *, iq_swapped: bool = False, scale: fl
     size, frame = path.stat().st_size, dca1000.frame_bytes(radar)
     if size == 0:
         raise RecordingError(f"{path}: it is empty, zero frames; record again")
-    if size % frame:
+    if frames is None and size % frame:
         raise RecordingError(
             f"{path}: {size} bytes are not a whole number of frames of {frame} bytes for radar {radar.name}, {size % frame} are left over; "
             "it is truncated or belongs to another radar description"
         )
-    shape = (size // frame, *dca1000.frame_shape(radar))
+    frames = range(size // frame) if frames is None else frames
+    shape = (len(frames), *dca1000.frame_shape(radar))
     frame_samples = math.prod(shape[1:]) * np.dtype(np.complex64).itemsize
     mapped = scratch.ScratchArray(scratch.folder_for(path), shape, np.complex64) if shape[0] * frame_samples > MAPPED_BYTES else None
     counts = np.empty((0 if mapped else shape[0], *shape[1:]), np.complex64)
     step = max(1, _SAVED_BYTES // frame_samples)
     with path.open("rb") as stream:
+        stream.seek(frames.start * frame)
         for start in range(0, shape[0], step):
             try:
-                block = dca1000.decode(stream.read(step * frame), radar, iq_swapped=iq_swapped)
+                block = dca1000.decode(stream.read(min(step, shape[0] - start) * frame), radar, iq_swapped=iq_swapped)
             except RecordingError as error:
                 raise RecordingError(f"{path}: {error}") from error
             block *= np.float32(scale) if np.float32(scale) == scale else scale

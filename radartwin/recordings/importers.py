@@ -1,8 +1,8 @@
 """Import captures from other tools into a recording set.
 
-A capture is a raw .bin file of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy cube, or a
-recording of this package. The recording conditions of a capture (object, distance and so on) come from values that hold for all captures,
-from a mapping file (radartwin/recordings/mapping.py), or from both.
+A capture is a raw .bin file of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy or .npz cube,
+the radar of a roverd trace (radartwin/recordings/roverd.py), or a recording of this package. The recording conditions of a capture (object,
+distance and so on) come from values that hold for all captures, from a mapping file (radartwin/recordings/mapping.py), or from both.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
-from radartwin.radar.captures import description_beside, from_counts, load_capture
+from radartwin.radar.captures import CUBES, description_beside, from_counts, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
 from radartwin.radar.recording import Recording, recording_files
-from radartwin.recordings import studio_log
+from radartwin.recordings import roverd, studio_log
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.checks import few, zero_filled_frames
 from radartwin.recordings.index import Row, row_of
@@ -48,6 +48,7 @@ def import_captures(
     *,
     radar: Radar | None = None,
     cut: bool = False,
+    frames: slice = slice(None),
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> tuple[RecordingSet, list[Row]]:
@@ -63,6 +64,7 @@ def import_captures(
         mapping: content of the mapping file, see `radartwin.recordings.mapping`.
         radar: radar of all captures; None reads the radar description file beside each capture.
         cut: True drops an incomplete frame at the end of a raw capture; False makes an incomplete frame an error.
+        frames: the frames of each capture to import, as a slice without a step.
         progress: progress display.
         say: function that receives notes on a capture as text, such as lost packets, missing frames or a missing log.
     Returns:
@@ -83,14 +85,17 @@ def import_captures(
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")
     added = []
     for item in (progress or Progress(quiet=True)).over(missing, "captures"):
-        recording, columns, notes = read_capture(item.capture, radar, cut=cut)
+        recording, columns, notes = read_capture(item.capture, radar, cut=cut, frames=frames)
         for note in notes:
             say(f"{item.row.recording}: {note}")
         if (card.units == "counts") != (recording.scale == 1.0):
             kind = "counts of an ADC" if recording.scale == 1.0 else "amplitudes"
             raise RecordingError(f"{item.capture}: its samples are {kind}, but the card has units={card.units}; make a separate set")
         target = target or RecordingSet.create(out, card)
-        added.append(target.add(recording, replace(item.row, extra={**columns, **item.row.extra}), item.trajectory))
+        extra = {**columns, **item.row.extra}
+        if item.trajectory and frames.start:
+            extra["start_s"] = repr(item.row.start_s + frames.start / recording.radar.frame_rate_hz)
+        added.append(target.add(recording, replace(item.row, extra=extra), item.trajectory))
     assert target is not None  # the recording set existed before, or the first capture created it
     return target, added
 
@@ -149,24 +154,29 @@ def find_captures(source: Path) -> list[Path]:
     """
     if not source.is_dir():
         if not source.is_file():
-            raise MissingError(f"{source}: no such capture; give a .bin, a .npy or a folder of them")
+            raise MissingError(f"{source}: no such capture; give a .bin, .npy or .npz file, or a folder of them")
         return [studio_log.parts(source)[0]]
-    files = sorted(path for kind in ("bin", "npy") for path in source.rglob(f"*.{kind}") if not path.name.startswith("."))
+    names = ("*.bin", *(f"*{suffix}" for suffix in CUBES), roverd.CHANNEL)
+    files = sorted(path for name in names for path in source.rglob(name) if not _hidden(path.relative_to(source)))
     captures = list(dict.fromkeys(studio_log.parts(path)[0] for path in files))
     if not captures:
-        raise MissingError(f"{source}: the folder has no .bin and no .npy; give a folder of captures")
+        raise MissingError(f"{source}: the folder has no .bin and no .npy, .npz or roverd channel iq; give a folder of captures")
     return captures
 
 
-def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False) -> tuple[Recording, dict[str, str], list[str]]:
-    """Read a capture. Return the recording, further index columns for it, and notes on it (one line of text each).
+def read_capture(
+    capture: Path, radar: Radar | None = None, *, cut: bool = False, frames: slice = slice(None)
+) -> tuple[Recording, dict[str, str], list[str]]:
+    """Read the frames `frames` of a capture. Return the recording, further index columns for it, and notes on it (one line of text each).
 
     Raises:
         MissingError: the radar description file is missing.
         RecordingError: the file size does not fit the radar, or the log or the radar description is invalid.
     """
-    if capture.suffix == ".npy" or (radar is None and recording_files(capture)[1].is_file()):
-        recording = load_capture(capture, radar)
+    if capture.name == roverd.CHANNEL:
+        return roverd.read_trace(capture, radar, cut=cut, frames=frames)
+    if capture.suffix in CUBES or (radar is None and recording_files(capture)[1].is_file()):
+        recording = _of_frames(capture, load_capture(capture, radar), frames)
         if recording.scale == 1.0 and not _whole(recording):
             recording.scale = None  # with None, saving scales the samples to their peak, so that rounding to int16 loses little
         return recording, {}, []
@@ -185,7 +195,18 @@ def read_capture(capture: Path, radar: Radar | None = None, *, cut: bool = False
         )
     recording = from_counts(capture, dca1000.decode(memoryview(data)[: whole * frame], radar), radar, None)
     columns, notes = _transfer(capture, recording, _configured_frames(description))
+    recording = _of_frames(capture, recording, frames)
     return recording, columns, [f"the last frame is incomplete and dropped ({rest} of {frame} bytes)", *notes] if rest else notes
+
+
+def _of_frames(capture: Path, recording: Recording, frames: slice) -> Recording:
+    """Return a recording of some frames of a recording."""
+    if frames == slice(None):
+        return recording
+    if not len(iq := recording.iq[frames]):
+        raise RecordingError(f"{capture}: it has {recording.num_frames} frames, none of which is chosen; choose others with --frames")
+    poses = recording.sensor_poses
+    return replace(recording, iq=iq, sensor_poses=poses[frames] if poses is not None and len(poses) > 1 else poses)
 
 
 def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dict[str, str], list[str]]:
@@ -233,9 +254,17 @@ def _whole(recording: Recording) -> bool:
     return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
 
 
+def _hidden(relative: Path) -> bool:
+    """Return whether a path names a hidden file, or a file in a folder of processed data of a roverd trace, whose name begins with _."""
+    return relative.name.startswith(".") or (relative.suffix == ".npz" and any(part.startswith("_") for part in relative.parent.parts))
+
+
 def _name(capture: Path, root: Path) -> str:
-    """Make a valid recording name from the capture's path relative to the folder `root`."""
+    """Make a valid recording name from the capture's path relative to the folder `root`, or from the path of the roverd trace."""
     relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
+    if capture.name == roverd.CHANNEL:
+        trace = capture.resolve().parent.parent
+        relative = Path(trace.name) if trace in (root.resolve(), *root.resolve().parents) else trace.relative_to(root.resolve())
     return re.sub(r"[^A-Za-z0-9._-]+", "_", "_".join(relative.parts)).lstrip("._-")
 
 

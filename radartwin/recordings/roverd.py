@@ -1,0 +1,212 @@
+"""Read the radar of a trace in the roverd format, in which RadarML publishes the data set I/Q-1M.
+
+A trace is a folder with one folder for each sensor. This module reads these files of a trace:
+
+    config.yaml            settings of the sensors; radar.args.radar holds the waveform
+    radar/meta.json        format, type and shape of each channel: {"iq": {"format": "raw", "type": "i2", "shape": [64, 3, 4, 512]}, ...}
+    radar/iq               int16 samples [frame, chirp, tx, rx, 2 * sample], in the order Q0 Q1 I0 I1, Q2 Q3 I2 I3, ...
+    radar/ts               float64 start time of each frame, seconds since 1970
+    radar/valid            uint8, 0 for a frame with lost packets, which are zeros; optional
+    radar/radar.json       range_resolution and doppler_resolution in metres and m/s; optional, checks config.yaml
+    _radar/pose.npz        poses at the times t (N,): pos (N, 3) in metres, rot (N, 3, 3), and mask (F,), the frames with a pose; optional
+
+The samples have the layout of a DCA1000 .bin with Q before I, so that an imported recording has the same bytes as the channel.
+
+Source: the public description of the format and of the data set (github RadarML/red-rover: docs/roverd/index.md, docs/iq1m/index.md,
+collect/config/grt-i.yaml, processing/src/roverp/readers/pose.py) and of the samples (github RadarML/xwr: RadarFrame, XWRConfig,
+AWR1843Boost). Earlier descriptions name the types i16, f64 and u8. This module was tested on files written from this description. It was
+not run on the files of the data set. These facts are assumptions: the poses (front, left, up) are those of the sensor rig, so that the
+distance from the rig to the radar is ignored, and the transmitters fire in the order TX1, TX2, TX3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.io import files
+from radartwin.radar import dca1000
+from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, Board
+from radartwin.radar.captures import band_edge_db
+from radartwin.radar.chirp import Radar
+from radartwin.radar.description_files import read_json, read_yaml
+from radartwin.radar.recording import Recording, read_counts
+
+CHANNEL = "iq"
+_TYPES = {"iq": ("i2", "i16"), "ts": ("f8", "f64"), "valid": ("u1", "u8")}
+# Boards by the device names of xwr; AWR1843L is an AWR1843 without TX2.
+_BOARDS = {
+    "AWR1843": IWR1843BOOST,
+    "AWR1843L": replace(IWR1843BOOST, tx_positions_m=IWR1843BOOST.tx_positions_m[::2]),
+    "AWR1642": IWR1642BOOST,
+}
+_SAME_RESOLUTION = 0.01  # largest relative difference between the resolutions of config.yaml and radar.json
+_LATEST_S = 2.0**33  # the year 2242
+_GAP = 1.5  # a longer time between two frames, in frame periods, is a gap
+
+
+def read_trace(
+    channel: Path, radar: Radar | None = None, *, cut: bool = False, frames: slice = slice(None)
+) -> tuple[Recording, dict[str, str], list[str]]:
+    """Read the radar of a trace. Frames without a pose are left out if the trace has poses.
+
+    Args:
+        channel: path of the channel iq, TRACE/radar/iq.
+        radar: the radar; None reads config.yaml of the trace.
+        cut: True drops an incomplete frame at the end; False makes an incomplete frame an error.
+        frames: the frames to read, as a slice without a step.
+    Returns:
+        The recording in ADC counts, further index columns, and notes (one line of text each).
+    Raises:
+        MissingError: a file of the trace is missing.
+        RecordingError: files of the trace are damaged, or contradict each other or the radar.
+    """
+    folder, trace = channel.parent, channel.parent.parent
+    shapes = _channels(folder)
+    radar = radar or radar_of(trace)
+    expected = (*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples)
+    if shapes["iq"] != expected:
+        raise RecordingError(f"{folder / 'meta.json'}: iq has shape {shapes['iq']}, not {expected} of radar {radar.name}; give its radar")
+    whole, rest = divmod(channel.stat().st_size, dca1000.frame_bytes(radar))
+    times = _values(folder / "ts", "<f8")
+    if not np.all((times >= 0) & (times < _LATEST_S)):
+        raise RecordingError(f"{folder / 'ts'}: it holds values that are no seconds since 1970; copy the trace again")
+    if rest and not cut:
+        raise RecordingError(
+            f"{channel}: it is truncated, {rest} bytes follow {whole} frames of {dca1000.frame_bytes(radar)} bytes; drop them with --cut"
+        )
+    if len(times) < whole and not cut:
+        raise RecordingError(f"{folder / 'ts'}: it holds {len(times)} times for {whole} frames; drop the frames without a time with --cut")
+    notes = [f"the last frame is incomplete and dropped ({rest} of {dca1000.frame_bytes(radar)} bytes)"] if rest else []
+    chosen, poses = np.arange(min(whole, len(times)))[frames], None
+    if (trace / "_radar" / "pose.npz").is_file():
+        mask, poses = _poses(trace / "_radar" / "pose.npz", len(times))
+        posed = chosen[mask[chosen]]
+        if left_out := len(chosen) - len(posed):
+            notes.append(f"{left_out} of {len(chosen)} frames have no pose and are left out")
+        chosen, poses = posed, poses[np.cumsum(mask)[posed] - 1]
+    if not len(chosen):
+        raise RecordingError(f"{channel}: no frame is left of {whole}; choose other frames with --frames")
+    if np.any(np.diff(chosen) != 1):
+        raise RecordingError(f"{trace / '_radar' / 'pose.npz'}: the frames with a pose are not contiguous; choose some with --frames")
+    if gaps := int(np.sum(np.diff(times[chosen]) > _GAP / radar.frame_rate_hz)):
+        notes.append(f"frames are missing at {gaps} places, where the times have gaps")
+    iq = read_counts(channel, radar, iq_swapped=True, frames=range(int(chosen[0]), int(chosen[-1]) + 1))
+    started = datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")
+    columns = {"started": started}
+    if "valid" in shapes:
+        valid = _values(folder / "valid", "u1")
+        if len(valid) <= chosen[-1]:
+            raise RecordingError(f"{folder / 'valid'}: it holds {len(valid)} values for {whole} frames; copy the trace again")
+        lost = int(np.count_nonzero(valid[chosen] == 0))
+        columns["lost_packets"] = str(lost)  # each of these frames lacks at least one packet
+        notes += [f"{lost} of {len(chosen)} frames have lost packets, which are zeros"] if lost else []
+    provenance = {
+        "source": f"{trace.resolve().name}/{folder.name}/{channel.name}", "unit": "counts", "format": "roverd",
+        "first_frame": int(chosen[0]), "band_edge_db": round(band_edge_db(iq[0]), 1),
+    }  # fmt: skip
+    return Recording(iq, radar, poses, scale=1.0, iq_swapped=True, provenance=provenance), columns, notes
+
+
+def radar_of(trace: Path) -> Radar:
+    """Build the radar of a trace from its config.yaml. If radar/radar.json exists, its range resolution must agree.
+
+    Raises:
+        MissingError: config.yaml does not exist.
+        RecordingError: config.yaml lacks a setting of the radar, names another device, or contradicts radar.json.
+    """
+    path = trace / "config.yaml"
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file, so the waveform is unknown; copy it, or give the radar with --radar")
+    settings: Any = read_yaml(path, "sensors")
+    for key in ("radar", "args", "radar"):
+        settings = settings.get(key) if isinstance(settings, Mapping) else None
+    if not isinstance(settings, Mapping):
+        raise RecordingError(f"{path}: it has no radar.args.radar with the waveform; give the radar with --radar")
+    board = _BOARDS.get(str(settings.get("device", "AWR1843")))
+    if board is None:
+        raise RecordingError(f"{path}: device {settings['device']!r} is not {', '.join(_BOARDS)}; give the radar with --radar")
+    try:
+        radar = _radar(settings, board)
+    except KeyError as error:
+        raise RecordingError(f"{path}: radar.args.radar has no {error.args[0]}; give the radar with --radar") from None
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: {error}") from error
+    described = trace / "radar" / "radar.json"
+    if described.is_file():
+        stated = read_json(described).get("range_resolution")
+        ours = SPEED_OF_LIGHT / (2 * radar.sampled_bandwidth_hz)
+        if not isinstance(stated, int | float) or not abs(stated / ours - 1) < _SAME_RESOLUTION:
+            raise RecordingError(f"{described}: range_resolution {stated} m contradicts {ours:.4f} m of {path.name}; give the right files")
+    return radar
+
+
+def _radar(settings: Mapping[str, Any], board: Board) -> Radar:
+    """Build the radar from the settings of xwr: times in us, slope in MHz/us, sample rate in ksps, frame period in ms."""
+    slope, start = 1e12 * float(settings["freq_slope"]), 1e-6 * float(settings["adc_start_time"])
+    return Radar(
+        name=board.name,
+        start_frequency_hz=1e9 * float(settings["frequency"]) + slope * start,
+        slope_hz_per_s=slope,
+        sample_rate_hz=1e3 * float(settings["sample_rate"]),
+        num_samples=settings["adc_samples"],
+        num_chirps=settings["frame_length"],
+        tx_positions_m=board.tx_positions_m,
+        rx_positions_m=board.rx_positions_m,
+        chirp_interval=1e-6 * (float(settings["idle_time"]) + float(settings["ramp_end_time"])),
+        frame_rate_hz=1e3 / float(settings["frame_period"]),
+        element=board.element,
+    )
+
+
+def _channels(folder: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each channel of a sensor by name, after a check of format and type."""
+    path = folder / "meta.json"
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file, so the channels are unknown; copy the whole trace")
+    described, shapes = read_json(path), {}
+    for name, types in _TYPES.items():
+        channel = described.get(name)
+        if channel is None and name == "valid":
+            continue
+        if not isinstance(channel, dict):
+            raise RecordingError(f"{path}: it describes no channel {name}; copy the whole trace")
+        if channel.get("format") != "raw" or str(channel.get("type")).lstrip("<") not in types:
+            given = f"format {channel.get('format')} and type {channel.get('type')}"
+            raise RecordingError(f"{path}: channel {name} has {given}; only format raw and type {types[0]} can be read")
+        shape = channel.get("shape")
+        if not isinstance(shape, list) or not all(isinstance(n, int) and n > 0 for n in shape):
+            raise RecordingError(f"{path}: channel {name} has shape {shape!r}; it must be a list of whole numbers above zero")
+        shapes[name] = tuple(shape)
+    return shapes
+
+
+def _values(path: Path, kind: str) -> np.ndarray:
+    """Read a channel with one number per frame."""
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file; copy the whole trace")
+    data = path.read_bytes()
+    return np.frombuffer(data[: len(data) // np.dtype(kind).itemsize * np.dtype(kind).itemsize], kind)
+
+
+def _poses(path: Path, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mask (F,) of the frames that have a pose, and the poses (N, 4, 4) of these frames."""
+    try:
+        stored = files.read_arrays(path)
+        mask, poses = stored["mask"].astype(bool), np.tile(np.eye(4), (len(stored["pos"]), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = stored["rot"], stored["pos"]
+    except KeyError as error:
+        raise RecordingError(f"{path}: it has no array {error.args[0]}; copy it again, or remove it to import without poses") from None
+    except (InputError, ValueError, TypeError, IndexError) as error:
+        raise RecordingError(f"{path}: {error}; copy it again, or remove it to import without poses") from error
+    if mask.shape != (frames,) or mask.sum() != len(poses):
+        text = f"mask has {mask.size} values, {int(mask.sum())} of them set, for {frames} frames and {len(poses)} poses"
+        raise RecordingError(f"{path}: {text}; copy it again, or remove it to import without poses")
+    return mask, poses

@@ -1,0 +1,228 @@
+"""Import traces of the roverd format, in which RadarML publishes I/Q-1M, and cubes with poses.
+
+The traces are written by hand from the published description, with a waveform like that of the data set but fewer samples.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from radartwin.radar.chirp import Radar
+from radartwin.recordings import roverd
+from radartwin.recordings.recording_set import RecordingSet
+
+CHIRPS, TX, RX, SAMPLES, FRAMES = 8, 3, 4, 64, 6
+WAVEFORM = {
+    "device": "AWR1843", "port": "/dev/ttyACM0", "frequency": 77.0, "idle_time": 200.0, "adc_start_time": 5.7, "ramp_end_time": 59.0,
+    "tx_start_time": 1.0, "freq_slope": 67.012, "adc_samples": SAMPLES, "sample_rate": 5000, "frame_length": CHIRPS, "frame_period": 50.0,
+}  # fmt: skip
+FRAME_BYTES = CHIRPS * TX * RX * SAMPLES * 4
+ABOUT = ["object=none", "room=baker", "motion=other", "licence=CC-BY-4.0", "who=RadarML", "sensor=AWR1843BOOST", "when=2025"]
+START_S = 1.7e9
+
+
+def echoes() -> np.ndarray:
+    """Return whole counts [frame, chirp, tx, rx, sample] of an echo at 2 m with noise."""
+    rng = np.random.default_rng(0)
+    distance, slope, rate = 2.0, 67.012e12, 5e6
+    beat = np.exp(2j * np.pi * slope * 2 * distance / 299_792_458.0 * np.arange(SAMPLES) / rate)
+    noise = rng.normal(size=(2, FRAMES, CHIRPS, TX, RX, SAMPLES))
+    return np.rint((800 * beat + noise[0]).real) + 1j * np.rint((800 * beat + noise[0]).imag + noise[1])
+
+
+def write_trace(trace: Path, iq: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
+    """Write a trace, and return the values of its channel iq (F, chirp, tx, rx, 2 * sample)."""
+    raw = np.empty((*iq.shape[:-1], 2 * SAMPLES), "<i2")
+    for lane in (0, 1):  # Q0 Q1 I0 I1
+        raw[..., lane::4], raw[..., lane + 2 :: 4] = iq.imag[..., lane::2], iq.real[..., lane::2]
+    (trace / "radar").mkdir(parents=True)
+    (trace / "lidar").mkdir()
+    (trace / "lidar" / "rng").write_bytes(b"not a radar")
+    raw.tofile(trace / "radar" / "iq")
+    (START_S + 0.05 * np.arange(len(iq))).tofile(trace / "radar" / "ts")
+    np.ones(len(iq), "u1").tofile(trace / "radar" / "valid")
+    channels = {
+        "iq": {"format": "raw", "type": "i2", "shape": [CHIRPS, TX, RX, 2 * SAMPLES], "desc": "Raw I/Q stream."},
+        "ts": {"format": "raw", "type": "f8", "shape": [], "description": "Timestamp, in seconds."},
+        "valid": {"format": "raw", "type": "u1", "shape": [], "desc": "True if this frame is complete (no zero-fill)."},
+    }
+    (trace / "radar" / "meta.json").write_text(json.dumps(channels))
+    resolution = 299_792_458.0 / (2 * 67.012e12 * SAMPLES / 5e6)
+    intrinsics = {"shape": [CHIRPS, TX, RX, SAMPLES], "range_resolution": resolution, "doppler_resolution": 0.3}
+    (trace / "radar" / "radar.json").write_text(json.dumps(intrinsics))
+    (trace / "config.yaml").write_text(yaml.safe_dump({"radar": {"type": "radar", "args": {"radar": WAVEFORM, "capture": {}}}}))
+    if mask is not None:
+        count = int(mask.sum())
+        pos, rot = np.outer(np.arange(count), [0.1, 0, 0]), np.tile(np.eye(3), (count, 1, 1))
+        (trace / "_radar").mkdir()
+        np.savez(trace / "_radar" / "pose.npz", mask=mask, t=START_S + 0.05 * np.flatnonzero(mask), pos=pos, vel=pos, acc=pos, rot=rot)
+    return raw
+
+
+def test_imported_trace_has_the_samples_radar_and_poses_of_the_trace(tmp_path: Path, inside) -> None:
+    iq = echoes()
+    mask = np.array([False, True, True, True, True, False])
+    raw = write_trace(tmp_path / "data" / "baker.1.fwd", iq, mask)
+    done = inside("import", "data", "--out", "set", *ABOUT)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "set: 1 recording added, 1 in all\n"
+    assert "2 of 6 frames have no pose and are left out" in done.stderr
+    (row, recording) = next(RecordingSet.load(tmp_path / "set").recordings())
+    assert row.recording == "baker.1.fwd"
+    assert row.extra == {"started": "2023-11-14T22:13:20+00:00", "lost_packets": "0"}
+    assert (tmp_path / "set/recordings/baker.1.fwd.bin").read_bytes() == raw[1:5].tobytes()
+    np.testing.assert_array_equal(recording.iq, iq[1:5])
+    np.testing.assert_allclose(recording.sensor_poses[:, 0, 3], [0, 0.1, 0.2, 0.3])
+    radar = recording.radar
+    assert (radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples) == (CHIRPS, TX, RX, SAMPLES)
+    assert radar.start_frequency_hz == pytest.approx(77e9 + 67.012e12 * 5.7e-6)
+    assert (radar.chirp_interval, radar.frame_rate_hz) == (pytest.approx(259e-6), pytest.approx(20.0))
+    assert inside("doctor", "--data", "set").returncode == 0
+    assert inside("process", "set/recordings/baker.1.fwd").returncode == 0
+    peaks = (tmp_path / "outputs/processed/baker.1.fwd/peaks.csv").read_text().splitlines()
+    assert float(peaks[1].split(",")[0]) == pytest.approx(2.0, abs=radar.range_resolution_m / 2)
+
+
+def test_chosen_frames_are_imported(tmp_path: Path, inside) -> None:
+    iq = echoes()
+    write_trace(tmp_path / "walk", iq)
+    assert inside("import", "walk", "--out", "set", "--frames", "2:4", *ABOUT).returncode == 0
+    row, recording = next(RecordingSet.load(tmp_path / "set").recordings())
+    np.testing.assert_array_equal(recording.iq, iq[2:4])
+    assert row.recording == "walk"
+    assert recording.sensor_poses is None
+    for words in ("4:2", "x:2", "3"):
+        assert inside("import", "walk", "--out", "other", "--frames", words, *ABOUT).returncode == 2
+    done = inside("import", "walk", "--out", "other", "--frames", "9:", *ABOUT)
+    assert done.returncode == 2
+    assert "no frame is left of 6; choose other frames with --frames" in done.stderr
+
+
+def test_older_type_names_lost_frames_and_gaps_are_accepted(tmp_path: Path, inside) -> None:
+    iq = np.tile(echoes(), (30, 1, 1, 1, 1))[:170]
+    iq[3] = 0
+    write_trace(tmp_path / "trace", iq)
+    meta = tmp_path / "trace/radar/meta.json"
+    text = meta.read_text().replace('"i2"', '"i16"').replace('"f8"', '"f64"').replace('"u1"', '"u8"')
+    meta.write_text(text)
+    valid = np.ones(len(iq), "u1")
+    valid[3] = 0
+    valid.tofile(tmp_path / "trace/radar/valid")
+    times = START_S + 0.05 * np.arange(len(iq))
+    times[100:] += 1
+    times.tofile(tmp_path / "trace/radar/ts")
+    done = inside("import", "trace", "--out", "set", *ABOUT)
+    assert "1 of 170 frames have lost packets, which are zeros" in done.stderr
+    assert "frames are missing at 1 places" in done.stderr
+    assert inside("doctor", "--data", "set").returncode == 0
+
+
+def changed(path: Path, **values: object) -> None:
+    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+
+
+def remove_pose(trace: Path) -> None:
+    stored = dict(np.load(trace / "_radar/pose.npz"))
+    np.savez(trace / "_radar/pose.npz", **stored | {"mask": stored["mask"][:-1]})
+
+
+RAW = {"format": "raw", "type": "i2", "shape": [CHIRPS, TX, RX, 2 * SAMPLES]}
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda t: (t / "radar/meta.json").unlink(), "meta.json: no such file"),
+        (lambda t: changed(t / "radar/meta.json", iq=None), "describes no channel iq"),
+        (lambda t: changed(t / "radar/meta.json", iq={**RAW, "type": "i4"}), "format raw and type i4; only format raw and type i2"),
+        (lambda t: changed(t / "radar/meta.json", iq={**RAW, "format": "lzma"}), "format lzma and type i2"),
+        (lambda t: changed(t / "radar/meta.json", iq={**RAW, "shape": [CHIRPS, TX, RX, SAMPLES]}), "iq has shape (8, 3, 4, 64), not"),
+        (lambda t: changed(t / "radar/meta.json", iq={**RAW, "shape": "64"}), "must be a list of whole numbers"),
+        (lambda t: (t / "radar/iq").write_bytes((t / "radar/iq").read_bytes()[:-5]), f"truncated, {FRAME_BYTES - 5} bytes follow 5 frames"),
+        (lambda t: (t / "radar/iq").write_bytes(b""), "no frame is left of 0"),
+        (lambda t: (t / "radar/ts").unlink(), "ts: no such file"),
+        (lambda t: (t / "radar/ts").write_bytes((t / "radar/ts").read_bytes()[:-8]), "5 times for 6 frames"),
+        (lambda t: np.full(FRAMES, np.nan).tofile(t / "radar/ts"), "no seconds since 1970"),
+        (lambda t: (t / "radar/valid").write_bytes(b"\1"), "valid: it holds 1 values for 6 frames"),
+        (lambda t: (t / "config.yaml").unlink(), "config.yaml: no such file"),
+        (lambda t: (t / "config.yaml").write_text("radar: {args: 3}"), "has no radar.args.radar"),
+        (lambda t: (t / "config.yaml").write_text("radar: {args: {radar: {device: AWR1843}}}"), "radar.args.radar has no freq_slope"),
+        (lambda t: (t / "config.yaml").write_text("radar: {args: {radar: {device: X9}}}"), "device 'X9' is not AWR1843"),
+        (lambda t: changed(t / "radar/radar.json", range_resolution=0.5), "range_resolution 0.5 m contradicts"),
+        (remove_pose, "mask has 5 values"),
+        (lambda t: (t / "_radar/pose.npz").write_bytes(b"PK"), "pose.npz"),
+    ],
+)
+def test_damaged_trace_is_refused_in_one_line(tmp_path: Path, inside, damage, words: str) -> None:
+    trace = tmp_path / "trace"
+    write_trace(trace, echoes(), np.ones(FRAMES, bool))
+    damage(trace)
+    done = inside("import", "trace", "--out", "set", *ABOUT)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert words in done.stderr
+    assert not (tmp_path / "set").exists()
+
+
+def test_incomplete_end_can_be_dropped(tmp_path: Path, inside) -> None:
+    write_trace(tmp_path / "trace", echoes())
+    channel = tmp_path / "trace/radar/iq"
+    channel.write_bytes(channel.read_bytes()[:-5])
+    done = inside("import", "trace", "--out", "set", "--cut", *ABOUT)
+    assert done.returncode == 0, done.stderr
+    assert "the last frame is incomplete and dropped" in done.stderr
+    assert next(RecordingSet.load(tmp_path / "set").recordings())[1].num_frames == FRAMES - 1
+
+
+def test_given_radar_replaces_the_configuration(tmp_path: Path, inside) -> None:
+    write_trace(tmp_path / "trace", echoes())
+    radar = roverd.radar_of(tmp_path / "trace")
+    (tmp_path / "trace/config.yaml").unlink()
+    (tmp_path / "radar.yaml").write_text(yaml.safe_dump({**json.loads(json.dumps(radar.to_dict())), "name": "aop"}))
+    assert inside("import", "trace", "--out", "set", "--radar", "radar.yaml", *ABOUT).returncode == 0
+    assert next(RecordingSet.load(tmp_path / "set").recordings())[1].radar.name == "aop"
+
+
+def test_cube_with_poses_is_imported(tmp_path: Path, inside) -> None:
+    """A cube as complex samples in .npy with a CSV of poses, and as int16 I and Q in .npz with poses."""
+    iq = echoes()
+    write_trace(tmp_path / "trace", iq)
+    (tmp_path / "radar.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(roverd.radar_of(tmp_path / "trace").to_dict()))))
+    poses = np.tile(np.eye(4), (FRAMES, 1, 1))
+    poses[:, 0, 3] = 0.01 * np.arange(FRAMES)
+    np.save(tmp_path / "complex.npy", iq.astype(np.complex64))
+    np.savez(tmp_path / "pairs.npz", iq=np.stack([iq.real, iq.imag], axis=-1).astype(np.int16), poses=poses)
+    lines = [f"{0.05 * n},{0.01 * n},0,0,0,0,0,1" for n in range(FRAMES)]
+    (tmp_path / "poses.csv").write_text("\n".join(["t,x,y,z,qx,qy,qz,qw", *lines]))
+    common = ("--out", "set", "--radar", "radar.yaml", "--frames", "1:5")
+    assert inside("import", "complex.npy", *common, *ABOUT, "trajectory=poses.csv").returncode == 0
+    assert inside("import", "pairs.npz", *common, *ABOUT, "repetition=1").returncode == 0
+    assert inside("doctor", "--data", "set").returncode == 0
+    for _, recording in RecordingSet.load(tmp_path / "set").recordings():
+        np.testing.assert_array_equal(recording.iq, iq[1:5])
+        np.testing.assert_allclose(recording.sensor_poses, poses[1:5], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"cube": np.zeros((2, 2), complex)}, "it has no array iq"),
+        ({"iq": np.zeros((2, 2))}, "expected complex samples, or int16"),
+        ({"iq": np.ones((FRAMES, CHIRPS, TX, RX, SAMPLES + 2), np.complex64)}, "does not fit radar"),
+        ({"iq": np.ones((FRAMES, CHIRPS, TX, RX, SAMPLES), np.complex64), "poses": np.eye(3)}, "sensor_poses must be"),
+    ],
+)
+def test_wrong_cube_is_refused_in_one_line(tmp_path: Path, inside, arrays: dict[str, np.ndarray], words: str) -> None:
+    write_trace(tmp_path / "trace", echoes())
+    radar: Radar = roverd.radar_of(tmp_path / "trace")
+    (tmp_path / "radar.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(radar.to_dict()))))
+    np.savez(tmp_path / "cube.npz", **arrays)
+    done = inside("import", "cube.npz", "--out", "set", "--radar", "radar.yaml", *ABOUT)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
