@@ -5,10 +5,14 @@ The commands of the README are tested in test_readme.py.
 
 from __future__ import annotations
 
+import queue
 import re
 import shlex
+import sys
+import types
 from pathlib import Path
 
+import numpy as np
 import own_experiment
 import pytest
 from markdown_blocks import DOCS, ROOT, blocks, commands, follow, prose, quoted
@@ -17,6 +21,7 @@ from experiments.validation.validation import CASES
 from radartwin.commands.arguments import parse
 from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
 from radartwin.config.compose import Composer, combinations, compose
+from radartwin.recordings.recording_set import RecordingSet
 from radartwin.runs import sweep
 from radartwin.runs.search import space
 
@@ -35,6 +40,10 @@ COMPOSED = {
     "radartwin run -m experiment=environment simulator": "six campaigns of minutes",
     "radartwin export": "minutes; tests/experiments/test_campaigns_recorded.py exports a small campaign and scores it",
     "radartwin run experiment=environment measured=recordings": "reads what export wrote; the same test does",
+    "radartwin import iq1m": "reads a public data set; tests/recordings/test_roverd.py imports traces of the same layout",
+    "radartwin import radical": "reads a public data set; tests/recordings/test_roverd.py imports a cube",
+    "radartwin import coloradar": "reads a public data set; tests/recordings/test_roverd.py imports a cube with poses",
+    "radartwin import sim2radar": "reads a public data set; tests/recordings/test_importers.py imports folders of captures",
 }
 
 
@@ -135,13 +144,49 @@ def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsy
     page = blocks(DOCS / "recording-sets.md")
     (mapping,) = [block.text for block in page if block.text.startswith("card:")]
     (here / "map.yaml").write_text(mapping)
-    until = next(i for i, block in enumerate(page) if "radartwin export" in block.text)
+    until = next(i for i, block in enumerate(page) if block.language == "sh")
     assert follow(page[:until], here, untracked) == 3
     assert "doctor: the set can be used" in capsys.readouterr().out
     (loop,) = [block.text for block in page if block.text.startswith("from radartwin.recordings")]
     given: dict[str, object] = {}
     exec(loop, given)
     assert given["row"].room == "lab"  # type: ignore[attr-defined]
+
+
+class FakeSystem:
+    """Stands for xwr.XWRSystem: a board that sends frames of noise, of which the second lost packets."""
+
+    def __init__(self, *, radar: dict, capture: dict) -> None:
+        self.config = types.SimpleNamespace(raw_shape=(radar["frame_length"], 3, 4, 2 * radar["adc_samples"]))
+        assert capture["sys_ip"] == "192.168.33.30"
+
+    def qstream(self) -> queue.Queue:
+        frames: queue.Queue = queue.Queue()
+        rng = np.random.default_rng(0)
+        for number in range(3):
+            data = rng.integers(-500, 500, self.config.raw_shape).astype("<i2").tobytes()
+            frames.put(types.SimpleNamespace(timestamp=1.7e9 + 0.05 * number, data=data, complete=number != 1))
+        frames.put(None)
+        return frames
+
+    def stop(self) -> None:
+        pass
+
+
+def test_capture_on_linux_works_as_printed(here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    page = blocks(DOCS / "recording-sets.md")
+    first = next(i for i, block in enumerate(page) if block.file == "config.yaml")
+    (program,) = [block for block in page if block.file == "capture.py"]
+    last = next(i for i, block in enumerate(page) if "radartwin import TRACE" in block.text)
+    (here / "config.yaml").write_text(page[first].text)
+    monkeypatch.setitem(sys.modules, "xwr", types.SimpleNamespace(XWRSystem=FakeSystem))
+    exec(compile(program.text, "capture.py", "exec"), {"__name__": "__main__"})
+    assert follow(page[last : last + 1], here, untracked) == 1
+    said = capsys.readouterr()
+    assert "CAPTURED: 1 recording added, 1 in all" in said.out
+    assert "1 of 3 frames have lost packets" in said.err
+    (row,) = RecordingSet.load(here / "CAPTURED")
+    assert row.object == "mug"
 
 
 @pytest.mark.parametrize("page", [*PAGES, README], ids=lambda page: str(page.relative_to(ROOT)))
