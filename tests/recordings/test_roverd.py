@@ -39,7 +39,7 @@ def write_trace(trace: Path, iq: np.ndarray, mask: np.ndarray | None = None) -> 
     """Write a trace, and return the values of its channel iq (F, chirp, tx, rx, 2 * sample)."""
     raw = np.empty((*iq.shape[:-1], 2 * SAMPLES), "<i2")
     for lane in (0, 1):  # Q0 Q1 I0 I1
-        raw[..., lane::4], raw[..., lane + 2 :: 4] = iq.imag[..., lane::2], iq.real[..., lane::2]
+        raw[..., lane::4], raw[..., lane + 2 :: 4] = np.imag(iq)[..., lane::2], np.real(iq)[..., lane::2]
     (trace / "radar").mkdir(parents=True)
     (trace / "lidar").mkdir()
     (trace / "lidar" / "rng").write_bytes(b"not a radar")
@@ -77,6 +77,7 @@ def test_imported_trace_has_the_samples_radar_and_poses_of_the_trace(tmp_path: P
     assert row.extra == {"started": "2023-11-14T22:13:20+00:00", "lost_packets": "0"}
     assert (tmp_path / "set/recordings/baker.1.fwd.bin").read_bytes() == raw[1:5].tobytes()
     np.testing.assert_array_equal(recording.iq, iq[1:5])
+    assert recording.sensor_poses is not None
     np.testing.assert_allclose(recording.sensor_poses[:, 0, 3], [0, 0.1, 0.2, 0.3])
     radar = recording.radar
     assert (radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples) == (CHIRPS, TX, RX, SAMPLES)
@@ -196,7 +197,7 @@ def test_cube_with_poses_is_imported(tmp_path: Path, inside) -> None:
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
     poses[:, 0, 3] = 0.01 * np.arange(FRAMES)
     np.save(tmp_path / "complex.npy", iq.astype(np.complex64))
-    np.savez(tmp_path / "pairs.npz", iq=np.stack([iq.real, iq.imag], axis=-1).astype(np.int16), poses=poses)
+    np.savez(tmp_path / "pairs.npz", iq=np.stack([np.real(iq), np.imag(iq)], axis=-1).astype(np.int16), poses=poses)
     lines = [f"{0.05 * n},{0.01 * n},0,0,0,0,0,1" for n in range(FRAMES)]
     (tmp_path / "poses.csv").write_text("\n".join(["t,x,y,z,qx,qy,qz,qw", *lines]))
     common = ("--out", "set", "--radar", "radar.yaml", "--frames", "1:5")
@@ -205,6 +206,7 @@ def test_cube_with_poses_is_imported(tmp_path: Path, inside) -> None:
     assert inside("doctor", "--data", "set").returncode == 0
     for _, recording in RecordingSet.load(tmp_path / "set").recordings():
         np.testing.assert_array_equal(recording.iq, iq[1:5])
+        assert recording.sensor_poses is not None
         np.testing.assert_allclose(recording.sensor_poses, poses[1:5], atol=1e-12)
 
 
@@ -221,7 +223,7 @@ def test_wrong_cube_is_refused_in_one_line(tmp_path: Path, inside, arrays: dict[
     write_trace(tmp_path / "trace", echoes())
     radar: Radar = roverd.radar_of(tmp_path / "trace")
     (tmp_path / "radar.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(radar.to_dict()))))
-    np.savez(tmp_path / "cube.npz", **arrays)
+    np.savez(tmp_path / "cube.npz", allow_pickle=False, **arrays)
     done = inside("import", "cube.npz", "--out", "set", "--radar", "radar.yaml", *ABOUT)
     assert done.returncode == 2
     assert words in done.stderr
