@@ -33,11 +33,11 @@ from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.testbed import drift, fixtures, testbed
 from radartwin.testbed import motion_errors as errors
+from radartwin.testbed.object_shape import as_made
 
 if TYPE_CHECKING:
     from radartwin.config.config import Config
 
-ROUND = ("can_", "drink_can")  # prefixes of the names of objects that are bodies of revolution
 OFF_AXIS = 3.0  # number of standard deviations of placement and wobble that the spacing of traced angles must cover
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
@@ -109,11 +109,12 @@ def aspects(target: str, gaps: testbed.Gaps) -> int:
     """Return the number of target angles (aspects) to trace per revolution. A recording with more frames per revolution is
     interpolated between the traced target angles.
     """
-    surfaces = catalogue()[target].surfaces()
+    entry = catalogue()[target]
+    surfaces = entry.surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
     beyond = OFF_AXIS * float(np.hypot(errors.PlacementErrors().eccentric_m * gaps.placement, tilt * height))
-    return needed(surfaces, beyond, target.startswith(ROUND))
+    return needed(surfaces, beyond, entry.outline_m is not None, gaps.object_shape > 0)
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
@@ -124,7 +125,7 @@ def receive(clean: Recording, case: Case, config: Config) -> Recording:
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
     """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
-    return testbed.truth(Scene(catalogue()[case.object].surfaces()), gaps, own)
+    return testbed.truth(Scene(as_made(catalogue()[case.object], gaps.object_shape, np.random.default_rng(own))), gaps, own)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:

@@ -55,6 +55,18 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
         ("turntable, filled bottle", "target brightness (dB)", Claim("most of the bottle is still full", above=-6.0, below=3.0)),
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
     ),
+    "object_shape": (
+        ("turntable, metal", "target brightness (dB)", Claim("dents and seams move some decibels on some sides", above=-3.0, below=3.0)),
+        ("turntable", "target change (dB)", Claim("a tenth of a millimetre turns the phase by 0.3 rad", above=-15.0)),
+        ("turntable", "track rms (mm)", Claim("the target stands where it stood", below=10.0)),
+        ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
+    ),
+    "object_material": (
+        ("turntable, metal", "target change (dB)", Claim("sheet metal has no wall that a wave sees", below=-80.0)),
+        ("turntable, filled bottle", "target change (dB)", Claim("a thicker wall shifts phase and level", above=-40.0)),
+        ("turntable, filled bottle", "target brightness (dB)", Claim("a wall of 0.8 mm moves the level little", above=-3.0, below=3.0)),
+        ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
+    ),
     "clutter": (
         ("turntable", "room level (dB)", Claim("more things return more", above=0.0)),
         ("drive", "room level (dB)", Claim("more things return more", above=0.0)),

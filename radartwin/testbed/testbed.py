@@ -14,7 +14,7 @@ simulation it is compared with.
 
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Gaps:
     The configuration's `measured.gap` has the same field names.
 
     Attributes:
-        materials: strength of the deviations of layer thickness and permittivity.
+        materials: strength of the deviations of layer thickness and permittivity of everything but the target.
         roughness: strength of the deviations of the roughness heights of surfaces.
         clutter: strength of the difference in small objects and equipment, which the scan lacks; below 1 the testbed lacks some too.
         hardware: strength of the imperfections of the radar.
@@ -46,6 +46,8 @@ class Gaps:
         solver: above 0, the testbed traces more rays and one more reflection order than the simulation of the scanned room.
         placement: strength of the error of the target's position.
         contents: strength of the deviations of the contents of vessels.
+        object_shape: strength of the deviations of the target's shape from its drawing.
+        object_material: strength of the deviations of wall thickness and permittivity of the target.
     """
 
     materials: float = 1.0
@@ -56,9 +58,11 @@ class Gaps:
     solver: float = 1.0
     placement: float = 1.0
     contents: float = 1.0
+    object_shape: float = 1.0
+    object_material: float = 1.0
 
 
-OFF = Gaps(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+OFF = Gaps(**{one.name: 0.0 for one in fields(Gaps)})
 
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
@@ -75,15 +79,16 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
     surfaces, room = [], str(scene.provenance.get("room", ""))
     repeats: Counter[str] = Counter()
     for surface in scene:
-        own = np.random.SeedSequence([seed, *b"testbed truth", *room.encode(), 0, *surface.name.encode(), repeats[surface.name]])
+        seeds = np.random.SeedSequence([seed, *b"testbed truth", *room.encode(), 0, *surface.name.encode(), repeats[surface.name]])
         repeats[surface.name] += 1
-        rng, presence, shift = (np.random.default_rng(s) for s in own.spawn(3))
+        rng, presence, shift = (np.random.default_rng(s) for s in seeds.spawn(3))
         if surface.name in clutter or surface.provenance.get("fixture"):
             if presence.random() >= gaps.clutter:
                 continue
             if surface.name in clutter:
                 surface = surface.moved(pose(gaps.clutter * CLUTTER_SHIFT_M * np.append(shift.standard_normal(2), 0.0)))
-        rough = own_roughness(own_material(surface, gaps.materials, rng), gaps.roughness, rng)
+        own = gaps.object_material if surface.kind == "object" else gaps.materials
+        rough = own_roughness(own_material(surface, own, rng), gaps.roughness, rng)
         surfaces += own_contents(rough, gaps.contents, rng)
     return Scene(surfaces, {**scene.provenance, "testbed": "truth"})
 

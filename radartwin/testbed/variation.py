@@ -7,8 +7,9 @@ random numbers at every strength. The default sizes of the deviations were chose
   rows for each of ten materials (concrete to floorboard). At 100 GHz, the rows of one material differ by 11 % in the real part, and by 0.51
   in the logarithm of the loss. The permittivities of metal and air do not deviate.
 - roughness: a factor exp(0.7) of the roughness height, which is the factor of two between values in the literature
-  (radartwin/materials/roughness.py). A nominally smooth metal surface gets a roughness height of 0.1 mm. Any other nominally smooth surface
-  gets 0.3 mm, the lower end of the range of 0.3 to 3 mm in the paper's own calibration (implementation section).
+  (radartwin/materials/roughness.py). A nominally smooth metal surface gets a roughness height of 0.1 mm. Glass and glazed ceramic are
+  smooth to micrometres (EN 572-2, EN 14411) and get 2 micrometres. Any other nominally smooth surface gets 0.3 mm, the lower end of the
+  range of 0.3 to 3 mm in the paper's own calibration (implementation section).
 - contents: 10 % of a liquid's permittivity, which is the uncertainty of its recipe (radartwin/materials/containers.py). A vessel also gets
   an empty space of 5 to 15 % of its height at the top, for neck and shoulder; the range of 5 to 15 % is an order of magnitude.
 """
@@ -25,7 +26,7 @@ THICKNESS_SIGMA = 0.05
 PERMITTIVITY_SIGMA = 0.10
 LOSS_SIGMA = 0.5
 HEIGHT_SIGMA = 0.7
-ROUGHNESS_M = {"metal": 0.1e-3}
+ROUGHNESS_M = {"metal": 0.1e-3, **dict.fromkeys(("glass", "ceramic", "porcelain", "mirror", "tile"), 2e-6)}  # by outermost material
 ROUGHNESS_OTHER_M = 0.3e-3
 CONTENTS_SIGMA = 0.10
 HEADSPACE = 0.10  # mean height of the empty space at the top of a filled vessel, as a fraction of the vessel's height
@@ -58,8 +59,7 @@ def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -
         return surface
     if surface.roughness_m:
         return surface.replaced(roughness_m=factor * surface.roughness_m)
-    height = ROUGHNESS_M.get(surface.material, ROUGHNESS_OTHER_M) if isinstance(surface.material, str) else ROUGHNESS_OTHER_M
-    return surface.replaced(roughness_m=strength * height)
+    return surface.replaced(roughness_m=strength * ROUGHNESS_M.get(_outermost(surface.material), ROUGHNESS_OTHER_M))
 
 
 def own_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
@@ -81,6 +81,12 @@ def own_contents(surface: Surface, strength: float, rng: np.random.Generator) ->
         if part is not None and len(part.faces):
             parts.append(surface.replaced(mesh=part, material=contents, role=surface.kind))
     return parts
+
+
+def _outermost(material: str | Layered) -> str:
+    """Return the name of the outermost material, without the deviations that `varied` writes behind it."""
+    stack = layered(material)
+    return (stack.layers[0][0] if stack.layers else stack.backing).split("~")[0]
 
 
 def _varied(name: str, real: float, loss: float) -> str:

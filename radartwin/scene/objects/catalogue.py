@@ -67,6 +67,7 @@ class Entry:
         build: function that returns the parts of the object, given its contents ("air" if the object is empty).
         aim_m: height in metres above the object's base at which a level radar aims.
         rover: whether the rover experiments use the object.
+        outline_m: outline of a body of revolution about the z axis; None for other objects.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Entry:
     build: Callable[[str], tuple[Part, ...]]
     aim_m: float
     rover: bool = True
+    outline_m: vessels.Outline | None = None
 
     @property
     def symmetric(self) -> bool:
@@ -107,22 +109,24 @@ class Entry:
         return tuple(out)
 
 
-def _can(kind: Callable[..., trimesh.Trimesh], diameter_m: float, height_m: float, look: str) -> Callable[[str], tuple[Part, ...]]:
-    return lambda contents: (Part(kind(diameter_m, height_m), "metal", "metal", look),)  # sheet metal is opaque
+def _can(outline_m: vessels.Outline, look: str) -> Callable[[str], tuple[Part, ...]]:
+    return lambda contents: (Part(shapes.revolution(outline_m, vessels.AROUND), "metal", "metal", look),)  # sheet metal is opaque
 
 
 def _food_can(size: str, height_m: float, water_oz: float, use: str, look: str, text: str, rover: bool = True) -> Entry:
+    outline_m = vessels.food_can(CAN_M, height_m)
     return Entry(
         f"can_{size}", use, (CAN_M, CAN_M, height_m), 0.0002, "metal", None, "symmetric", "metal", "metal", OUNCE_ML * water_oz, text,
         f"{CMI}: {size.replace('_', ' x ')}, {water_oz} ounces of water; tinplate of 0.2 mm, seams 1.2 mm proud",
-        _can(vessels.food_can, CAN_M, height_m, look), height_m / 2, rover,
+        _can(outline_m, look), height_m / 2, rover, outline_m,
     )  # fmt: skip
 
 
 def _drink_can(name: str, label: str, height_m: float, volume_ml: float, look: str, text: str, source: str) -> Entry:
+    outline_m = vessels.drink_can(0.0661, height_m)
     return Entry(
         name, label, (0.0661, 0.0661, height_m), 0.0001, "metal", None, "symmetric", "metal", "metal", volume_ml, text, source,
-        _can(vessels.drink_can, 0.0661, height_m, look), height_m / 2,
+        _can(outline_m, look), height_m / 2, outline_m=outline_m,
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ QUADRANT = 24  # number of facets in a quarter of an oval
 RING_M = 0.004  # largest vertical distance between two rings of vertices of an oval vessel
 SEAM_M = 0.0012  # distance by which the rim seams of a food can protrude from its wall
 END_M = 0.054  # outer diameter of the seam at the upper end of a drink can
+Outline = Sequence[tuple[float, float]]  # radius and height in metres of points along the outside of a body of revolution
 
 
 def straightened(profile_m: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -42,20 +43,34 @@ def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
 
 
-def food_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build a three-piece food can: a straight body between two protruding rim seams, with ends recessed by 4 mm.
+def divided(outline_m: Outline, step_m: float) -> list[tuple[float, float]]:
+    """Divide the segments of an outline into equal parts that are at most `step_m` long.
+
+    >>> len(divided([(0.0, 0.0), (0.01, 0.0)], 0.004))
+    4
+    """
+    out = [tuple(outline_m[0])]
+    for start, stop in itertools.pairwise(np.asarray(outline_m, float)):
+        parts = max(1, int(np.ceil(np.linalg.norm(stop - start) / step_m)))
+        out += [tuple(start + (stop - start) * k / parts) for k in range(1, parts + 1)]
+    return out
+
+
+def food_can(diameter_m: float, height_m: float) -> Outline:
+    """Return the outline of a three-piece food can: a straight body between two protruding rim seams, with ends recessed by 4 mm.
 
     Args:
         diameter_m: outer diameter of the rim seams in metres, as in trade can sizes.
     """
     outer, body, rim, deep = diameter_m / 2, diameter_m / 2 - SEAM_M, 0.003, 0.004
     half = [(0, deep), (body - 0.002, deep), (body - 0.001, 0.0005), (body, 0), (outer - 0.0004, 0), (outer, 0.0004), (outer, rim)]
-    profile = [*half, (body, rim + 0.0008), *[(r, height_m - z) for r, z in reversed([*half, (body, rim + 0.0008)])]]
-    return revolution(profile, AROUND)
+    return [*half, (body, rim + 0.0008), *[(r, height_m - z) for r, z in reversed([*half, (body, rim + 0.0008)])]]
 
 
-def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
-    """Build a two-piece drink can: domed base with a standing ring, straight wall, neck, and an upper end recessed below the rim seam.
+def drink_can(diameter_m: float, height_m: float) -> Outline:
+    """Return the outline of a two-piece drink can.
+
+    The can has a domed base with a standing ring, a straight wall, a neck, and an upper end recessed below the rim seam.
 
     Args:
         diameter_m: diameter of the straight wall in metres.
@@ -66,7 +81,7 @@ def drink_can(diameter_m: float, height_m: float) -> trimesh.Trimesh:
     bend = np.linspace(0, 1, 9)
     neck = [(wall - (wall - end + 0.0015) * float(3 * t**2 - 2 * t**3), height_m - 0.0025 - 0.0165 * float(1 - t)) for t in bend]
     seam = [(end, height_m - 0.0022), (end, height_m), (end - 0.002, height_m), (end - 0.003, height_m - 0.006), (0, height_m - 0.006)]
-    return revolution(straightened([*dome, *low, *neck, *seam]), AROUND)
+    return straightened([*dome, *low, *neck, *seam])
 
 
 def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -> trimesh.Trimesh:
