@@ -31,7 +31,7 @@ from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
-from radartwin.testbed import drift, fixtures, testbed
+from radartwin.testbed import bystander, drift, fixtures, testbed
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.object_shape import as_made
 
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 OFF_AXIS = 3.0  # number of standard deviations of placement and wobble that the spacing of traced angles must cover
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
+PERSON_RAYS = 0.1  # ray tubes per square wavelength on the person
 
 
 def gaps_of(config: Config) -> testbed.Gaps:
@@ -95,12 +96,15 @@ def record(case: Case, config: Config) -> Recording | Turned:
     if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}
     creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
+    person = _person(case, place, seed, config.seed)
     if case.motion == "turntable" and nominal.frames > aspects(case.object, gaps):
         traced, angles = _turned(case, place, seed, config.seed)
-        return Turned(traced, angles, radar, creep, provenance)
+        return Turned(traced, angles, radar, creep, person, provenance)
     iq = _moved(case, place, seed, config.seed)
     if creep is not None:
         creep.add_to(iq)
+    if person is not None:
+        person.add_to(iq, radar)
     return Recording(iq, radar, None, provenance=provenance)
 
 
@@ -224,6 +228,21 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
     states = tally.cached(_creeping, key, lambda: drift.traced(room, creeps), 1)
     times = np.arange(nominal.frames) / nominal.frame_rate_hz
     return drift.Drift(states + drift.traced(running, creeps), drift.course(times, creeps, seed))
+
+
+def _person(case: Case, place: _Place, seed: int, root: int) -> bystander.Echo | None:
+    """Return the echo of the person who stands in the room during this recording."""
+    strength, nominal = place.gaps.person, place.log
+    if not strength:
+        return None
+    standing, swaying = (np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in (b"person", b"sway"))
+    room = _around(case, nominal, place.gaps, root)
+    body = bystander.body().moved(bystander.place(room, nominal.sensor_poses, nominal.target_poses[0, :3, 3], standing))
+    still = simulate(Scene([body]), place.radar, nominal.sensor_poses, variant=place.settings.variant, rays_per_wavelength2=PERSON_RAYS).iq
+    if len(nominal.sensor_poses) == 1:
+        still = still[:, :1]
+    times = np.arange(nominal.frames) / nominal.frame_rate_hz
+    return bystander.Echo(np.float32(strength) * still, bystander.sway(times, strength, swaying))
 
 
 def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:

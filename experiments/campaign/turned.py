@@ -17,6 +17,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.simulation.aspects import Aspects
 from radartwin.store.products import save_arrays, save_json
+from radartwin.testbed.bystander import Echo
 from radartwin.testbed.drift import Drift
 
 _NAME = "turned"
@@ -30,6 +31,7 @@ class Turned:
     angles: np.ndarray  # (F, C, T) angle of the table at each chirp, radians
     radar: Radar
     drift: Drift | None = None  # slow change of the surroundings, or None
+    person: Echo | None = None  # echo of a person in the room, or None
     provenance: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -42,6 +44,8 @@ class Turned:
         iq = self.aspects.at(self.angles)
         if self.drift is not None:
             self.drift.add_to(iq)
+        if self.person is not None:
+            self.person.add_to(iq, self.radar)
         return Recording(iq, self.radar, None, provenance=self.provenance)
 
     def save(self, folder: Path) -> None:
@@ -49,6 +53,8 @@ class Turned:
         arrays = {"signals": self.aspects.signals, "angles": self.angles}
         if self.drift is not None:
             arrays |= {"drift_states": self.drift.states, "drift_course": self.drift.course}
+        if self.person is not None:
+            arrays |= {"person_still": self.person.still, "person_towards": self.person.towards_m}
         save_arrays(folder, arrays, _NAME)
         described = {"radar": self.radar.to_dict(), "symmetry": self.aspects.symmetry, "provenance": self.provenance}
         save_json(folder, _NAME, described)
@@ -63,5 +69,6 @@ class Turned:
         described = untrusted_json.read(folder / f"{_NAME}.json")
         arrays = files.read_arrays(folder / f"{_NAME}.npz")
         drift = Drift(arrays["drift_states"], arrays["drift_course"]) if "drift_states" in arrays else None
+        person = Echo(arrays["person_still"], arrays["person_towards"]) if "person_still" in arrays else None
         aspects = Aspects(arrays["signals"], described["symmetry"])
-        return cls(aspects, arrays["angles"], Radar.from_dict(described["radar"]), drift, described["provenance"])
+        return cls(aspects, arrays["angles"], Radar.from_dict(described["radar"]), drift, person, described["provenance"])

@@ -67,6 +67,13 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
         ("turntable, filled bottle", "target brightness (dB)", Claim("a wall of 0.8 mm moves the level little", above=-3.0, below=3.0)),
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
     ),
+    "person": (
+        ("turntable", "room level (dB)", Claim("a person returns more than nothing", above=0.0)),
+        ("turntable", "multipath share", Claim("more of the energy is not the target's", above=0.0)),
+        ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
+        ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
+        ("drive", "room level (dB)", Claim("a person returns more than nothing", above=-0.5)),
+    ),
     "clutter": (
         ("turntable", "room level (dB)", Claim("more things return more", above=0.0)),
         ("drive", "room level (dB)", Claim("more things return more", above=0.0)),

@@ -5,6 +5,7 @@ Plastics, oil and air are nearly lossless and constant between 10 and 100 GHz. R
 to 0.05 (free-space measurements at W band).
 Water follows the double-Debye model of H. Liebe, G. Hufford, T. Manabe, Int. J. Infrared and Millimeter Waves 12 (1991) 659, with the
 relaxation frequencies gamma in GHz: eps = eps_0 - f [(eps_0 - eps_1)/(f - j gamma_1) + (eps_1 - eps_2)/(f - j gamma_2)].
+Dry skin follows the Cole-Cole fit of Gabriel (`skin`).
 Ethanol follows the triple-Debye fit of J. Kindt, C. Schmuttenmaer, J. Phys. Chem. 100 (1996) 10373, at 25 C.
 
 All other liquids are mixtures by the law of H. Looyenga, Physica 31 (1965) 401. By this law, the cube root of the permittivity of a mixture
@@ -39,7 +40,8 @@ RECIPES = {
     "dressing": {"oil": 0.25, "solids": 0.09},  # Italian: about two thirds water, a fifth fat, 12 % carbohydrate by mass (USDA)
 }
 LIQUIDS = ("water", "ethanol", *RECIPES)
-NAMES = (*CONSTANT, *LIQUIDS)
+SKIN = "skin"
+NAMES = (*CONSTANT, *LIQUIDS, SKIN)
 
 
 def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
@@ -57,6 +59,8 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
         return water(frequency_hz)
     if name == "ethanol":
         return ethanol(frequency_hz)
+    if name == SKIN:
+        return skin(frequency_hz)
     if name == "solids":
         return np.full(np.shape(frequency_hz), SOLIDS)
     if name in CONSTANT:
@@ -70,6 +74,16 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     return looyenga(
         [(1 - sum(recipe.values()), water(frequency_hz)), *((part, permittivity(other, frequency_hz)) for other, part in recipe.items())]
     )
+
+
+def skin(frequency_hz: np.ndarray | float) -> np.ndarray:
+    """Compute the permittivity of dry human skin by the fit of S. Gabriel, R. Lau, C. Gabriel, Phys. Med. Biol. 41 (1996) 2271.
+
+    >>> complex(np.round(skin(60e9), 1))
+    (8-10.9j)
+    """
+    omega = 2 * np.pi * np.asarray(frequency_hz, float)
+    return 4.0 + 32.0 / (1 + 1j * omega * 7.234e-12) + 1100.0 / (1 + (1j * omega * 32.48e-9) ** 0.8)
 
 
 def looyenga(phases: list[tuple[float, np.ndarray]]) -> np.ndarray:

@@ -48,6 +48,7 @@ class Gaps:
         contents: strength of the deviations of the contents of vessels.
         object_shape: strength of the deviations of the target's shape from its drawing.
         object_material: strength of the deviations of wall thickness and permittivity of the target.
+        person: amplitude of the echo, and of the sway, of a person who stands in the room.
     """
 
     materials: float = 1.0
@@ -60,6 +61,7 @@ class Gaps:
     contents: float = 1.0
     object_shape: float = 1.0
     object_material: float = 1.0
+    person: float = 1.0
 
 
 OFF = Gaps(**{one.name: 0.0 for one in fields(Gaps)})

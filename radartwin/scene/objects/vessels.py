@@ -84,7 +84,7 @@ def drink_can(diameter_m: float, height_m: float) -> Outline:
     return straightened([*dome, *low, *neck, *seam])
 
 
-def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -> trimesh.Trimesh:
+def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, ring_m: float = RING_M) -> trimesh.Trimesh:
     """Build a closed vessel whose cross-sections are superellipses |x/a|^n + |y/b|^n = 1.
 
     Between the given cross-sections, the parameters a, b and n are interpolated by monotone cubic polynomials of the height.
@@ -93,6 +93,7 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -
         sections_m: (N, 4) cross-sections from the bottom upwards, as rows of height z, half width a along x and half depth b along y in
             metres, and exponent n (2: an ellipse, 6: flat sides with rounded corners). Flat ends close the first and the last
             cross-section.
+        ring_m: largest vertical distance between two rings of vertices, in metres.
     Raises:
         MeshError: there are fewer than two cross-sections, heights do not rise, or a width, depth or exponent is invalid.
     """
@@ -105,7 +106,7 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray) -
 
     heights = np.concatenate(
         [
-            np.linspace(low, high, max(2, int(np.ceil((high - low) / RING_M)) + 1))[:-1]
+            np.linspace(low, high, max(2, int(np.ceil((high - low) / ring_m)) + 1))[:-1]
             for low, high in zip(sections[:-1, 0], sections[1:, 0], strict=True)
         ]
         + [sections[-1:, 0]]
