@@ -50,6 +50,8 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
         "simulator": config.simulator,
         "seed": config.seed,
     }
+    if config.contents != "filled":
+        spec["contents"] = config.contents
     if isinstance(config.simulator, AutoSimulator):
         spec |= {
             "families": _families(config, case),
@@ -86,7 +88,7 @@ def record(
     stand = rooms.support(stand_top(nominal))
     if materials.source not in ("true", "random"):  # only "true" and "random" know the layers of the stand
         stand = _outermost(stand)
-    target = list(catalogue()[case.object].surfaces())
+    target = list(catalogue()[case.object].surfaces(contents=config.contents))
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):

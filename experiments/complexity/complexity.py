@@ -195,7 +195,7 @@ def _of_case(case: Case, config: Config, store: Store) -> list[Asked]:
 
 
 def _of_scan(config: Config, store: Store) -> list[Asked]:
-    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed)
+    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
     features, variant = config.features, config.simulator.variant
     families_of(features, motion := setup.measured_motion)
     name = f"scan-{motion}-{config.scene.target}"

@@ -72,13 +72,18 @@ class Setup:
 
 
 def build_setup(
-    radar_config: RadarConfig, scene: SceneConfig, materials: MaterialsConfig, trajectory: TrajectoryConfig, seed: int = 0
+    radar_config: RadarConfig,
+    scene: SceneConfig,
+    materials: MaterialsConfig,
+    trajectory: TrajectoryConfig,
+    seed: int = 0,
+    contents: str = "filled",
 ) -> Setup:
     """Build radar, room, target and poses of a recording. Raises UserError if radar, room, target and poses do not fit together."""
     radar = build_radar(radar_config)
     room = build_room(scene, materials, seed)
     provenance = describe_room(room, scene, materials)
-    target = build_target(scene)
+    target = build_target(scene, contents)
     foot = np.array([0.0, 0.0, lowest_m(target)])
     position = scene.target_position_m
     course = build_course(trajectory, radar, room, None if position is None else np.array(position) - foot)
@@ -104,7 +109,7 @@ def simulate_scene(
         out: as in `radartwin.simulation.simulate.simulate`.
         store, say: see `radartwin.builders.simulator.choose_simulator`.
     """
-    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed)
+    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):
         probe = setup.probe(config.features, simulator.variant)

@@ -28,8 +28,11 @@ TARGET = "target"  # name of the target's surfaces
 LISTED = 4  # materials that `materials_line` names
 
 
-def build_target(config: SceneConfig) -> tuple[Surface, ...]:
-    """Return the target's surfaces, all named TARGET and facing -x towards the radar; an empty tuple for scene.target=none."""
+def build_target(config: SceneConfig, contents: str = "filled") -> tuple[Surface, ...]:
+    """Return the target's surfaces, all named TARGET and facing -x towards the radar; an empty tuple for scene.target=none.
+
+    `contents` says what the simulation knows of a catalogue object, see `Entry.surfaces`.
+    """
     size = config.target_size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
     if config.target == "none":
@@ -43,7 +46,7 @@ def build_target(config: SceneConfig) -> tuple[Surface, ...]:
     else:
         entry = objects.entry(config.target)
         turned[2, 3] = -entry.aim_m
-        return entry.surfaces(turned, name=TARGET)
+        return entry.surfaces(turned, name=TARGET, contents=contents)
     return (Surface(mesh.apply_transform(turned), "metal", TARGET, role="object"),)
 
 

@@ -48,6 +48,8 @@ from radartwin.config.trajectory import (
 )
 from radartwin.errors import ConfigError
 
+CONTENTS = ("filled", "unknown")
+
 # This table lists the dataclass of each option, for groups whose options have different keys. Hydra's ConfigStore names it schema_OPTION.
 SCHEMAS: dict[str, dict[str, type]] = {
     "scene": {
@@ -85,6 +87,7 @@ class Config:
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig, metadata={"unkeyed": True})
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
+    contents: str = "filled"  # what the simulation knows of catalogue objects: filled (walls and contents) | unknown (surface only)
     seed: int = 0
     output: str = unkeyed("outputs")  # root folder of all files that runs write
     jobs: int = unkeyed(0)  # number of worker processes; 0 starts as many as processor cores and memory allow
@@ -94,6 +97,8 @@ class Config:
             raise ConfigError(f"jobs={self.jobs} must be zero (as many as there are cores and memory for) or above")
         if self.seed < 0:
             raise ConfigError(f"seed={self.seed} must be zero or above")
+        if self.contents not in CONTENTS:
+            raise ConfigError(f"contents={self.contents} is not known; options: {', '.join(CONTENTS)}")
         source, scene = self.materials.source, self.scene
         if source == "void" and scene.target == "none":
             raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")

@@ -20,7 +20,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import SceneError
-from radartwin.materials import Layered, correlation_m, roughness_m
+from radartwin.materials import Layered, correlation_m, half_space, roughness_m
 from radartwin.scene import textures
 from radartwin.scene.objects import shapes, vessels
 from radartwin.scene.surface import Surface
@@ -91,12 +91,14 @@ class Entry:
     def symmetric(self) -> bool:
         return self.shape == "symmetric"
 
-    def surfaces(self, pose: np.ndarray | None = None, *, name: str | None = None) -> tuple[Surface, ...]:
+    def surfaces(self, pose: np.ndarray | None = None, *, name: str | None = None, contents: str = "filled") -> tuple[Surface, ...]:
         """Build the parts of the object as surfaces with the same name, so that all parts move together.
 
         Args:
             pose: (4, 4) object-to-world pose; by default the parts stay in the object's own frame.
             name: name of the surfaces; by default the name of the catalogue object.
+            contents: "filled" builds walls and contents of the catalogue. "unknown" knows the surface only: every part is a half-space of
+                its outermost material.
         """
         parts = self.build(self.contents or "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
@@ -104,7 +106,8 @@ class Entry:
         for part in parts:
             mesh = textures.textured(part.mesh, part.look, fit=textures.LOOKS[part.look].fits)
             height, length = roughness_m(part.roughness), correlation_m(part.roughness)
-            surface = Surface(mesh, part.material, name or self.name, height, "object", provenance, length)
+            material = half_space(part.material) if contents == "unknown" else part.material
+            surface = Surface(mesh, material, name or self.name, height, "object", provenance, length)
             out.append(surface if pose is None else surface.moved(pose))
         return tuple(out)
 
