@@ -29,12 +29,14 @@ from radartwin.radar.recording import Recording
 from radartwin.runs.experiment import check_rows
 from radartwin.simulation.aspects import Aspects
 from radartwin.store.products import Store
+from radartwin.testbed.bystander import Echo
 from radartwin.testbed.drift import Drift
 
 TINY = [
     "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
     "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1",
     "profile.campaign.rover_objects=[mug]", "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
+    "measured.gap.object_shape=0",  # a can without dents needs 128 aspects
 ]  # fmt: skip
 PAUSE_S = 0.05
 
@@ -166,7 +168,8 @@ def test_the_plan_has_cheap_motions_first_and_keeps_tracks_together(config: Conf
 def test_a_turntable_recording_is_stored_as_aspects_without_loss(tmp_path: Path) -> None:
     rng, radar = np.random.default_rng(0), Radar.iwr1843()
     drift = Drift(noise(rng, 3, 2, 4, 256), rng.uniform(-2, 2, 30))
-    turned = Turned(Aspects(noise(rng, 16, 2, 4, 256)), rng.uniform(0, 12, (30, 16, 2)), radar, drift, {"kind": "test"})
+    person = Echo(noise(rng, 1, 1, 2, 4, 256), 0.004 * rng.standard_normal(30))
+    turned = Turned(Aspects(noise(rng, 16, 2, 4, 256)), rng.uniform(0, 12, (30, 16, 2)), radar, drift, person, {"kind": "test"})
     turned.save(tmp_path)
     assert Turned.is_in(tmp_path)
     back = Turned.load(tmp_path)
@@ -174,8 +177,9 @@ def test_a_turntable_recording_is_stored_as_aspects_without_loss(tmp_path: Path)
     assert np.array_equal(back.recording().iq, whole.iq)
     assert back.provenance == {"kind": "test"}
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 0.15 * whole.iq.nbytes
-    rested = replace(turned, drift=None).recording()
-    assert np.abs(whole.iq - rested.iq).max() > 1e-8
+    for part in ("drift", "person"):
+        without = replace(turned, **{part: None}).recording()
+        assert np.abs(whole.iq - without.iq).max() > 1e-8
 
 
 def test_a_clean_recording_loads_the_same_from_aspects_and_samples(config: Config, store: Store, first_run: object) -> None:

@@ -33,7 +33,8 @@ def simulated(monkeypatch):
         return (made.iq if traced else made.aspects.at(made.angles))[:, :, 0, 0, 0]
 
     monkeypatch.setattr(truth, "_seen", seen)
-    monkeypatch.setattr(truth, "_creep", lambda *some: None)
+    for slow in ("_creep", "_person"):
+        monkeypatch.setattr(truth, slow, lambda *some: None)
     monkeypatch.setattr(truth, "Recording", lambda iq, *some, **more: SimpleNamespace(iq=iq))
     return simulate
 
