@@ -18,18 +18,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, MissingError, RecordingError
-from radartwin.radar.antenna import ELEMENTS
+from radartwin.radar.antenna import ELEMENTS, element_gain
+from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
 from radartwin.radar.description_files import read_fields
 from radartwin.radar.field_checks import from_mapping, is_number
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 
-_PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise}
+_PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise, "antenna_errors": AntennaErrors}
 _MAX_COUNT = 1_000_000  # largest number of samples or chirps; the limit keeps a typing error from filling the memory
 
 
@@ -48,6 +49,7 @@ class Radar:
         if_filter: gain of the receiver as a function of the beat frequency. None passes all beat frequencies, so that echoes beyond the
             unambiguous range fold to shorter ranges.
         phase_noise: phase noise of the local oscillator; None for an ideal oscillator.
+        antenna_errors: deviations of the antennas from the pattern `element`; None for antennas with this pattern.
 
     >>> round(Radar.iwr1843().range_resolution_m, 4)
     0.0436
@@ -69,6 +71,7 @@ class Radar:
     real_sampling: bool = False
     if_filter: IfFilter | None = None
     phase_noise: PhaseNoise | None = None
+    antenna_errors: AntennaErrors | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -185,6 +188,26 @@ class Radar:
         """Return the width of one Doppler bin of a frame in m/s."""
         return 2 * self.max_velocity_mps / self.num_chirps
 
+    @property
+    def pattern(self) -> Any:
+        """Return the plain values that decide the result of `gain`, for keys of stored results."""
+        errors = self.antenna_errors
+        return self.element if errors is None else [self.element, errors.side_lobe_db, errors.back_lobe_db]
+
+    @property
+    def sees_behind(self) -> bool:
+        """Return whether the antennas have a gain behind the board."""
+        return bool(self.gain([-1.0, 0.0, 0.0]) > 0)
+
+    def gain(self, directions: ArrayLike) -> NDArray[np.float64]:
+        """Compute the amplitude gain (...,) of the antennas, without the ripples that differ between antennas.
+
+        Args:
+            directions: vectors (..., 3) in the sensor frame that point away from the radar, of any length above zero.
+        """
+        errors = self.antenna_errors
+        return element_gain(self.element, directions) if errors is None else errors.gain(self.element, directions)
+
     def chirp_times(self) -> NDArray[np.float64]:
         """Return the start times (num_chirps, num_tx) of all chirps of a frame, in seconds from the start of the frame."""
         loop, tx = np.arange(self.num_chirps)[:, None], np.arange(self.num_tx)[None]
@@ -231,7 +254,7 @@ class Radar:
             raise RecordingError(f"{path}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields of the radar as plain values for JSON or YAML. The fields if_filter and phase_noise are left out if None."""
+        """Return the fields of the radar as plain values for JSON or YAML. Leave out if_filter, phase_noise and antenna_errors if None."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tx_positions_m", "rx_positions_m"):
             values[name] = [list(position) for position in values[name]]

@@ -46,7 +46,6 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, reflection
 from radartwin.materials.kirchhoff import ANGLES, COS_GRAZING, backscatter_lobe, lobe_width
 from radartwin.materials.roughness import ament
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import poses as poses_module
@@ -257,7 +256,7 @@ def static_paths(static: Body, radar: Radar, sensor_poses: np.ndarray) -> Paths:
     """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), from the array cache if it has them."""
     scatterers, strength = cloud(static.surfaces, static.geometry), strengths(static.surfaces, radar)
     velocity = poses_module.relative(sensor_poses, None, radar.frame_rate_hz)[1]
-    spec = {"diffuse": DIFFUSE_POWER, "element": radar.element, "frequency_hz": strength.frequency_hz, "strength": strength.digest}
+    spec = {"diffuse": DIFFUSE_POWER, "element": radar.pattern, "frequency_hz": strength.frequency_hz, "strength": strength.digest}
     arrays = {name: getattr(scatterers, name) for name in ("points", "normals", "area", "field", "surface")}
     arrays |= {"corners": static.geometry.corners, "owner": static.geometry.surface, "poses": sensor_poses, "velocity": velocity}
     return traced_once(spec, arrays, lambda: [paths(scatterers, strength, static.geometry, radar, sensor_poses, velocity)])[0]
@@ -327,10 +326,10 @@ def _block(
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, towards, power, above = _returns(
         CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm, strength.width,
-        np.ascontiguousarray(poses, float), wavelength, radar.element != "isotropic",
+        np.ascontiguousarray(poses, float), wavelength, not radar.sees_behind,
     )  # fmt: skip
     share = DIFFUSE_POWER / max(len(scatterers), 1)
-    weight = power * element_gain(radar.element, towards) ** 4
+    weight = power * radar.gain(towards) ** 4
     passed, extra = np.zeros(len(pose), complex), np.zeros(len(pose))
     examined = np.zeros(len(pose), bool)
     # The power without obstacles is an upper limit. The strong points give a lower limit, below which no point can be kept.

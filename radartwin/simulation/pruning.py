@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from radartwin.compiled import compiled, fixed
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.paths import Paths
 
@@ -40,7 +39,7 @@ def level(paths: Paths, radar: Radar) -> np.ndarray:
 
 def both_gains(radar: Radar, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
     """Return the antenna gain (N,) of paths at both ends together. The directions (N, 3) at the sensor are in the sensor frame."""
-    return element_gain(radar.element, departure) * element_gain(radar.element, arrival)
+    return radar.gain(departure) * radar.gain(arrival)
 
 
 def largest(amplitude: np.ndarray) -> np.ndarray:

@@ -171,7 +171,7 @@ class StaticScene:
         """Return the properties of surfaces and radar that decide paths. The frame rate matters only to a moving radar."""
         return {
             "reflection": self.table.digest,
-            "element": radar.element,
+            "element": radar.pattern,
             "antennas_m": (radar.tx_positions_m, radar.rx_positions_m),
             "wavelength_m": radar.wavelength_m,
             "frame_rate_hz": radar.frame_rate_hz if len(poses) > 1 else 0.0,

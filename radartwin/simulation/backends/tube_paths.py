@@ -66,7 +66,7 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
         hits = polygons.paths(body, table, place, place, axis, axis, settings.max_bounces)
         return pruned(_in_sensor_frame(hits, table, sensor, velocity), radar, PRUNE)
     if not alone:
-        faces = 5 if radar.element != "isotropic" else 6
+        faces = 6 if radar.sees_behind else 5
         rays = settings.rays or _room_rays(target.geometry, sensor[:, :3, 3], radar.wavelength_m)
         grids += [(grid, ROOM) for grid in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
     for label in range(ROOM + 1, ROOM + 1 + len(objects)):

@@ -13,7 +13,6 @@ import numpy as np
 
 from radartwin.compiled import shared_out
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.flat import field, obstacles, search, shadows
 from radartwin.simulation.flat.faces import Faces
@@ -229,7 +228,7 @@ class FlatRoom:
 
     def _least(self, radar: Radar, prune: float) -> float:
         """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""
-        return EARLY * prune * 2 * self.wavenumber / float(element_gain(radar.element, [1.0, 0.0, 0.0])) ** 2
+        return EARLY * prune * 2 * self.wavenumber / float(radar.gain([1.0, 0.0, 0.0])) ** 2
 
     def _levels(
         self, every: search.Sequences, which: np.ndarray, pose: np.ndarray, radar: Radar, least: float
@@ -255,8 +254,7 @@ class FlatRoom:
         twice: whether paths may have two diffractions.
         """
         place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
-        ahead = not element_gain(radar.element, [-1.0, 0.0, 0.0])
-        front = np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge)) if ahead else np.zeros(4)
+        front = np.zeros(4) if radar.sees_behind else np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge))
         least = 0.0
         for longest in (min(2, max_bounces), max_bounces):  # paths of few reflections show below which field others are too weak
             bounds = self._bounds(front, least)
@@ -295,9 +293,9 @@ class FlatRoom:
                 column = np.minimum(np.abs(cosine), 1) * (self._envelope.shape[1] - 1)
                 total *= np.where(used, self._envelope[face, column.astype(int)], 1.0)
                 way = np.where(used[:, None], way - 2 * cosine[:, None] * self.faces.normal[face], way)
-            gain = np.maximum(gain, element_gain(radar.element, way @ pose[:3, :3]))
+            gain = np.maximum(gain, radar.gain(way @ pose[:3, :3]))
             strength = np.maximum(strength, total)
-        return strength * gain / float(element_gain(radar.element, [1.0, 0.0, 0.0]))
+        return strength * gain / float(radar.gain([1.0, 0.0, 0.0]))
 
     def _fields(
         self,

@@ -197,6 +197,35 @@ def expand(first, last, amplitude, gain, copies_re, copies_im, weights, power):
 
 
 @compiled
+def ripple(first, last, departure, arrival, num_tx, points, weights, given, out):
+    """Write the factor of each channel on the amplitude of the paths `first` to `last` - 1 to `out` (N, C).
+
+    Args:
+        departure, arrival: (N, 3) directions of the paths.
+        num_tx: number of transmit antennas, T.
+        points: (T + R, J, 3) displacements of J copies of each antenna in wavelengths, transmitters first.
+        weights: (T + R, 1 + J) complex weights of each antenna and of its copies.
+        given: (N, C) factor that `out` includes; the shape (0, 0) stands for 1.
+    """
+    antennas, copies = points.shape[:2]
+    num_rx = antennas - num_tx
+    factor = np.empty(antennas, np.complex128)
+    for p in range(first, last):
+        for k in range(antennas):
+            way = departure[p] if k < num_tx else arrival[p]
+            re, im = weights[k, 0].real, weights[k, 0].imag
+            for j in range(copies):
+                d, w = points[k, j], weights[k, 1 + j]
+                c, s = _turn(-(d[0] * way[0] + d[1] * way[1] + d[2] * way[2]))
+                re += w.real * c - w.imag * s
+                im += w.real * s + w.imag * c
+            factor[k] = complex(re, im)
+        for c in range(num_tx * num_rx):
+            value = factor[c // num_rx] * factor[num_tx + c % num_rx]
+            out[p, c] = value * given[p, c] if len(given) > 0 else value
+
+
+@compiled
 def spread(first, last, starts, paths, elements, scale, grid):
     """Add the paths of the tasks `first` to `last` - 1 to delay grids. Each task has its own delay grid.
 

@@ -28,7 +28,6 @@ import numpy as np
 from radartwin.compiled import shared_out
 from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
 from radartwin.errors import InputError
-from radartwin.radar.antenna import element_gain
 from radartwin.radar.chirp import Radar
 from radartwin.radar.phase_noise import chebyshev_terms
 from radartwin.simulation import variant
@@ -214,8 +213,8 @@ def _expanded(parts: Sequence[Paths], radar: Radar, frequency: np.ndarray, cells
     for part in parts:
         if not (np.isfinite(part.length_m).all() and np.isfinite(part.rate_mps).all()):
             raise InputError(_NOT_FINITE)
-        gain = element_gain(radar.element, part.departure)
-        back = gain if np.array_equal(part.departure, part.arrival) else element_gain(radar.element, part.arrival)
+        gain = radar.gain(part.departure)
+        back = gain if np.array_equal(part.departure, part.arrival) else radar.gain(part.arrival)
         gain = gain * back
         if radar.if_filter is not None:
             gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * part.length_m, radar.band_hz)
@@ -228,13 +227,26 @@ def _expanded(parts: Sequence[Paths], radar: Radar, frequency: np.ndarray, cells
         shared_out(gridding.expand, blocks, amplitude, gain.astype(complex), *both, weights, powers)
         power += float(powers.sum())
         mirror = np.zeros((0, 3, 3)) if part.mirror is None else part.mirror
-        factor = np.zeros((0, 0)) if part.gain is None else part.gain
+        factor = _ripple(part, radar)
         plain = (part.length_in_m, part.length_out_m, part.departure, part.arrival, part.rate_mps, mirror)
         plain = [np.ascontiguousarray(values, float) for values in plain]
-        arrays.append(gridding.PathArrays(*[*plain, np.ascontiguousarray(factor, complex), weights]))
+        arrays.append(gridding.PathArrays(*[*plain, factor, weights]))
     if not np.isfinite(power):
         raise InputError(_NOT_FINITE)
     return arrays, _LEAST * float(np.sqrt(power / sum(len(part) for part in parts)))
+
+
+def _ripple(part: Paths, radar: Radar) -> np.ndarray:
+    """Return the factor (N, C) on the amplitude of each path in each channel, or an array (0, 0) if the factor is 1 everywhere."""
+    given = np.zeros((0, 0), complex) if part.gain is None else np.ascontiguousarray(part.gain, complex)
+    if radar.antenna_errors is None:
+        return given
+    wavelength = SPEED_OF_LIGHT / radar.center_frequency_hz
+    points, weights = radar.antenna_errors.ripples(radar.element, radar.num_tx + radar.num_rx, wavelength)
+    out = np.empty((len(part), radar.num_tx * radar.num_rx), complex)
+    ways = (np.ascontiguousarray(way, float) for way in (part.departure, part.arrival))
+    shared_out(gridding.ripple, len(part), *ways, radar.num_tx, points / wavelength, weights, given, out, grain=1000)
+    return out
 
 
 def _motion_terms(largest_mps: float, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray) -> tuple[float, float, np.ndarray]:
