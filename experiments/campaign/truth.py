@@ -20,6 +20,7 @@ from experiments.campaign.cases import RAIL, ROVER, Case, Log, log, stand_top
 from experiments.campaign.target import on_carriage, seen
 from experiments.campaign.turned import Turned
 from radartwin.builders.radar import build_radar
+from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
@@ -91,7 +92,8 @@ def record(case: Case, config: Config) -> Recording | Turned:
         variant=config.simulator.variant,
     )
     hardware = Hardware().scaled(gaps.hardware)
-    place = _Place(hardware.front_end(radar), nominal, gaps, settings)
+    antennas = AntennaErrors(board=hardware.board).scaled(gaps.antenna) or radar.antenna_errors
+    place = _Place(replace(hardware.front_end(radar), antenna_errors=antennas), nominal, gaps, settings)
     seed = seed_of(case, config)
     if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}

@@ -18,6 +18,7 @@ Expected = tuple[str, str, Claim]  # group of cases, feature, claim about its ch
 LINES_DB = -5.2  # two-way loss of the hardware's lines (radartwin/radar/hardware.py)
 # gain of the IF filter for a target at 1 m (beat frequency 467 kHz): two first-order stages of 175 and 350 kHz
 FILTER_DB = -10 * float(np.log10((1 + (175 / 467) ** 2) * (1 + (350 / 467) ** 2)))
+RIPPLE_DB = -17.0  # power of the ripples of a transmit and a receive antenna of -20 dB each (radartwin/radar/antenna_errors.py)
 # thermal noise kTBF (-91.8 dBm at 5.21 MHz) over the transmitted power (12 dBm); Hann window over 256 samples, 16 coherent chirps
 THERMAL_DB = -103.8 + 10 * float(np.log10(1.5 / 256 / 16))
 
@@ -92,7 +93,22 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
 def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
     """Return the predictions for a gap whose bounds depend on the gap's strength `s`."""
     level = s * LINES_DB + FILTER_DB
+    ripple = RIPPLE_DB + 20 * float(np.log10(s)) if s else -np.inf
     return {
+        "antenna": (
+            ("turntable", "target change (dB)",
+             Claim(f"ripples of both antennas, {ripple:.0f} dB, of one draw", above=ripple - 8, below=ripple + 6)),
+            ("drive", "target change (dB)",
+             Claim(f"ripples of both antennas, {ripple:.0f} dB, of one draw", above=ripple - 8, below=ripple + 6)),
+            ("turntable, metal", "target brightness (dB)", Claim("means over eight channels, 0.5 dB", above=-1.5 * s, below=1.5 * s)),
+            ("drive", "target brightness (dB)", Claim("means over eight channels and many angles", above=-1.5 * s, below=1.5 * s)),
+            ("turntable", "room change (dB)", Claim("ripples, and echoes of floor and back lobe", above=ripple - 8, below=ripple + 10)),
+            ("drive", "room change (dB)", Claim("ripples, and echoes of floor and back lobe", above=ripple - 8, below=ripple + 10)),
+            ("turntable", "room level (dB)", Claim("two-way back lobe and floor are weak", above=-1.0 * s, below=1.0 + s)),
+            ("drive", "room level (dB)", Claim("two-way back lobe and floor are weak", above=-1.0 * s, below=1.0 + s)),
+            ("turntable, metal", "track rms (mm)", Claim("the target stands where it stood", below=10.0)),
+            ("turntable", "profile correlation", Claim("strong peaks stay", above=0.9)),
+        ),
         "hardware": (
             ("turntable, metal", "target brightness (dB)",
              Claim(f"lines and filter take {-level:.1f} dB", above=level - 1, below=level + 1)),

@@ -28,6 +28,7 @@ class GapConfig:
     object_material: float = not_negative(1.0)  # errors of the target's walls and permittivity (radartwin/testbed/variation.py)
     person: float = not_negative(1.0)  # a person who stands in the room (radartwin/testbed/bystander.py)
     clutter: float = not_negative(1.0)  # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
+    antenna: float = not_negative(1.0)  # errors of the antenna patterns (radartwin/radar/antenna_errors.py)
     hardware: float = not_negative(1.0)  # errors of the radar hardware (radartwin/radar/hardware.py)
     trajectory: float = not_negative(1.0)  # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
     placement: float = not_negative(1.0)  # errors of the target's position (radartwin/testbed/motion_errors.py)

@@ -3,8 +3,8 @@
 The scene that the testbed measures is called the true scene; it has the exact geometry. Its materials, roughness and contents deviate from
 the nominal values (radartwin.testbed.variation), and it also contains clutter and measurement equipment (radartwin.testbed.fixtures). The
 testbed traces more rays and one more reflection order than the simulation it is compared with. An imperfect radar
-(radartwin.radar.hardware) records the result. Rover, turntable and target deviate from their logged poses
-(radartwin.testbed.motion_errors).
+(radartwin.radar.hardware) records the result with antennas that deviate from the nominal pattern (radartwin.radar.antenna_errors). Rover,
+turntable and target deviate from their logged poses (radartwin.testbed.motion_errors).
 
 Each kind of difference between the testbed and the simulation of the scanned room is called a gap. A gap has a strength: 0 removes the
 difference, 1 is the default size, 2 doubles the default size. The testbed is not reality, so a table computed with it only tests the method
@@ -48,6 +48,7 @@ class Gaps:
         contents: strength of the deviations of the contents of vessels.
         object_shape: strength of the deviations of the target's shape from its drawing.
         object_material: strength of the deviations of wall thickness and permittivity of the target.
+        antenna: strength of side lobes, back lobe and ripples of the antennas, which the nominal pattern lacks.
         person: amplitude of the echo, and of the sway, of a person who stands in the room.
     """
 
@@ -62,6 +63,7 @@ class Gaps:
     object_shape: float = 1.0
     object_material: float = 1.0
     person: float = 1.0
+    antenna: float = 1.0
 
 
 OFF = Gaps(**{one.name: 0.0 for one in fields(Gaps)})

@@ -2,21 +2,25 @@
 results that the strength of a deviation changes.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from experiments.campaign import truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import GapConfig
 from radartwin.io.progress import Progress
+from radartwin.radar.antenna_errors import AntennaErrors
+from radartwin.radar.dca1000 import frame_shape
 from radartwin.store.digest import import_closure, spec_digest
 from radartwin.store.products import Product
 
-TRUTHS = ("materials", "roughness", "contents", "clutter", "hardware", "trajectory", "placement", "solver")
+TRUTHS = ("materials", "roughness", "contents", "clutter", "antenna", "hardware", "trajectory", "placement", "solver")
 CASE = Case("corner_reflector", "lab", "turntable", 1.0)
 
 
@@ -69,3 +73,21 @@ def test_gap_of_the_truth_changes_only_the_measured_domain(base, gap):
 
 def test_gap_of_the_scan_changes_only_the_twin(base):
     assert changed_domains(base, "geometry") == {"twin"}
+
+
+@pytest.mark.parametrize("strength", [0.0, 2.0])
+def test_antennas_deviate_only_in_the_truth(base, strength, monkeypatch):
+    """The radar that the truth simulates is the nominal radar at strength 0. The recording always holds the nominal radar."""
+    places = []
+
+    def moved(case, place, seed, root):
+        places.append(place)
+        return np.zeros((1, *frame_shape(place.radar)), np.complex64)
+
+    monkeypatch.setattr(truth, "_moved", moved)
+    off = GapConfig(**{f.name: 0.0 for f in fields(GapConfig)})
+    config = replace(base, measured=replace(base.measured, gap=replace(off, antenna=strength)))
+    made = truth.record(Case("corner_reflector", "squash_court", "depth", 1.0), config)
+    assert made.radar.antenna_errors is None
+    assert places[0].radar.antenna_errors == AntennaErrors().scaled(strength)
+    assert replace(places[0].radar, antenna_errors=None) == made.radar
