@@ -14,7 +14,8 @@ with the direction u, the wavenumber k0 at the middle of the sweep, and the sign
 number of the board is the seed of the points, which are NEAREST_M to FARTHEST_M away in any direction in the plane of the board, and of the
 phases of a_kj. The constant c_k makes the mean power over all directions that of the envelope, and the mean phase of F_k zero, both
 weighted with the power of the envelope. Constant gains and phases of the channels are part of radartwin.radar.hardware. The factor F_k
-neglects that k0 d_kj changes over the sweep, by at most 1.1 radians on either side of its middle.
+neglects that k0 d_kj changes over the sweep, by at most 1.1 radians on either side of its middle. Paths that radartwin.simulation.merging
+joins get the factor of their mean direction, with an error of 0.008 of the signal of a bottle at 1.3 m, and of 0.004 for a can.
 
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - side_lobe_db: 77 GHz arrays of tapered patches have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In Electromagnetics Research
