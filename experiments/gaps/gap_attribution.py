@@ -44,9 +44,11 @@ TABLE = Table(
     "Shapley values are exact over the groups, so the shares sum to the total. Losses are computed for turntable recordings "
     "at 1 m in the laboratory: the difference of features in standard deviations over objects, one minus the correlation of "
     "range profiles in decibels, and the share of objects that forests trained on the twin classify wrongly. The quick "
-    "profile has four objects and leaves clutter, a person, the finer solver and wrong labels off; the paper profile has all gaps. "
+    "profile has four objects and leaves clutter, a person, the antennas, the finer solver and wrong labels off; the paper profile has "
+    "all gaps. "
     "The materials group includes roughness, the object group has shape, walls and contents of the target, the course group "
-    "includes trajectory and placement, and in the paper profile the clutter group includes a person and the solver. "
+    "includes trajectory and placement, and in the paper profile the clutter group includes a person and the solver, and the hardware "
+    "group the antennas. "
     "Intervals are bootstraps over objects. Each gap is one random draw.",
 )
 
@@ -99,7 +101,7 @@ PLANS = {
     "paper": Plan(
         {
             "geometry": ("geometry",), "materials": (LABELS, "materials", "roughness"), "object": OBJECT,
-            "clutter": ("clutter", "person", "solver"), "hardware": ("hardware",), "course": ("trajectory", "placement"),
+            "clutter": ("clutter", "person", "solver"), "hardware": ("hardware", "antenna"), "course": ("trajectory", "placement"),
         },
         ("corner_reflector", "drink_can_355", "mug", "mustard", "mouthwash"),
     ),

@@ -158,13 +158,19 @@ thermal_noise | gain * np.asarray(fft.fft(noise)) | np.asarray(fft.fft(noise)) |
 _expanded | gain * back | gain | the antenna gain applies at transmission only
 received | np.complex64(1j) * phase.reshape(shape) | 0 * phase.reshape(shape) | echoes have no phase noise
 
-simulation/signal/gridding: physics/test_synthesis
+simulation/signal/gridding: physics/test_synthesis physics/test_antenna_errors
 _element_distance | 2 * length * along | length * along | antenna elements are half as far apart
+ripple | departure[p] if k < num_tx else arrival[p] | departure[p] | receivers have the pattern of the departure
 _motion | orders[k] if k == 0 else 2 * orders[k] | orders[k] | the Jacobi-Anger series lacks its factor of two
 
 radar/antenna: radar/test_radar physics/test_receiver
 _gains | PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH) | 2 * PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH) | the gain is the square
 _gains | (array * patch) ** 2 | 0 * array | the antenna has no side lobe
+
+radar/antenna_errors: physics/test_antenna_errors
+_raise | (back - side) * x | 0 * x | the back lobe has the level of the side lobes
+_ripples | -2j * np.pi | 2j * np.pi | the mean pattern has copies on the wrong side
+AntennaErrors.scaled | 20 * np.log10(strength) | 10 * np.log10(strength) | the strength scales powers
 
 radar/if_filter: physics/test_receiver
 IfFilter.gain | beat_hz - 1j * corner | beat_hz + 1j * corner | the high-pass filter delays the phase
