@@ -169,7 +169,7 @@ _gains | (array * patch) ** 2 | 0 * array | the antenna has no side lobe
 
 radar/antenna_errors: physics/test_antenna_errors
 _raise | (back - side) * x | 0 * x | the back lobe has the level of the side lobes
-_ripples | -2j * np.pi | 2j * np.pi | the mean pattern has copies on the wrong side
+_ripples | 10 ** (errors.ripple_db / 20) / np.sqrt(COPIES) | 10 ** (errors.ripple_db / 20) | ripples are 4.8 dB too strong
 AntennaErrors.scaled | 20 * np.log10(strength) | 10 * np.log10(strength) | the strength scales powers
 
 radar/if_filter: physics/test_receiver
