@@ -36,6 +36,15 @@ def innermost(function: Callable[..., Any]) -> Any:
     return _built(function, {"_nrt": False})
 
 
+def vectorised(function: Callable[..., Any]) -> Any:
+    """Compile a function with loops of which the processor can compute several iterations at a time.
+
+    A division by zero gives infinity or NaN, as in NumPy, because a check of each divisor would end the loop early. The function must not
+    create or return arrays.
+    """
+    return _built(function, {"error_model": "numpy", "_nrt": False})
+
+
 def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     try:
         dispatcher: Any = njit(cache=True, nogil=True, **options)(function)

@@ -201,9 +201,9 @@ def _filled_volume(
     for i in used:
         volume.mark(views[i])
     volume.allocate()
-    for i, view in enumerate(views.coloured(), 1):
-        volume.integrate(view)
-        done(i)
+    for i in range(len(views)):
+        volume.integrate(views[i])
+        done(i + 1)
     return volume
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
 
 import numpy as np
 
@@ -23,9 +23,9 @@ CACHE_BYTES = 1_000_000_000
 
 
 class Views:
-    """Prepares the depth pictures of frames for fusion, and discards depths over `max_range_m`.
+    """Prepares the pictures of frames for fusion, and discards depths over `max_range_m`.
 
-    Up to CACHE_BYTES of prepared views are cached without colour, because the fusion reads each view several times.
+    Up to CACHE_BYTES of prepared views are cached, because the fusion reads each view several times.
     """
 
     def __init__(self, frames: Frames, max_range_m: float) -> None:
@@ -38,24 +38,18 @@ class Views:
         return len(self.frames)
 
     def __getitem__(self, index: int) -> View:
-        """Return the prepared view of frame `index` without colour, at its current pose."""
+        """Return the prepared view of frame `index` at its current pose."""
         view = self._cache.get(index)
         if view is None:
             view = prepared(self.frames[index], self.max_range_m)
-            self._bytes += 3 * view.depth.nbytes
+            self._bytes += 3 * view.depth.nbytes + (0 if view.colour is None else view.colour.nbytes)
             if self._bytes < CACHE_BYTES:
                 self._cache[index] = view
-        return View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight)
-
-    def coloured(self) -> Iterator[View]:
-        """Yield the prepared views of all frames in order, with colour if the frame has colour."""
-        for index, frame in enumerate(self.frames):
-            view = self._cache.get(index) or prepared(frame, self.max_range_m)
-            yield View(self.poses[index], view.intrinsics, view.depth, view.slope, view.weight, *_reduced(frame))
+        return dataclasses.replace(view, pose=self.poses[index])
 
 
 def prepared(frame: Frame, max_range_m: float) -> View:
-    """Prepare the depth picture of a frame for fusion, without colour.
+    """Prepare the pictures of a frame for fusion.
 
     >>> depth = np.full((9, 9), 2.0, np.float32)
     >>> intrinsics = np.array([[10.0, 0, 4], [0, 10, 4], [0, 0, 1]])
@@ -66,7 +60,7 @@ def prepared(frame: Frame, max_range_m: float) -> View:
     confidence = np.full(depth.shape, 2, np.uint8) if frame.confidence is None else np.minimum(frame.confidence, 2)
     k = frame.intrinsics
     slope, weight = _slope(depth, _sigma(depth, confidence), k[0, 0], k[1, 1], k[0, 2], k[1, 2])
-    return View(frame.pose, k, depth, slope, weight)
+    return View(frame.pose, k, depth, slope, weight, *_reduced(frame))
 
 
 def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -78,8 +72,24 @@ def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
         return None, None
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)
     height, width = (n // factor for n in frame.colour.shape[:2])
-    small = frame.colour[: height * factor, : width * factor].reshape(height, factor, width, factor, 3).mean(axis=(1, 3), dtype=np.float32)
-    return (small + 0.5).astype(np.uint8), rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height))
+    small = _averaged(np.ascontiguousarray(frame.colour), factor)
+    return small, rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height))
+
+
+@compiled
+def _averaged(picture, factor):
+    """Return the picture (h, w, 3) uint8 of which each pixel is the mean of `factor` x `factor` pixels of `picture`."""
+    height, width = picture.shape[0] // factor, picture.shape[1] // factor
+    out = np.empty((height, width, 3), np.uint8)
+    for v in range(height):
+        for u in range(width):
+            for c in range(3):
+                total = 0
+                for i in range(factor):
+                    for j in range(factor):
+                        total += picture[v * factor + i, u * factor + j, c]
+                out[v, u, c] = (2 * total + factor * factor) // (2 * factor * factor)
+    return out
 
 
 def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:

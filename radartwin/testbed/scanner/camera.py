@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
+from radartwin.compiled import compiled
 from radartwin.testbed.scanner.light import Light, shaded, through_glass
 from radartwin.testbed.scanner.look import Look
 from radartwin.testbed.scanner.raster import nearest_faces
@@ -55,13 +57,34 @@ def picture(
     linear = shaded(look, light, face, depth, pose, intrinsics)
     through_glass(look, light, linear, pane, pane_depth, pose, intrinsics)
     height, width = face.shape
+    linear *= (light.exposure * _corners(height, width))[..., None]
+    bright = linear > 0.7
+    linear[bright] = 0.7 + 0.3 * np.tanh((linear[bright] - 0.7) / 0.3)  # compresses very bright values
+    power = np.maximum(linear, 1e-6) ** (1 / 2.4)
+    return _quantised(linear, power, rng.standard_normal((height, width), dtype=np.float32))
+
+
+@functools.cache
+def _corners(height: int, width: int) -> np.ndarray:
+    """Return the relative brightness (h, w) float32 of a picture's pixels, which decreases towards the corners."""
     v, u = np.mgrid[:height, :width].astype(np.float32)
     radius = ((u - width / 2) ** 2 + (v - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
-    linear *= (light.exposure * (1 - VIGNETTE * radius))[..., None]
-    linear = np.where(linear > 0.7, 0.7 + 0.3 * np.tanh((linear - 0.7) / 0.3), linear)  # compresses very bright values
-    srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-6) ** (1 / 2.4) - 0.055)
-    noise = rng.standard_normal((height, width, 1), dtype=np.float32) * np.float32(GRAIN)
-    return np.clip(255 * srgb + noise + 0.5, 0, 255).astype(np.uint8)
+    return 1 - VIGNETTE * radius
+
+
+@compiled
+def _quantised(linear, power, noise):
+    """Return the 8-bit sRGB picture (h, w, 3) of linear colours `linear`, with their powers of 1/2.4 and standard normal noise (h, w)."""
+    height, width, _ = linear.shape
+    out = np.empty((height, width, 3), np.uint8)
+    for v in range(height):
+        for u in range(width):
+            for c in range(3):
+                dark = linear[v, u, c] <= np.float32(0.0031308)
+                srgb = np.float32(12.92) * linear[v, u, c] if dark else np.float32(1.055) * power[v, u, c] - np.float32(0.055)
+                value = np.float32(255) * srgb + noise[v, u] * np.float32(GRAIN) + np.float32(0.5)
+                out[v, u, c] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
+    return out
 
 
 def _hits(

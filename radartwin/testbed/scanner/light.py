@@ -11,7 +11,7 @@ import numpy as np
 
 from radartwin.testbed.scanner.look import Look
 from radartwin.testbed.scanner.raster import nearest_faces
-from radartwin.testbed.scanner.shading import Light, Row, glaze, shade
+from radartwin.testbed.scanner.shading import Light, Run, glaze, shade
 
 SHADOW_PIXELS, MIRROR_PIXELS = 256, 128
 LAMP_SPACING_M, LAMP_DROP_M = 3.0, 0.6  # distance between lamps, and of lamps below the ceiling, so that they hang below luminaires
@@ -53,10 +53,7 @@ def light_of(look: Look) -> Light:
 def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
     """Return the linear colour (h, w, 3) float32 of pixels that show the face `face` (h, w) at `depth` (h, w); face -1 shows the sky."""
     out = np.empty((*face.shape, 3), np.float32)
-    width = face.shape[1]
-    point, normal, ray = np.ones((3, width, 3))
-    row = Row(point, normal, ray, np.empty(width), np.empty(3), np.empty(3))
-    shade(face, depth, np.ascontiguousarray(pose), _lens(intrinsics), look, light, row, out)
+    shade(face, depth, np.ascontiguousarray(pose), _lens(intrinsics), look, light, Run.of(face.shape[1]), out)
     return out
 
 
