@@ -81,5 +81,6 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
             stream = io.BytesIO()
             drawn.savefig(stream, format=path.suffix[1:], metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
             files.write_atomically(path, stream.getvalue())
+            drawn.set_layout_engine("none")  # keeps the layout, which takes as long as the drawing, for the other files
         files.write_atomically(paths[-1], pages.page(drawn, stem.name.replace("_", " ")))
     return paths
