@@ -21,6 +21,7 @@ from radartwin.runs.tracking import Tracker
 
 HOST, USUAL_PORT = "127.0.0.1", 5000
 PAGE = "/#/experiments"  # URL path of the page on which MLflow lists the experiments
+THREADS = 40  # largest number of requests that the server answers at once (the default of AnyIO, which runs its threads)
 STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -45,8 +46,10 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
-    # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use.
-    environment = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", **os.environ}
+    # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use. Its 40 threads share 15
+    # connections to the database, and a request that gets none for 30 s fails, so the server gets one connection per thread.
+    ours = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
+    environment = {**ours, **os.environ}
     with contextlib.suppress(KeyboardInterrupt), _interrupted_by_signals():
         # The server gets a session of its own, so it does not receive Ctrl-C. This process ends the server and the server's children.
         server = subprocess.Popen(command, env=environment, start_new_session=True)
