@@ -57,8 +57,9 @@ class Run(NamedTuple):
 
     @classmethod
     def of(cls, width: int) -> Run:
-        row, pixel = np.empty((5, width)), np.empty((3, 3))
-        return cls(*row, np.empty(width, np.int32), np.empty((width, 3)), *pixel)
+        light, spread, cosine, bright, last = np.empty((5, width))
+        ray, normal, reflected = np.empty((3, 3))
+        return cls(light, spread, cosine, bright, last, np.empty(width, np.int32), np.empty((width, 3)), ray, normal, reflected)
 
 
 @innermost
