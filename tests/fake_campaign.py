@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from experiments.campaign.cases import Case, Motion
+from experiments.campaign.cases import REFLECTOR, Case, Motion
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.features.log import Nominal
@@ -19,7 +19,7 @@ from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.runs.experiment import Result
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.catalogue import catalogue, entry, with_other_reflectors
 from radartwin.store.digest import spec_digest
 
 LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
@@ -78,7 +78,7 @@ class FakeCampaign:
         return self.made[domain, case, source]
 
     def _made(self, domain: str, case: Case, source: str) -> tuple[str, Processed]:
-        kind = catalogue()[case.object]
+        kind = with_other_reflectors()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])
         log = self.log(case, domain)
         frames = len(log.distance_m)
@@ -101,7 +101,12 @@ class FakeCampaign:
         amplitude = 1e-4 * np.sqrt(level) * envelope / log.distance_m**2
         channels = np.zeros((frames, 8, len(self.range_m)), complex)
         antenna = np.arange(8)
-        for offset, gain, angle in [(0.0, 1.0, 0.0), (0.0, 0.4, width), *((o, 0.3 * g, 0.2) for o, g in zip(OFFSETS_M, room, strict=True))]:
+        size = (kind.aim_m / entry(REFLECTOR).aim_m) ** 2 if case.object.startswith(REFLECTOR) else 1.0  # amplitude of a reflector's echo
+        for offset, gain, angle in [
+            (0.0, size, 0.0),
+            (0.0, 0.4 * size, width),
+            *((o, 0.3 * g, 0.2) for o, g in zip(OFFSETS_M, room, strict=True)),
+        ]:
             spread = np.exp(-0.5 * ((self.range_m - log.distance_m[:, None] - offset) / 0.05) ** 2)
             channels += gain * amplitude[:, None, None] * spread[:, None, :] * np.exp(1j * np.pi * np.sin(angle) * antenna)[:, None]
         noise = 4e-14 if domain == "measured" else 1e-14
@@ -134,4 +139,4 @@ def draw_all(result: Result) -> set[str]:
 
 
 def catalogue_number(name: str) -> int:
-    return list(catalogue()).index(name)
+    return list(catalogue()).index(REFLECTOR if name.startswith(REFLECTOR) else name)

@@ -9,7 +9,7 @@ import numpy as np
 
 from radartwin.errors import ConfigError
 from radartwin.scene import rooms
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
 from radartwin.scene.trajectories import trajectory
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
         turn_s: time of one turntable revolution, in seconds.
         driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed.
     """
-    known = catalogue().get(case.object)
+    known = with_other_reflectors().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
     if case.motion in ROVER:
         bench = rooms.bench(case.room)

@@ -25,7 +25,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.catalogue import with_other_reflectors
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.aspects import Aspects, needed
 from radartwin.simulation.backends.mitsuba import TraceSettings
@@ -115,7 +115,7 @@ def aspects(target: str, gaps: testbed.Gaps) -> int:
     """Return the number of target angles (aspects) to trace per revolution. A recording with more frames per revolution is
     interpolated between the traced target angles.
     """
-    entry = catalogue()[target]
+    entry = with_other_reflectors()[target]
     surfaces = entry.surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
@@ -131,7 +131,7 @@ def receive(clean: Recording, case: Case, config: Config) -> Recording:
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
     """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
-    return testbed.truth(Scene(as_made(catalogue()[case.object], gaps.object_shape, np.random.default_rng(own))), gaps, own)
+    return testbed.truth(Scene(as_made(with_other_reflectors()[case.object], gaps.object_shape, np.random.default_rng(own))), gaps, own)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:

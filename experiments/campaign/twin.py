@@ -30,7 +30,7 @@ from radartwin.label.sources import material_source, without_fragments
 from radartwin.materials import half_space
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.catalogue import with_other_reflectors
 from radartwin.scene.scene import Scene
 from radartwin.simulation.drives import Drives, straight
 from radartwin.simulation.signal.synthesis import received, thermal_noise
@@ -88,7 +88,7 @@ def record(
     stand = rooms.support(stand_top(nominal))
     if materials.source not in ("true", "random"):  # only "true" and "random" know the layers of the stand
         stand = _outermost(stand)
-    target = list(catalogue()[case.object].surfaces(contents=config.contents))
+    target = list(with_other_reflectors()[case.object].surfaces(contents=config.contents))
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):

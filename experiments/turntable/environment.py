@@ -1,8 +1,9 @@
 """Environment ablation: is a simulated range profile closer to the measured range profile if the simulation includes the room?
 
 The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the
-scanned room with the configured materials. Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void
-and +0.42 in the reconstructed scene; about 75 % of the energy arrives from beyond the target.
+scanned room with the configured materials, by default the labelled materials. The third simulation has the same room of plasterboard.
+Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the reconstructed scene; about
+75 % of the energy arrives from beyond the target. The module `operating_points` searches the conditions in which these figures occur.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import Case
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
+from experiments.turntable import operating_points
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.log import angles
@@ -36,20 +38,23 @@ TABLE = Table(
     title="The room in the signal",
     caption="A corner reflector on a turntable in a laboratory room. Rows give the Pearson correlation of simulated and measured "
     "mean range profiles, for simulations in void and in the reconstructed room, and the share of energy that arrives from "
-    "beyond the target. Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the n measured "
+    "beyond the target. Rows with a ratio of target to room belong to one operating point: the leg of the reflector, the lobes of the "
+    "measuring antennas, and the mean or median of the frames. The column 'at operating point' repeats a row at the point that has the "
+    "paper's figures, if there is such a point. Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the n measured "
     "recordings. A row without a claim of the paper is marked untestable.",
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
-SIDES = {"measured": "measured", "room": "twin", "void": "void"}  # name in this table: domain of the campaign
-PAPER_DISTANCE_M = 2.0  # distance for which the paper gives values
+# name in this table: domain of the campaign, and materials of the room (None stands for the configured materials)
+SIDES = {"measured": ("measured", None), "room": ("twin", None), "uniform": ("twin", "uniform"), "void": ("void", None)}
+SHOWN = ("measured", "room", "void")  # sides of the range-time figure
+PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
 WIDENS = Claim("the gain widens with distance", "above 0", above=0.0)
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
 # the paper says "essentially uncorrelated or weakly anti-correlated"; here: an upper bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
-SCALES = {"amplitude": "amplitude", "db": "decibels"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,13 +73,20 @@ Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # key: side, distan
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     check(config)
-    return score(config, Campaign(config, store, progress), progress)
+    make_together(recordings(config, store, progress), progress)
+    return score(config, Campaign(config, store, progress), progress, _without_lobes(config, store, progress))
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     check(config)
-    campaign = Campaign(config, store, progress)
-    return campaign.missing((SIDES[side], case) for side, case in wanted(config, campaign))
+    sources = {True: Campaign(config, store, progress), False: _without_lobes(config, store, progress)}
+    parts = [sources[True].missing([(SIDES[side][0], case)], SIDES[side][1]) for side, case in wanted(config, sources[True])]
+    parts += [sources[lobes].missing(operating_points.wanted(config)) for lobes in operating_points.compared_lobes(config)]
+    return joined(parts)
+
+
+def _without_lobes(config: Config, store: Store, progress: Progress) -> Campaign:
+    return Campaign(operating_points.without_lobes(config), store, progress)
 
 
 def check(config: Config) -> None:
@@ -88,16 +100,20 @@ def check(config: Config) -> None:
             raise ConfigError(f"{key}={value} is not read by experiment=environment, which always has {key}={used}; leave it out")
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
+def score(config: Config, source: RecordingSource, progress: Progress, without_lobes: RecordingSource | None = None) -> Result:
     """Build the rows for each distance: correlations on the amplitude scale and on the decibel scale, and energy shares.
 
+    Args:
+        without_lobes: source whose measuring antennas have no side and back lobes, which only the operating points read. With None, no
+            operating point is without lobes.
     Raises:
         ConfigError: the campaign has no turntable recordings of the corner reflector at one of the distances.
     """
     recordings = read(config, source, progress)
     distances = sorted({distance for _, distance in recordings})
     last = distances[-1]
-    labels = {"measured": f"measured ({config.measured.provider})", "room": f"room ({config.materials.source})", "void": "void"}
+    labels = {"measured": f"measured ({config.measured.provider})", "room": f"room ({config.materials.source})"}
+    labels |= {"uniform": "room (uniform)", "void": "void"}
     labels = {side: label for side, label in labels.items() if (side, last) in recordings}
     rows = RowList(config)
     gains: dict[tuple[str, float], np.ndarray] = {}
@@ -109,30 +125,39 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
             case = {"distance_m": distance, "case": label, "scale": "power"}
             rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim)
     _add_gain_changes(rows, recordings, labels, gains)
+    points = operating_points.read(config, {True: source, False: without_lobes}, progress)
+    if points:
+        _add_operating_point(rows, operating_points.best(points), labels)
+        operating_points.add_rows(rows, points)
     figures: dict[str, Callable[[], Figure]] = {
-        "environment_range_time": lambda: _range_time_figure({side: recordings[side, last][0] for side in labels}, last, labels),
+        "environment_range_time": lambda: _range_time_figure(
+            {side: recordings[side, last][0] for side in SHOWN if side in labels}, last, labels
+        ),
         "environment_correlation": lambda: _correlation_figure(rows, distances, labels),
-    }
+    }  # fmt: skip
+    if points:
+        figures["environment_operating_points"] = lambda: operating_points.draw(points)
     metrics = {
         f"correlation_{side}_{one['scale']}_{last:g}m": one["value"]
         for side, label in labels.items()
         for one in rows
         if one["metric"] == "profile correlation" and one["case"] == label and one["distance_m"] == last
     }
-    return Result("environment", rows, figures, metrics, [one.key for some in recordings.values() for one in some])
+    keys = [one.key for some in recordings.values() for one in some] + [key for one in points for key in one.keys]
+    return Result("environment", rows, figures, metrics, sorted(set(keys)))
 
 
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
-    """Read the reflector's recordings: measured, simulated with the room, and simulated without the room ("void").
+    """Read the reflector's recordings: measured, simulated with the room, with the room of plasterboard, and without the room ("void").
 
     Measured recordings and both kinds of simulated recordings must exist at each distance.
     """
     chosen = wanted(config, source)
-    source.prepare([(SIDES[side], case) for side, case in chosen])
     found: dict[tuple[str, float], list[Profiles]] = {}
     for side, case in progress.over(chosen, "environment recordings"):
-        key, processed = source.processed(SIDES[side], case)
-        angle = angles(source.log(case, SIDES[side]), processed.num_frames)
+        domain, materials = SIDES[side]
+        key, processed = source.processed(domain, case, materials)
+        angle = angles(source.log(case, domain), processed.num_frames)
         revolution = processed.power[angle < angle[0] + 2 * np.pi - 1e-9]
         profiles = Profiles(key, processed.power.mean(axis=0, dtype=float), revolution, processed.range_m)
         found.setdefault((side, case.distance_m), []).append(profiles)
@@ -141,8 +166,9 @@ def read(config: Config, source: RecordingSource, progress: Progress) -> Recordi
 
 def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
     """Return (side, case) of the reflector's recordings at the configured distances (default: all)."""
-    sides = [side for side in SIDES if not (side == "room" and config.materials.source == "void")]
-    cases = [(side, case) for side in sides for case in source.cases(SIDES[side], motion="turntable", room=ROOM_NAME, object=TARGET)]
+    left_out = {"void": ("room", "uniform"), "uniform": ("uniform",)}.get(config.materials.source, ())
+    sides = [side for side in SIDES if side not in left_out]
+    cases = [(side, case) for side in sides for case in source.cases(SIDES[side][0], motion="turntable", room=ROOM_NAME, object=TARGET)]
     recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
     shared = set.intersection(*recorded.values())
     chosen = set(config.experiment.distances_m) or set.union(*recorded.values())
@@ -165,9 +191,9 @@ def _add_correlations(
 
     The function also adds the increase of the correlation due to the simulated room, and writes this increase into `gains`.
     """
-    for scale in SCALES:
+    for scale in operating_points.SCALES:
         correlations = {}
-        for side, claim in (("void", UNCORRELATED), ("room", ROOM)):
+        for side, claim in (("void", UNCORRELATED), ("room", ROOM), ("uniform", NONE)):
             if side in labels:
                 twin = recordings[side, distance][0]
                 correlations[side] = np.array([
@@ -176,10 +202,13 @@ def _add_correlations(
                 case = {"distance_m": distance, "case": labels[side], "scale": scale}
                 claim = claim if distance == PAPER_DISTANCE_M else NONE
                 rows.add_mean(case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim)
-        if "room" in labels:
-            gains[scale, distance] = correlations["room"] - correlations["void"]
-            case = {"distance_m": distance, "case": f"{labels['room']} - void", "scale": scale}
-            rows.add_mean(case, "gain in correlation", gains[scale, distance], _keys(recordings, list(labels), distance), CLOSER)
+        for side, claim in (("room", CLOSER), ("uniform", NONE)):
+            if side in labels:
+                gain = correlations[side] - correlations["void"]
+                case = {"distance_m": distance, "case": f"{labels[side]} - void", "scale": scale}
+                rows.add_mean(case, "gain in correlation", gain, _keys(recordings, ["measured", side, "void"], distance), claim)
+                if side == "room":
+                    gains[scale, distance] = gain
 
 
 def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
@@ -188,11 +217,22 @@ def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, s
     if not gains or min(distances) == max(distances):
         return
     near, far = min(distances), max(distances)
-    for scale in SCALES:
+    for scale in operating_points.SCALES:
         count = min(len(gains[scale, near]), len(gains[scale, far]))
         change = gains[scale, far][:count] - gains[scale, near][:count]
         case = {"distance_m": far, "case": f"gain at {far:g} m - at {near:g} m", "scale": scale}
-        rows.add_mean(case, "change of gain", change, _keys(recordings, list(labels), near, far), WIDENS)
+        rows.add_mean(case, "change of gain", change, _keys(recordings, ["measured", "room", "void"], near, far), WIDENS)
+
+
+def _add_operating_point(rows: RowList, best: operating_points.Point | None, labels: dict[str, str]) -> None:
+    """Add the column "at_operating_point" to all rows: the mean of the same figure at the point with the paper's figures, else None."""
+    for row in rows:
+        row["at_operating_point"] = None
+        if best and row["distance_m"] == PAPER_DISTANCE_M and row["scale"] in (best.scale, "power"):
+            names = {("energy share beyond the target", labels["measured"]): "share"}
+            names |= {("profile correlation", labels[side]): side for side in ("void", "room")}
+            name = names.get((row["metric"], row["case"]))
+            row["at_operating_point"] = float(best.values[name].mean()) if name else None
 
 
 def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict[str, str]) -> Figure:
@@ -214,17 +254,17 @@ def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict
 
 def _correlation_figure(rows: Sequence[dict[str, Any]], distances: list[float], labels: dict[str, str]) -> Figure:
     """Draw the correlation of simulated with measured profiles against distance, with one panel for each scale (amplitude, decibels)."""
-    drawing, panels = figure(1, len(SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True)
-    styles = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o")}
+    drawing, panels = figure(1, len(operating_points.SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True)
+    styles = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o"), "uniform": (PALETTE[2], "^")}
     found = {(r["case"], r["scale"], r["distance_m"]): r for r in rows if r["metric"] == "profile correlation"}
-    for panel, scale in zip(panels, SCALES, strict=True):
+    for panel, scale in zip(panels, operating_points.SCALES, strict=True):
         for side, label in labels.items():
             if side != "measured":
                 value, errors = error_bars(found[label, scale, distance] for distance in distances)
                 colour, marker = styles[side]
                 panel.errorbar(distances, value, yerr=errors, color=colour, marker=marker, ms=4, capsize=2, label=label)
         panel.axhline(0, color="0.6", lw=0.6)
-        panel.set(title=f"profiles in {SCALES[scale]}", xlabel="distance of the reflector (m)", ylim=(-0.5, 1.05))
+        panel.set(title=f"profiles in {operating_points.SCALES[scale]}", xlabel="distance of the reflector (m)", ylim=(-0.5, 1.05))
     panels[0].set_ylabel("correlation with measured profile")
     panels[0].legend(loc="lower left")
     return drawing

@@ -344,9 +344,9 @@ def test_environment_experiment_runs_on_every_baseline(name, tmp_path):
     small += ["profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "tracking=off"]
     common = ["experiment=environment", f"output={tmp_path}", *small]
     result, counts = run_experiment(compose([*common, f"simulator={name}"]))
-    assert counts.by_kind["clean built"] == 3
+    assert counts.by_kind["clean built"] == 4  # measured, labelled room, plasterboard, void
     assert result.rows
     other = "simulator.version=corrected" if name == "rfgenesis" else "simulator.cross_section=sphere"
     again, counts = run_experiment(compose([*common, f"simulator={name}", other]))
-    assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (2, 1)
+    assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (3, 1)
     assert again.run_key != result.run_key

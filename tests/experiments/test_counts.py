@@ -11,7 +11,8 @@ from radartwin.runs.run import run_experiment, run_key
 from radartwin.store.products import Counts
 
 TINY = [
-    "experiment=environment", "jobs=1", "tracking=off", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
+    "experiment=environment", "materials=uniform", "jobs=1", "tracking=off",
+    "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
     "experiment.distances_m=[1.0]", "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.frames_per_turn=4", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=1",
     "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",

@@ -19,6 +19,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import trimesh
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.materials import Layered, correlation_m, half_space, roughness_m
 from radartwin.scene import textures
@@ -154,9 +155,21 @@ def _bottle(
     return build
 
 
-def _reflector(contents: str) -> tuple[Part, ...]:
-    mesh = shapes.trihedral(REFLECTOR_LEG_M)
-    return (Part(mesh.apply_translation([0, 0, -mesh.bounds[0, 2]]), "metal", "metal", "brushed_metal"),)
+def reflector(leg_m: float, name: str) -> Entry:
+    """Return a triangular trihedral corner reflector with legs of length `leg_m` in metres."""
+
+    def build(contents: str) -> tuple[Part, ...]:
+        mesh = shapes.trihedral(leg_m)
+        return (Part(mesh.apply_translation([0, 0, -mesh.bounds[0, 2]]), "metal", "metal", "brushed_metal"),)
+
+    size = (round(leg_m / 3**0.5, 4), round(leg_m * 2**0.5, 4), round(leg_m * 1.5**0.5, 4))
+    section = 4 * np.pi * leg_m**4 / (3 * (SPEED_OF_LIGHT / 77e9) ** 2)
+    return Entry(
+        name, "trihedral corner reflector", size, 0.0, "metal", None, "faceted", "metal", "metal", None,
+        "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
+        f"chosen, not measured: a calibration target of {100 * leg_m:g} cm legs, {section:.1f} m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
+        build, leg_m / np.sqrt(6),
+    )  # fmt: skip
 
 
 def _mug(contents: str) -> tuple[Part, ...]:
@@ -166,6 +179,7 @@ def _mug(contents: str) -> tuple[Part, ...]:
 
 
 REFLECTOR_LEG_M = 0.1
+OTHER_LEGS_M = (0.05, 0.06, 0.07, 0.08, 0.09, 0.11, 0.12)  # corner reflectors of other sizes, which are not part of the catalogue
 MUG_M, MUG_WALL_M = (0.082, 0.095, 0.034), 0.004  # diameter, height, and reach of the handle; wall thickness
 
 # Cross-sections of the bottles: height, half width and half depth in metres, and exponent of the superellipse. The cap is above the last
@@ -191,12 +205,7 @@ DRESSING = (
 )  # fmt: skip
 
 ENTRIES: tuple[Entry, ...] = (
-    Entry(
-        "corner_reflector", "trihedral corner reflector", (0.0577, 0.1414, 0.1225), 0.0, "metal", None, "faceted", "metal", "metal", None,
-        "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
-        "chosen, not measured: a calibration target of 10 cm legs, 27.6 m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
-        _reflector, REFLECTOR_LEG_M / np.sqrt(6),
-    ),
+    reflector(REFLECTOR_LEG_M, "corner_reflector"),
     _food_can("211_300", 0.0762, 7.93, "short food can", "label_green",
               "a short metal food can, a round cylinder of tinplate with a paper label, 76 mm tall"),
     _food_can("211_304", 0.0826, 8.68, "food can", "label_blue",
@@ -251,6 +260,15 @@ def catalogue() -> dict[str, Entry]:
     (7, 12)
     """
     return {entry.name: entry for entry in ENTRIES}
+
+
+def with_other_reflectors() -> dict[str, Entry]:
+    """Return the catalogue objects and the corner reflectors with legs of OTHER_LEGS_M as a dictionary by name.
+
+    >>> with_other_reflectors()["corner_reflector_5cm"].aim_m < entry("corner_reflector").aim_m
+    True
+    """
+    return catalogue() | {f"corner_reflector_{100 * leg:g}cm": reflector(leg, f"corner_reflector_{100 * leg:g}cm") for leg in OTHER_LEGS_M}
 
 
 def entry(name: str) -> Entry:
