@@ -30,9 +30,12 @@ TURN_S = 25.0  # time of one turntable revolution in seconds
 BENCH_HEIGHT_M = 1.0  # height of the radar in front of the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
-DEPTH_M, LATERAL_M, LATERAL_MPS = 1.0, 1.2, 0.24
+# Length of each of the two ways of a depth drive: 24 steps of 2 cm at 10 frames per second, so that a recording of every second, third or
+# fourth frame contains the smallest distance and the end. Both ways together are the 1 m and the about 50 frames of the paper's sweep.
+DEPTH_M = 0.48
+LATERAL_M, LATERAL_MPS = 1.2, 0.24
 _TRAVEL = {  # length in metres, speed in metres per second
-    **dict.fromkeys(RAIL, (RAIL_M, SPEED_MPS)), "depth": (DEPTH_M, SPEED_MPS), "lateral": (LATERAL_M, LATERAL_MPS),
+    **dict.fromkeys(RAIL, (RAIL_M, SPEED_MPS)), "depth": (2 * DEPTH_M, SPEED_MPS), "lateral": (LATERAL_M, LATERAL_MPS),
 }  # fmt: skip
 FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
 
@@ -44,7 +47,7 @@ class Case:
     object: str
     room: str
     motion: Motion
-    distance_m: float  # from the radar to the target's axis: at the start, or for a lateral drive the smallest distance
+    distance_m: float  # from the radar to the target's axis: at the start, or for a drive of the rover the smallest distance
     repetition: int = 0
 
     @property
@@ -111,6 +114,7 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
     every = config.rover_every if case.motion in ROVER else 1
     length, speed = _TRAVEL[case.motion]
     whole = int(np.floor(length * RATE_HZ / speed + 1e-9))  # number of frames as in trajectory.sweep
+    whole += case.motion == "depth"  # a depth drive ends at its start
     return course(case, RATE_HZ / every, len(range(0, whole, every)))
 
 
@@ -120,6 +124,8 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
     Args:
         turn_s: time of one turntable revolution, in seconds.
         driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed.
+            A recorded lateral drive starts at the nominal start. The smallest distance of a recorded depth drive is that of the case, so
+            that the drive may start at either end.
     """
     known = with_other_reflectors().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
@@ -128,7 +134,10 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
         start, direction = _rover_start(case.motion, bench.sensor_pose)
         poses = _straight(start, direction, case.motion, rate_hz, frames)
         if driven is not None:
-            poses = start @ np.linalg.inv(driven[0]) @ driven
+            moved = np.linalg.inv(driven[0]) @ driven
+            if case.motion == "depth":
+                start = trajectory.at_distances(bench.sensor_pose, -direction, moved[:, 0, 3].max(keepdims=True))[0]
+            poses = start @ moved
         return Log(rate_hz, poses, trajectory.pose(bench.target_position(case.distance_m) - aim, FACING)[None])
     bench = rooms.lab_bench(BENCH_HEIGHT_M)
     at, sensor = bench.target_position(case.distance_m) - aim, bench.sensor_pose[None]
@@ -141,19 +150,24 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (start pose, unit direction) of a rover's drive. A "depth" drive along the line of sight starts at the smallest distance
-    and moves away from the target.
+    """Return (start pose, unit direction) of a rover's drive.
+
+    A "depth" drive moves along the line of sight towards the target and back to its start, so that its range over time is a triangle
+    (paper: depth sweeps toward and away from the object, triangular range-time signature). The paper gives start distances of 0.5 to 2 m
+    and no length. From 0.5 m, a drive of half a metre towards the target would end in the target. The distance of a case is therefore the
+    smallest distance, at the pose `middle`, and the drive starts DEPTH_M behind it.
     """
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
-    return middle, -middle[:3, 0]
+    return trajectory.at_distances(middle, middle[:3, 0], np.array([-DEPTH_M]))[0], middle[:3, 0]
 
 
 def _straight(start: np.ndarray, direction: np.ndarray, motion: Motion, rate_hz: float, frames: int) -> np.ndarray:
+    """Return the poses (F, 4, 4) of a drive or of a rail's carriage, at rest after the end of its travel. A "depth" drive turns halfway."""
     length, speed = _TRAVEL[motion]
-    moving = min(frames, int(np.floor(length * rate_hz / speed + 1e-9)) + 1)
-    poses = trajectory.rail(start, direction, speed / rate_hz * (moving - 1), moving)
-    return np.concatenate([poses, np.repeat(poses[-1:], frames - moving, axis=0)])
+    step = speed / rate_hz
+    travelled = step * np.minimum(np.arange(frames), np.floor(length / step + 1e-9))
+    return trajectory.at_distances(start, direction, np.minimum(travelled, length - travelled) if motion == "depth" else travelled)
 
 
 def stand_top(nominal: Log) -> np.ndarray:

@@ -22,6 +22,7 @@ from experiments import statistics
 from experiments.campaign.cases import BENCH_ROOM, MEASURED, REFLECTOR, TWIN, VOID, Case
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim, RowList
+from experiments.drawing import legend_above
 from radartwin.config.config import Config
 from radartwin.features.profile import beyond_target_share, gate_energies, profile_correlation
 from radartwin.io.progress import Progress
@@ -173,7 +174,7 @@ def add_rows(rows: RowList, points: Sequence[Point]) -> None:
 
 def draw(points: Sequence[Point]) -> Figure:
     """Draw the energy share and both correlations against the ratio of target to room, beside the paper's figures and the limits."""
-    drawing, panels = figure(1, 1 + len(SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharex=True)
+    drawing, panels = figure(1, 1 + len(SCALES), width_in=PAGE_WIDTH_IN, height_in=2.9, sharex=True)
     colours = {"share": "0.2", VOID: PALETTE[1], "room": PALETTE[0]}
     shown = [("amplitude", ("share",)), *((scale, (VOID, "room")) for scale in SCALES)]
     for panel, (scale, names) in zip(panels, shown, strict=True):
@@ -189,8 +190,8 @@ def draw(points: Sequence[Point]) -> Figure:
                     if some:
                         panel.plot([one.ratio_db for one in some], [np.mean(one.values[name]) for one in some], **style)
         panel.set(xlabel="target to room (dB)")
-        panel.legend(fontsize=6)
     panels[0].set(ylabel="energy share beyond the target", ylim=(0, 1))
     for panel, scale in zip(panels[1:], SCALES.values(), strict=True):
         panel.set(ylabel=f"correlation, {scale}", ylim=(-0.5, 1.05))
+    legend_above(drawing, panels[1], 4)
     return drawing

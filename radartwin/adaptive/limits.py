@@ -48,8 +48,8 @@ class Limits:
         """Read the shipped repeatability limits, which were computed from simulated recordings of the testbed.
 
         Args:
-            motion: "turntable", "radial" (along a rail), "diagonal", "depth" (drive towards the object) or "lateral" (drive past the
-                object, at right angles to the line of sight).
+            motion: "turntable", "radial" (along a rail), "diagonal", "depth" (drive towards the object and back) or "lateral" (drive past
+                the object, at right angles to the line of sight).
             thing: name of the object under test. None, or an object without repeated recordings gets the limits pooled over all objects.
         Raises:
             InputError: RadarTwin ships no repeatability limits for this motion.

@@ -2,9 +2,9 @@
 
 The module imports no NumPy, so that the configuration can import it without delay. A feature family is a group of features that are
 computed together (radartwin/features/sets.py). A feature set lists the families for one kind of motion and follows the section
-"motion-specific feature design" of the RadarTwin paper. A rotation shows the target's shape from all sides. A drive towards the target
-("depth") shows range and multipath. A drive past the target, at right angles to the line of sight ("lateral"), shows the target over a
-limited span of viewing angles. The family brightness depends on the material of the target.
+"motion-specific feature design" of the RadarTwin paper. A rotation shows the target's shape from all sides. A drive along the line of
+sight ("depth") shows range and multipath. A drive past the target, at right angles to the line of sight ("lateral"), shows the target over
+a limited span of viewing angles. The family brightness depends on the material of the target.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A feature set is a list of feature families, as in the section "motion-specific feature design" of the RadarTwin paper:
 - The set `rotation` is for a target on a turntable at a fixed distance. It has the families harmonics, envelope, extent and brightness.
-- The set `depth` is for a drive towards the target. It has the families track, multipath, window, extent and brightness.
+- The set `depth` is for a drive along the line of sight. It has the families track, multipath, window, extent and brightness.
 - The set `lateral` is for a drive past the target, at right angles to the line of sight. It has the families harmonics, envelope,
   multipath, window, extent and brightness.
 - The set `raw` is a baseline for any motion. It has only the family profile, which is the unprocessed range profile.

@@ -128,29 +128,39 @@ def _carry(
             rate_to[row] = total
 
 
+def _line(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unit direction (3,) from the first to the farthest pose of a drive (F, 4, 4), and the distance (F,) of each pose from
+    the first pose along this direction.
+    """
+    at = poses[:, :3, 3] - poses[0, :3, 3]
+    away = np.linalg.norm(at, axis=1)
+    length = float(away.max())
+    way = at[away.argmax()] / length if length > 0 else np.eye(3)[0]
+    return way, at @ way
+
+
 def straight(poses: np.ndarray) -> bool:
-    """Return whether a drive (F, 4, 4) keeps to one line, direction and heading, so that a track can represent it."""
-    at, way = poses[:, :3, 3] - poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
-    length = float(np.linalg.norm(way))
-    along = at @ (way / length) if length > 0 else np.zeros(len(at))
-    aside = np.linalg.norm(at - along[:, None] * (way / length if length > 0 else way), axis=1)
+    """Return whether a drive (F, 4, 4) keeps to one line and heading, in one direction or there and back, so that a track can represent
+    it.
+    """
+    way, along = _line(poses)
+    aside = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3] - along[:, None] * way, axis=1)
     turned = np.arccos(np.clip((np.einsum("fij,ij->f", poses[:, :3, :3], poses[0, :3, :3]) - 1) / 2, -1, 1))
-    back = float(np.diff(along).min(initial=0.0))
-    return bool(aside.max() <= 0.5 * SPACING_M and turned.max() <= TURNED_RAD and back >= -0.5 * SPACING_M)
+    return bool(aside.max() <= 0.5 * SPACING_M and turned.max() <= TURNED_RAD)
 
 
 def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np.ndarray:
-    """Return P equally spaced sensor poses (P, 4, 4) along a straight nominal drive (F, 4, 4) and beyond both ends of the drive. All
-    returned poses have the heading of the drive's first pose.
+    """Return P equally spaced sensor poses (P, 4, 4) along a straight nominal drive (F, 4, 4) and beyond both ends of its line. Both ways
+    of a drive there and back share these poses. All returned poses have the heading of the drive's first pose.
 
     All returned poses are shifted forward by `offset` times their spacing.
     """
-    start, way = poses[0, :3, 3], poses[-1, :3, 3] - poses[0, :3, 3]
-    length = float(np.linalg.norm(way))
+    way, along = _line(poses)
     beyond = int(np.ceil(BEYOND_M / spacing_m))
-    steps = (np.arange(-beyond, int(np.ceil(length / spacing_m)) + beyond + 1) + offset) * spacing_m
+    low, high = (int(np.ceil(end / spacing_m - 1e-9)) for end in (-along.min(), along.max()))
+    steps = (np.arange(-low - beyond, high + beyond + 1) + offset) * spacing_m
     out = np.repeat(poses[:1], len(steps), axis=0)
-    out[:, :3, 3] = start + steps[:, None] * (way / length if length > 0 else np.eye(3)[0])
+    out[:, :3, 3] = poses[0, :3, 3] + steps[:, None] * way
     return out
 
 

@@ -158,18 +158,24 @@ def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.flo
 
 
 def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw the true poses (F, 4, 4) of a wheeled platform on a level floor from its nominal poses (F, 4, 4)."""
-    steps = np.diff(poses[:, :3, 3], axis=0)
-    path = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    """Draw the true poses (F, 4, 4) of a wheeled platform on a level floor from its nominal poses (F, 4, 4).
+
+    On the way back of a drive there and back, the wheels turn backwards, so that the ripple repeats at the same positions. Slip and
+    heading drift go on along the path.
+    """
+    steps, gone = np.diff(poses[:, :3, 3], axis=0), poses[:, :3, 3] - poses[0, :3, 3]
+    long = np.linalg.norm(steps, axis=1)
+    path = np.concatenate([[0.0], np.cumsum(long)])
+    sign = np.where(steps @ gone[np.linalg.norm(gone, axis=1).argmax()] < 0, -1.0, 1.0)  # forwards or backwards
     slow = (rng.standard_normal() + _wander(path[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
-    turn = 2 * np.pi * path / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
+    wheel = np.concatenate([[0.0], np.cumsum(sign * long)])
+    turn = 2 * np.pi * wheel / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
     heading = np.radians(errors.heading_deg * rng.standard_normal() + errors.drift_deg_per_m * rng.standard_normal() * path)
     start = errors.start_m * rng.standard_normal(2)
     bob = errors.bob_m * _wander(path, errors.bob_length_m, rng)
     if errors.none():
         return poses.copy()
-    long = np.linalg.norm(steps, axis=1)
-    ripple = np.divide(errors.ripple_m * np.diff(np.sin(turn)), long, out=np.zeros_like(long), where=long > 0)
+    ripple = np.divide(sign * errors.ripple_m * np.diff(np.sin(turn)), long, out=np.zeros_like(long), where=long > 0)
     moved = _about_z(heading[:-1]) @ (steps * (1 + errors.slip * slow + ripple)[:, None])[..., None]
     out = poses.copy()
     out[:, :3, :3] = _about_z(heading) @ poses[:, :3, :3]

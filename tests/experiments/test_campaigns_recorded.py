@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import Case, Motion, course
+from experiments.campaign.cases import Case, Motion, course, log
 from experiments.campaign.export import export
 from experiments.turntable import environment
 from radartwin.config.compose import compose
@@ -164,18 +164,43 @@ def test_settings_that_the_environment_table_ignores_are_refused(folder: Path, o
         environment.check(configured(folder, override))
 
 
-def test_a_recorded_trajectory_starts_at_the_nominal_start(folder: Path, tmp_path: Path) -> None:
-    """The recorded trajectory of the rover may be in any world frame. The simulation moves it to the nominal start of a drive."""
-    case = Case("mug", "squash_court", "depth", 1.0)
-    nominal = course(case, 10.0, 20)
+@pytest.mark.parametrize("motion", ["depth", "lateral"])
+def test_a_recorded_trajectory_may_be_in_any_world_frame(motion: Motion) -> None:
+    """The simulation moves a lateral drive to the nominal start, and the smallest distance of a depth drive to that of the case.
+
+    The recorded rover slips by 5 cm along its first heading after the tenth frame.
+    """
+    case = Case("mug", "squash_court", motion, 1.0)
+    nominal = course(case, 10.0, 49)
     elsewhere = np.eye(4)
     elsewhere[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     elsewhere[:3, 3] = [5.0, -3.0, 0.2]
     slipped = nominal.sensor_poses.copy()
-    slipped[10:, 0, 3] += 0.05
-    logged = course(case, 10.0, 20, driven=elsewhere @ slipped)
-    assert np.allclose(logged.distance_m[:10], nominal.distance_m[:10])
-    assert np.allclose(nominal.distance_m[10:] - logged.distance_m[10:], 0.05)
+    slipped[10:, :3, 3] += 0.05 * (nominal.sensor_poses[1, :3, 3] - nominal.sensor_poses[0, :3, 3]) / 0.02
+    logged = course(case, 10.0, 49, driven=elsewhere @ slipped)
+    moved = logged.sensor_poses[:, :3, 3] - nominal.sensor_poses[:, :3, 3]
+    if motion == "depth":
+        assert np.allclose(moved[:10], [-0.05, 0, 0])
+        assert np.allclose(moved[10:], 0)
+        assert logged.distance_m.min() == pytest.approx(1.0)
+    else:
+        assert np.allclose(moved[:10], 0)
+        assert np.allclose(moved[10:], [0, 0.06, 0])
+
+
+def test_a_depth_drive_goes_to_the_smallest_distance_and_back() -> None:
+    """The range over time is a triangle. A recording of every third frame contains the smallest distance and the start pose twice."""
+    case = Case("mug", "squash_court", "depth", 1.0)
+    for every, frames in ((1, 49), (3, 17)):
+        nominal = log(case, replace(compose(TINY).profile.campaign, rover_every=every), measured=True)
+        away = nominal.distance_m
+        assert nominal.frames == frames
+        assert (away[0], away[frames // 2], away[-1]) == pytest.approx((1.48, 1.0, 1.48))
+        assert np.allclose(away, away[::-1])
+        assert np.allclose(np.abs(np.diff(away)), 0.02 * every)
+    one_way = course(case, 10.0, 25).sensor_poses
+    backwards = course(case, 10.0, 25, driven=one_way[::-1])  # a recorded drive that moves away from the target
+    assert backwards.distance_m == pytest.approx(1.0 + 0.02 * np.arange(25))
 
 
 def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row], list[tuple[Row, int]]]) -> Campaign:
@@ -260,21 +285,21 @@ def test_an_invalid_period_gives_a_one_line_error(folder: Path, tmp_path: Path, 
         campaign.log(campaign.cases("measured")[0])
 
 
-@pytest.mark.parametrize(("motion", "end_m"), [("depth", 2.0), ("radial", 1.6)])
-def test_motion_rests_at_its_end(motion: Motion, end_m: float) -> None:
+@pytest.mark.parametrize(("motion", "start_m", "end_m"), [("depth", 1.48, 1.48), ("radial", 1.0, 1.6)])
+def test_motion_rests_at_its_end(motion: Motion, start_m: float, end_m: float) -> None:
     away = course(Case("mug", "lab" if motion == "radial" else "squash_court", motion, 1.0), 10.0, 200).distance_m
-    assert away[0] == pytest.approx(1.0, abs=1e-9)
+    assert away[0] == pytest.approx(start_m, abs=1e-9)
     assert away[-1] == away[-50] == pytest.approx(end_m, abs=1e-6)
 
 
 def test_only_straight_drives_share_a_track() -> None:
-    line = course(Case("mug", "squash_court", "depth", 1.0), 10.0, 50).sensor_poses
-    assert straight(line)
-    assert straight(line[:1])
-    weaving, back, turning = line.copy(), line[[*range(50), *range(49, -1, -1)]], line.copy()
-    weaving[:, 1, 3] += 0.1 * np.sin(np.arange(50) / 5)
+    line = course(Case("mug", "squash_court", "lateral", 1.0), 10.0, 50).sensor_poses
+    there_and_back = course(Case("mug", "squash_court", "depth", 1.0), 10.0, 49).sensor_poses
+    assert all(straight(poses) for poses in (line, line[:1], there_and_back, there_and_back[30:], there_and_back[::-1]))
+    weaving, turning = line.copy(), line.copy()
+    weaving[:, 0, 3] += 0.1 * np.sin(np.arange(50) / 5)
     turning[:, :3, :3] = Rotation.from_rotvec(np.linspace(0, 0.3, 50)[:, None] * [0, 0, 1]).as_matrix() @ line[:, :3, :3]
     swaying = line.copy()
-    swaying[:, 1, 3] += 0.005 * np.sin(np.arange(50) / 5)
+    swaying[:, 0, 3] += 0.005 * np.sin(np.arange(50) / 5)
     assert straight(swaying)
-    assert not any(straight(poses) for poses in (weaving, back, turning))
+    assert not any(straight(poses) for poses in (weaving, turning))

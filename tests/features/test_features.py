@@ -10,7 +10,7 @@ import pytest
 from echoes import BIN_M, RADAR, echoes
 
 from radartwin.errors import ConfigError, InputError
-from radartwin.features import doppler, envelope, extent, sets, track, window
+from radartwin.features import align, doppler, envelope, extent, sets, track, window
 from radartwin.features.families import SETS, families
 from radartwin.features.log import Nominal as Log
 from radartwin.features.processed import Processed, process
@@ -262,6 +262,38 @@ def test_radial_velocity_is_finer_than_a_doppler_bin() -> None:
     tracked = track.around(made, back_and_forth(time), RADAR.frame_rate_hz)
     difference = found - doppler.range_rate(tracked, RADAR.frame_rate_hz)
     assert np.sqrt(np.mean(difference**2)) < 0.06  # the straight line through nine frames smooths the turning point of the motion
+
+
+def there_and_back(t: np.ndarray) -> np.ndarray:
+    """Return the range in metres of a target that comes from 1.48 m to 1 m at 0.2 m/s and goes back."""
+    return 1.0 + 0.2 * np.abs(t - 2.4)
+
+
+def test_a_drive_there_and_back_has_a_triangular_track_and_both_velocities() -> None:
+    """The features of a drive towards a point target and back: tracked range, velocity, rate of the log, and fitted start offset."""
+    time = np.arange(49) / RADAR.frame_rate_hz
+    nominal = there_and_back(time)
+    made = process(echoes(49, [(lambda t: 1e-3 / there_and_back(t) ** 2, there_and_back), (2e-4, 2.3)], noise=1e-4))
+    tracked = track.around(made, nominal, RADAR.frame_rate_hz)
+    assert tracked == pytest.approx(nominal, abs=0.02)
+    assert track.excursion(tracked) == pytest.approx(0.48, abs=0.03)
+    rate = doppler.range_rate(nominal, RADAR.frame_rate_hz)
+    assert rate == pytest.approx(np.where(np.arange(49) < 24, -0.2, 0.2))
+    assert doppler.radial_velocity(made, tracked)[np.arange(49) != 24] == pytest.approx(rate[np.arange(49) != 24], abs=0.02)
+    late = process(echoes(49, [(lambda t: 1e-3 / there_and_back(t - 0.5) ** 2, lambda t: there_and_back(t - 0.5))], noise=1e-4))
+    both = [envelope.target_energy(one, track.around(one, nominal, RADAR.frame_rate_hz)) for one in (made, late)]
+    assert align.start_offset(*both, 12) == 5
+    names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
+    assert np.isfinite(values).all()
+    assert dict(zip(names, values, strict=True))["excursion_m"] == pytest.approx(0.48, abs=0.03)
+
+
+def test_the_rate_of_a_drive_past_the_target_has_no_turn() -> None:
+    """The rate changes slowly, so that the result is the line through nine frames at each frame of the middle."""
+    time = np.arange(17) * 0.3
+    away = np.hypot(0.5, 0.24 * (time - 2.4))
+    middle = [np.polyfit(time[k - 4 : k + 5], away[k - 4 : k + 5], 1)[0] for k in range(4, 13)]
+    assert doppler.range_rate(away, 1 / 0.3)[4:13] == pytest.approx(middle)
 
 
 def test_radial_velocity_does_not_depend_on_scale_range_and_phase() -> None:

@@ -92,6 +92,37 @@ def test_places_reach_beyond_both_ends():
     assert np.allclose(np.diff(along), 0.02 * np.sign(along[-1] - along[0]))
 
 
+def there_and_back() -> np.ndarray:
+    """Return the 17 poses (F, 4, 4) of a drive by 48 cm towards the target and back."""
+    start = rooms.bench("lab").sensor_pose
+    return trajectory.at_distances(start, start[:3, 0], 0.06 * np.minimum(np.arange(17), 16 - np.arange(17)))
+
+
+def test_both_ways_of_a_drive_share_their_places():
+    both = there_and_back()
+    places = places_along(both, 0.04)
+    assert np.allclose(places, places_along(both[:9], 0.04))
+    assert len(places) == 12 + 2 + 1  # 48 cm, 4 cm beyond both ends
+    part = both[4:]  # starts and ends at different poses between the ends of the line
+    assert np.ptp(places_along(part, 0.04)[:, 0, 3]) == pytest.approx(0.48 + 2 * 0.04)
+
+
+def test_the_way_back_has_the_paths_of_the_way_there_with_the_opposite_doppler():
+    poses = there_and_back()
+    at = rooms.bench("lab").target_position(1.0)
+    can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
+    drives = Drives(list(rooms.room("lab", detail="shell")), RADAR, poses, SETTINGS)
+    both, there = drives.over_room([can], poses), drives.over_room([can], poses[:9])
+    assert sum(map(len, both.parts)) == sum(map(len, there.parts)) > 0  # the places are traced once for both ways
+    for part in both.seen(poses, RADAR.frame_rate_hz):
+        for frame in range(1, 8):
+            first, second = part.pose == frame, part.pose == 16 - frame
+            assert np.allclose(part.amplitude[first], part.amplitude[second], rtol=1e-9)
+            assert np.allclose(part.length_in_m[first], part.length_in_m[second], rtol=1e-9)
+            assert np.allclose(part.rate_mps[first], -part.rate_mps[second], atol=1e-6)
+            assert np.abs(part.rate_mps[first]).max() > 0.1
+
+
 def test_paths_of_one_drive_over_the_room_equal_those_of_the_whole_track(drive):
     room, nominal, actual = drive
     at = rooms.bench("lab").target_position(1.0)

@@ -86,12 +86,20 @@ def rail(start: ArrayLike, direction: ArrayLike, length_m: float, frames: int) -
         start: (4, 4) pose of a sensor or an object in the first frame.
         direction: (3,) direction of the line in the world frame, as a vector of any non-zero length.
     """
+    return at_distances(start, direction, np.linspace(0.0, length_m, _count(frames)))
+
+
+def at_distances(start: ArrayLike, direction: ArrayLike, distances_m: np.ndarray) -> np.ndarray:
+    """Return poses (F, 4, 4) with constant orientation at the distances `distances_m` (F,) in metres from the pose `start` along a line.
+
+    Args:
+        direction: (3,) direction of the line in the world frame, as a vector of any non-zero length.
+    """
     direction = np.asarray(direction, dtype=np.float64)
     if not np.linalg.norm(direction) > 0:
         raise PoseError("rail: the direction has no length; give a world vector")
-    out = static(start, frames)
-    along = np.linspace(0.0, length_m, frames)
-    out[:, :3, 3] += along[:, None] * direction / np.linalg.norm(direction)
+    out = static(start, len(distances_m))
+    out[:, :3, 3] += distances_m[:, None] * direction / np.linalg.norm(direction)
     return out
 
 
