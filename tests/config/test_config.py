@@ -125,7 +125,7 @@ def test_scan_keeps_its_labels_unless_a_source_is_given() -> None:
 def test_command_line_overrides_an_experiment_file() -> None:
     assert compose(["experiment=environment"]).experiment.distances_m == [0.5, 1.0, 1.5, 2.0]
     assert compose(["experiment=environment", "experiment.distances_m=[3]"]).experiment.distances_m == [3.0]
-    assert compose(["experiment=environment", "scene=empty"]).scene.name == "empty"
+    assert compose(["experiment=environment", "scene=atrium"]).scene.name == "atrium"
 
 
 def test_user_folder_of_any_name_adds_options(tmp_path: Path) -> None:
