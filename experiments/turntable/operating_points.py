@@ -5,9 +5,10 @@ profile. The virtual measurements have less energy beyond the target. An operati
 ratio of target to room: the leg of the corner reflector, whose echo grows with the fourth power of the leg; the side and back lobes of
 the measuring antennas; and the power mean or median over the frames. Measurement and both simulations contain the reflector of this leg.
 
-The ratio of target to room is the energy in the target gate over the energy behind the gate, in the measured profile. The acceptance
-limits in `Limits` were written before the first score. A point is accepted on one scale (amplitude or decibels), if the means of all three
-figures over the recordings are inside the limits, and both correlations are taken on this scale.
+The ratio of target to room is the energy in the target gate over the energy behind the gate, in the measured profile. Every recording has
+its own draws of placement, start angle and person, so that the ratio does not follow the leg exactly. The acceptance limits `LIMITS` were
+written before the first score. A point is accepted on one scale (amplitude or decibels), if the means of all three figures over the
+recordings are inside the limits, and both correlations are taken on this scale.
 """
 
 from __future__ import annotations
