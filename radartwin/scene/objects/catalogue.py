@@ -168,7 +168,7 @@ def reflector(leg_m: float, name: str) -> Entry:
         name, "trihedral corner reflector", size, 0.0, "metal", None, "faceted", "metal", "metal", None,
         "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
         f"chosen, not measured: a calibration target of {100 * leg_m:g} cm legs, {section:.1f} m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
-        build, leg_m / np.sqrt(6),
+        build, leg_m / 6**0.5,
     )  # fmt: skip
 
 
