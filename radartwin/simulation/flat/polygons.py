@@ -71,6 +71,7 @@ PLANE_M = 1e-6  # a point closer to a plane than this is on it
 SMALL_SINE = 0.02  # smallest sine between ray and edge for which fringe currents radiate
 # Shift of the receiver in metres. Without it, the mirror point of a corner reflector would lie exactly on the edge of its last face.
 NUDGE_M = 1e-6 * np.array([0.74, 0.53, 0.41])
+CLOSEST_M = 1e-12  # smallest distance between the mirror point and a side for which the integral along the side is computed
 ABOVE = 0.999  # a face shadows only with its part below this share of the height of the source or receiver
 _built: "weakref.WeakKeyDictionary[Geometry, Polyhedron | None]" = weakref.WeakKeyDictionary()
 NO_FACE, ONE_BOUNCE = np.int64(-1), np.int64(1)  # Numba would compile a second version of a function for a literal argument
@@ -519,10 +520,14 @@ def _weight(phase: float) -> float:
 
 
 @innermost
+def _length(a: np.ndarray, x: float, y: float, z: float) -> float:
+    return math.sqrt((x - a[0]) ** 2 + (y - a[1]) ** 2 + (z - a[2]) ** 2)
+
+
+@innermost
 def _over(a: np.ndarray, b: np.ndarray, x: float, y: float, z: float) -> float:
     """Return the length of the path from a over a point to b."""
-    one = math.sqrt((x - a[0]) ** 2 + (y - a[1]) ** 2 + (z - a[2]) ** 2)
-    return one + math.sqrt((x - b[0]) ** 2 + (y - b[1]) ** 2 + (z - b[2]) ** 2)
+    return _length(a, x, y, z) + _length(b, x, y, z)
 
 
 @compiled
@@ -582,12 +587,12 @@ def _polygon(
     mirror = mirrored + share * (receiver - mirrored)
     straight = distance(mirrored, receiver)
     up = normal if above > 0 else -normal
-    # orientation, whether the mirror point is inside, and the polygon's point nearest to it
+    # orientation, on which side of each side the mirror point lies, and the polygon's point nearest to it
     turn = np.zeros(3)
     for i in range(1, count - 1):
         turn += np.cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0])
     sense = 1.0 if dot(turn, up) > 0 else -1.0
-    inside, closest = True, np.inf
+    inside, closest, within = True, np.inf, np.zeros(count)
     nearest = mirror.copy()
     for i in range(count):
         a, b = polygon[i], polygon[(i + 1) % count]
@@ -595,8 +600,8 @@ def _polygon(
         square = dot(along, along)
         if square < 1e-18:
             continue
-        if sense * dot(np.cross(along, mirror - a), up) < 0:
-            inside = False
+        within[i] = sense * dot(np.cross(a - mirrored, a - receiver), along) / math.sqrt(square)
+        inside = inside and within[i] >= 0
         foot = a + min(max(dot(mirror - a, along) / square, 0.0), 1.0) * along
         if distance(foot, mirror) < closest:
             closest = distance(foot, mirror)
@@ -630,8 +635,13 @@ def _polygon(
         foot = keller(a, along, mirrored, receiver)
         least = _over(mirrored, receiver, a[0] + foot * along[0], a[1] + foot * along[1], a[2] + foot * along[2]) - straight
         close = wavenumber * least < FAR
-        # distance from the mirror point to the side over which b changes
-        width = max(math.sqrt(max(least, 0.0) * straight), 1e-7)
+        # |r x s|^2 = |across|^2 (width^2 + (t - centre)^2), so that t = centre + width sinh(u) removes the pole of b at the mirror point.
+        # `within` decides both W and the sign of b. Otherwise, rounding errors near a side would change the sum of both.
+        across = np.cross(along, mirrored - receiver)
+        square = max(dot(across, across), 1e-12 * straight * straight)
+        centre = -dot(np.cross(a - mirrored, a - receiver), across) / square
+        width = max(abs(within[i]) * straight / square, CLOSEST_M)
+        around = (-1.0 if within[i] >= 0 else 1.0) / (16 * math.pi * straight)
         half = 0.5 * size / pieces
         for j in range(pieces):
             t1 = (2 * j + 1) * half
@@ -642,17 +652,17 @@ def _polygon(
             x = a + t_near * along
             if close and wavenumber * (_over(mirrored, receiver, x[0], x[1], x[2]) - straight) < FAR:
                 own[:] = 0
-                u0, u2 = math.asinh((t0 - foot) / width), math.asinh((t2 - foot) / width)
+                u0, u2 = math.asinh((t0 - centre) / width), math.asinh((t2 - centre) / width)
                 panels = math.ceil(max(u2 - u0, 1.0))
                 step = (u2 - u0) / panels
                 for panel in range(panels):
                     for g in range(len(_GAUSS)):
                         u = u0 + (panel + 0.5 + 0.5 * _GAUSS[g]) * step
-                        t = foot + width * math.sinh(u)
+                        t = centre + width * math.sinh(u)
                         px, py, pz = a[0] + t * along[0], a[1] + t * along[1], a[2] + t * along[2]
-                        density = sense * _boundary(mirrored, receiver, px, py, pz, along[0], along[1], along[2])
-                        density *= 0.5 * _WEIGHT[g] * step * width * math.cosh(u)
-                        length = _over(mirrored, receiver, px, py, pz)
+                        there, back = _length(mirrored, px, py, pz), _length(receiver, px, py, pz)
+                        density = around * _WEIGHT[g] * step * (straight * straight - (there - back) ** 2) / (there * back * math.cosh(u))
+                        length = there + back
                         w = _weight(wavenumber * (length - straight))
                         for q in range(nodes):
                             value = density * scale[q] * _parabola(known, smooth, t / size, q)
