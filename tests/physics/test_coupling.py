@@ -95,9 +95,17 @@ def test_pairs_of_legs_are_limited_with_a_warning():
     legs = SimpleNamespace(order=np.array([0, 1, 1, 1]), share=np.array([[1.0, 0.5, 0.4, 0.3]]))
     every = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, np.inf)
     assert len(every[0]) == 10
-    with pytest.warns(coupling.CoupledWarning, match="more than COUPLED = 3,000,000 paths over the room; the 11 weakest pairs of legs"):
+    # the squared products of the 11 pairs add up to 0.43
+    with pytest.warns(coupling.CoupledWarning, match="3,000,000 paths over the room; the 11 weakest pairs of legs .* about -4 dB"):
         strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, 4)
     assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 0, 2)]
+
+
+def test_left_out_pairs_below_the_target_error_give_no_warning(recwarn):
+    legs = SimpleNamespace(order=np.array([0, 1, 1]), share=np.array([[1.0, 0.5, 0.0005]]))
+    strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 1e-4, 4)
+    assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 1, 1)]
+    assert not recwarn.list
 
 
 def test_without_coupling_only_the_direct_echo_remains():

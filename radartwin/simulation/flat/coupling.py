@@ -23,7 +23,7 @@ from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, LEGS, TRACED, both_gains, largest, strong_masks
+from radartwin.simulation.pruning import EARLY, LEGS, TARGET_ERROR, TRACED, both_gains, largest, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
@@ -247,9 +247,9 @@ def _pairs(
 
     The result contains the pair of two direct legs for every frame. The function drops pairs of legs that are weaker than `least` times
     this pair if undisturbed. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as
-    strong as the weakest of these.
+    strong as the weakest of these. The function warns if the other pairs together exceed TARGET_ERROR of the echo in free space.
     """
-    rows, cut = [(frame, DIRECT, DIRECT) for frame in range(frames)], 0
+    rows, cut, omitted = [(frame, DIRECT, DIRECT) for frame in range(frames)], 0, 0.0
     if len(legs.order) > 1 and max_bounces > 1:
         of_place = []
         for share in legs.share:
@@ -257,13 +257,15 @@ def _pairs(
             product = share[worth][:, None] * share[worth][None]
             allowed = (product >= least) & (legs.order[worth][:, None] + legs.order[worth][None] < max_bounces)
             strong = product >= _least_of_strongest(product[allowed], most)
-            cut = max(cut, np.count_nonzero(allowed & ~strong))
+            weak = product[allowed & ~strong]
+            cut, omitted = max(cut, len(weak)), max(omitted, float(np.linalg.norm(weak)))  # powers add up, because phases are random
             i, j = np.nonzero(allowed & strong)
             of_place.append([(a, b) for a, b in zip(worth[i].tolist(), worth[j].tolist(), strict=True) if a <= b and b != DIRECT])
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]
-    if cut:
+    if omitted > TARGET_ERROR:
         warnings.warn(
-            f"an object has more than COUPLED = {COUPLED:,} paths over the room; the {cut} weakest pairs of legs of a frame are left out",
+            f"an object has more than COUPLED = {COUPLED:,} paths over the room; the {cut} weakest pairs of legs of a frame are left out, "
+            f"about {20 * np.log10(omitted):.0f} dB relative to the echo of the object in free space",
             CoupledWarning, stacklevel=2,
         )  # fmt: skip
     out = np.array(rows, int).reshape(-1, 3)
