@@ -45,9 +45,8 @@ def seen(
                 parts += drives.over_room(surfaces, sensor, aside).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses)
-    at_rest = np.eye(4)[None]
     for surfaces, coupled in ((disc, True), *(([one], False) for one in apart)):
-        parts += drives.moving(surfaces, sensor, at_rest, coupled)
+        parts += drives.at_rest(surfaces, sensor, coupled)
     return parts
 
 

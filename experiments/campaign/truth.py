@@ -136,14 +136,27 @@ def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
     """Return the surroundings of the target: the room, its clutter, and, for a radar at rest, the rig that holds the radar."""
-    full = rooms.room(case.room, detail="cluttered")
-    scene = full if case.motion in ROVER else full + fixtures.radar_rig(nominal.sensor_poses[0])
-    return testbed.truth(scene, gaps, seed, _small(case))
+    return _true_room(case.room, b"" if case.motion in ROVER else nominal.sensor_poses[0].tobytes(), _of_room(gaps), seed)
 
 
-def _small(case: Case) -> frozenset[str]:
-    """Return the names of the small objects (clutter) in the room of a case."""
-    full, bare = (rooms.room(case.room, detail=detail).names for detail in ("cluttered", "furnished"))
+@functools.lru_cache(maxsize=4)
+def _true_room(room: str, sensor: bytes, gaps: testbed.Gaps, seed: int) -> Scene:
+    """Return the true room of a rover, or that of a radar at rest with the bytes `sensor` of its pose (4, 4)."""
+    scene = rooms.room(room, detail="cluttered")
+    if sensor:
+        scene = scene + fixtures.radar_rig(np.frombuffer(sensor).reshape(4, 4))
+    return testbed.truth(scene, gaps, seed, _small(room))
+
+
+def _of_room(gaps: testbed.Gaps) -> testbed.Gaps:
+    """Return the strengths without those three that do not change the room and the stand, so that more recordings share them."""
+    return replace(gaps, hardware=0.0, trajectory=0.0, placement=0.0)
+
+
+@functools.cache
+def _small(room: str) -> frozenset[str]:
+    """Return the names of the small objects (clutter) in a room."""
+    full, bare = (rooms.room(room, detail=detail).names for detail in ("cluttered", "furnished"))
     return frozenset(full) - frozenset(bare)
 
 
@@ -151,12 +164,19 @@ def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[lis
     """Return (disc, other parts) of the target's stand. For a turntable, the other parts of the stand include a motor, a gear and a
     cable.
     """
-    top = stand_top(nominal)
-    parts = rooms.support(top)
-    if case.motion == "turntable":
-        parts = parts + fixtures.target_rig(nominal.sensor_poses[0], top)
-    true = testbed.truth(parts, gaps, seed)
+    sensor = nominal.sensor_poses[0].tobytes() if case.motion == "turntable" else b""
+    true = _true_stand(sensor, stand_top(nominal).tobytes(), _of_room(gaps), seed)
     return [s for s in true if s.name == "turntable"], [s for s in true if s.name != "turntable"]
+
+
+@functools.lru_cache(maxsize=4)
+def _true_stand(sensor: bytes, top: bytes, gaps: testbed.Gaps, seed: int) -> Scene:
+    """Return the true stand whose top has the bytes `top` (3,). With the pose `sensor` of the radar, it has the parts of a turntable."""
+    at = np.frombuffer(top)
+    parts = rooms.support(at)
+    if sensor:
+        parts = parts + fixtures.target_rig(np.frombuffer(sensor).reshape(4, 4), at)
+    return testbed.truth(parts, gaps, seed)
 
 
 def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
@@ -211,7 +231,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
     creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
     if not creeps.creep_m:
         return None
-    around, small = list(_around(case, nominal, place.gaps, root)), _small(case)
+    around, small = list(_around(case, nominal, place.gaps, root)), _small(case.room)
     below = [s for s in _below(case, nominal, place.gaps, root)[1] if s.name in RUNNING]
     # Only the change of the signal is used, so three bounces are enough (error: 0.09 of the change's root mean square, beyond 5.2 m).
     settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
@@ -228,8 +248,12 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
 
     key = f"{case.room} {root} {place.gaps} {settings} {short}"
     states = tally.cached(_creeping, key, lambda: drift.traced(room, creeps), 1)
+    key = f"{key} {stand_top(nominal).tobytes().hex()}"
+    if key not in _running:
+        _running.clear()
+        _running[key] = drift.traced(running, creeps)
     times = np.arange(nominal.frames) / nominal.frame_rate_hz
-    return drift.Drift(states + drift.traced(running, creeps), drift.course(times, creeps, seed))
+    return drift.Drift(states + _running[key], drift.course(times, creeps, seed))
 
 
 def _person(case: Case, place: _Place, seed: int, root: int) -> bystander.Echo | None:
@@ -268,6 +292,7 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
 
 
 _creeping: OrderedDict[str, np.ndarray] = OrderedDict()
+_running: dict[str, np.ndarray] = {}  # the states of the running parts of the last stand
 _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
@@ -276,8 +301,7 @@ def _drives(case: Case, place: _Place, root: int) -> Drives:
     objects share a track.
     """
     motion = case.motion if case.motion in ROVER else "bench"
-    here = replace(place.gaps, hardware=0.0, trajectory=0.0, placement=0.0)  # these three strengths do not change the room
-    key = f"{case.room} {motion} {root} {here} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
+    key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
 
     def build() -> Drives:
         around = list(_around(case, place.log, place.gaps, root))

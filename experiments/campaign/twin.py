@@ -6,6 +6,7 @@ simulation exactly as in the log of the recording.
 
 from __future__ import annotations
 
+import functools
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -85,9 +86,7 @@ def record(
     """
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
-    stand = rooms.support(stand_top(nominal))
-    if materials.source not in ("true", "random"):  # only "true" and "random" know the layers of the stand
-        stand = _outermost(stand)
+    stand = _stand(stand_top(nominal).tobytes(), materials.source in ("true", "random"))
     target = list(with_other_reflectors()[case.object].surfaces(contents=config.contents))
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
     simulator = config.simulator
@@ -119,8 +118,16 @@ def noisy(clean: Recording, case: Case, config: Config) -> Recording:
     return Recording(clean.iq + thermal_noise(clean.iq.shape, clean.radar, rng), clean.radar, None, provenance=clean.provenance)
 
 
-def _outermost(scene: Scene) -> Scene:
-    """Replace the material of each surface of the target's stand by a half-space of its outermost layer."""
+@functools.lru_cache(maxsize=4)
+def _stand(top: bytes, layered: bool) -> Scene:
+    """Return the target's stand whose top has the bytes `top` (3,).
+
+    Only the material sources "true" and "random" know the layers of the stand. Without `layered`, each material is a half-space of its
+    outermost layer.
+    """
+    scene = rooms.support(np.frombuffer(top))
+    if layered:
+        return scene
     return Scene((s.replaced(material=half_space(s.material)) for s in scene), scene.provenance)
 
 

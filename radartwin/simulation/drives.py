@@ -10,6 +10,7 @@ exact for the first and last points of the path. Moved paths, and paths of an ob
 waves and specular echo changes within millimetres (error: 0.23 of the signal).
 """
 
+from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -35,6 +36,7 @@ CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
 TOGETHER = 20  # largest number of places traced at once; limits memory
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
+RESTING = 12  # objects at rest whose paths are cached: the parts of a turntable's stand
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
 
@@ -170,6 +172,13 @@ def _in_turn(parts: Sequence[Paths | None], chosen: Sequence[np.ndarray], poses:
     return Paths.concatenate(shifted)
 
 
+def _joined(places: np.ndarray, chosen: Sequence[np.ndarray], some: Sequence[Sequence[Paths]], radar: Radar) -> Track:
+    """Return the Track of the paths `some` that were traced at the places with the increasing indices `chosen`."""
+    longest = max(len(parts) for parts in some)
+    parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], chosen, len(places)) for k in range(longest)]
+    return Track(places, parts, radar)
+
+
 class Drives:
     """Trace drives along one track through one room.
 
@@ -198,6 +207,8 @@ class Drives:
         self._still = static_scene(list(surfaces), radar) if len(surfaces) else None
         self._latest: tuple[bytes, list[Paths], list[np.ndarray]] = (b"", [], [])
         self._sampled: tuple[tuple[bytes, str], np.ndarray] = ((b"", ""), np.zeros(0))
+        self._of_place: dict[int, list[Paths]] = {}  # the paths of the clutter at the places that are traced
+        self._resting: OrderedDict[tuple, tuple[Sequence[Surface], list[Paths]]] = OrderedDict()
 
     def room(self, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
@@ -205,7 +216,7 @@ class Drives:
             return []
         body = diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])
         rough = diffuse.of_scene(body, [], self._radar, poses) if self._backend.settings.diffuse else []
-        clutter = [] if (poses == poses[0]).all() else self._clutter.seen(poses, self._radar.frame_rate_hz)
+        clutter = [] if (poses == poses[0]).all() else self._clutter(poses).seen(poses, self._radar.frame_rate_hz)
         return [*(replace(part, points=None) for part in self._walls(poses)[0]), *clutter, *rough]
 
     def room_samples(self, poses: np.ndarray, elements: str = "exact") -> np.ndarray:
@@ -244,17 +255,25 @@ class Drives:
         return self._still.searched(poses, self._radar, self._backend.settings.max_bounces, pruning.PRUNE)
 
     @cached_property
-    def _clutter(self) -> Track:
-        still = self._still
+    def _loudest(self) -> float:
+        """Return the level of the strongest path of the flat room along the track."""
+        assert self._still is not None
+        walls = self._still.room_paths(self._places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
+        return max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
+
+    def _clutter(self, poses: np.ndarray) -> Track:
+        """Return the paths of the clutter at the places that are nearest to the poses of a drive (F, 4, 4).
+
+        Each place is traced once for all drives.
+        """
+        still, index = self._still, np.unique(nearest(self._places, poses))
         assert still is not None
-        walls = still.room_paths(self._places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
-        loudest = max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
-
-        def traced(some: np.ndarray) -> list[Paths]:
-            parts = self._small.object_paths(still, self._radar, some, pruning.PAIRS_OF_DRIVES * loudest)
-            return [pruning.pruned(part, self._radar, pruning.CLUTTER) for part in parts]
-
-        return self._track(traced)
+        missing = np.array([place for place in index if place not in self._of_place], int)
+        for block in np.array_split(missing, -(-len(missing) // TOGETHER)) if len(missing) else ():
+            parts = self._small.object_paths(still, self._radar, self._places[block], pruning.PAIRS_OF_DRIVES * self._loudest)
+            parts = [pruning.pruned(part, self._radar, pruning.CLUTTER) for part in parts]
+            self._of_place |= {place: [part.frames(k, k + 1) for part in parts] for k, place in enumerate(block)}
+        return _joined(self._places, [index[k : k + 1] for k in range(len(index))], [self._of_place[place] for place in index], self._radar)
 
     @cached_property
     def _beside(self):
@@ -281,10 +300,7 @@ class Drives:
         places = self._places
         index = np.unique(np.arange(len(places))[chosen])
         blocks = np.array_split(index, -(-len(index) // TOGETHER))
-        some = [traced(places[block]) for block in blocks]
-        longest = max(len(parts) for parts in some)
-        parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], blocks, len(places)) for k in range(longest)]
-        return Track(places, parts, self._radar)
+        return _joined(places, blocks, [traced(places[block]) for block in blocks], self._radar)
 
     def moving(
         self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None
@@ -311,6 +327,18 @@ class Drives:
             return found
         others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]
         return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
+
+    def at_rest(self, surfaces: Sequence[Surface], sensor: np.ndarray, coupled: bool) -> list[Paths]:
+        """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the last RESTING objects are cached.
+
+        Two calls share paths only if they pass the same `Surface` objects.
+        """
+        key = tuple(map(id, surfaces)), sensor.tobytes(), coupled
+        if key not in self._resting:
+            self._resting[key] = surfaces, self.moving(surfaces, sensor, np.eye(4)[None], coupled)
+            while len(self._resting) > RESTING:
+                self._resting.popitem(last=False)
+        return self._resting[key][1]
 
     def _moving(
         self, backend: MitsubaBackend, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool,
