@@ -99,9 +99,15 @@ def alone(
 
 def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:
     """Return the true echo amplitude of a plate or trihedral at the centre frequency of the frequency sweep."""
-    turn = np.radians(turn_deg)
-    here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
-    return corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
+    key = mesh.vertices.tobytes(), mesh.faces.tobytes(), distance_m, turn_deg
+    if key not in _facing:
+        turn = np.radians(turn_deg)
+        here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
+        _facing[key] = corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
+    return _facing[key]
+
+
+_facing: dict[tuple[bytes, bytes, float, float], complex] = {}  # all methods are compared with the same echoes
 
 
 def _rays(method: Method, value: float) -> float:
