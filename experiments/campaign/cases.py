@@ -111,7 +111,7 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
     """Return the log of a planned recording. If `measured` is false, the turntable makes exactly one revolution."""
     if case.motion == "turntable":
         return course(case, config.frames_per_turn / TURN_S, config.frames_per_turn * (config.turns if measured else 1))
-    every = config.rover_every if case.motion in ROVER else 1
+    every = config.rover_every if case.motion in ROVER else config.rail_every
     length, speed = _TRAVEL[case.motion]
     whole = int(np.floor(length * RATE_HZ / speed + 1e-9))  # number of frames as in trajectory.sweep
     whole += case.motion == "depth"  # a depth drive ends at its start

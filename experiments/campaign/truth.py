@@ -59,8 +59,10 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
     """Return the specification of a clean recording (before receiver effects). The specification decides the recording's store key."""
     gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
     campaign = config.profile.campaign
-    course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn} if case.motion == "turntable" else {}
-    course |= {"every": campaign.rover_every} if case.motion in ROVER else {}
+    if case.motion == "turntable":
+        course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn}
+    else:
+        course = {"every": campaign.rover_every if case.motion in ROVER else campaign.rail_every}
     return {"case": asdict(case), "course": course, "gap": gap, "radar": build_radar(config.radar).to_dict(), "seed": config.seed}
 
 

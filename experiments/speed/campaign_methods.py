@@ -7,8 +7,8 @@ level are not at a disadvantage. The recognition error comes from a linear class
 classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong
 class. The run
 time is in processor seconds: the median over the recordings that reused a traced room, plus the longest time to trace the room divided by
-the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. Every profile uses the recordings
-of the quick profile.
+the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. The quick profile uses its own
+recordings, the paper profile those of LONGER.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from radartwin.store.products import Store
 NAME = "campaign"
 TITLE = "turntables of twelve objects in the laboratory"
 BRIGHTNESS = "brightness_db"
+LONGER = ("profile.campaign.frames_per_turn=24", "profile.campaign.reflector_repeats=3")  # changes of the quick profile
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def recordings(config: Config, store: Store, progress: Progress, full: bool) -> 
     """Return {store key: task} of the recordings that `measure` needs and the store lacks."""
     missing = []
     for method in twins(full):
-        campaign = Campaign(_configured(config, method), store, progress)
+        campaign = Campaign(_configured(config, method, full), store, progress)
         measured, simulated = readings.shared_cases(campaign, MOTION)
         missing.append(campaign.missing([*(("twin", case) for case in simulated), *(("measured", case) for case in measured)]))
     return joined(missing)
@@ -93,7 +94,7 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
-        campaign = Campaign(_configured(config, method), store, progress)
+        campaign = Campaign(_configured(config, method, full), store, progress)
         measured, simulated = readings.shared_cases(campaign, MOTION)
         campaign.prepare([("twin", case) for case in simulated], fresh=True)
         reference = readings.vectors(campaign, "measured", measured, FEATURES).samples
@@ -108,9 +109,9 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
     return rows
 
 
-def _configured(config: Config, method: Twin) -> Config:
+def _configured(config: Config, method: Twin, full: bool) -> Config:
     """Return the configuration of the recognition tables with this method as the simulator."""
-    own = compose(["experiment=labelled_probe", "profile=quick", *method.simulator])
+    own = compose(["experiment=labelled_probe", "profile=quick", *(LONGER if full else ()), *method.simulator])
     same = {name: getattr(config, name) for name in ("measured", "radar", "seed", "output", "jobs")}
     return replace(own, **same, **method.changed)
 
