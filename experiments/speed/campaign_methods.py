@@ -41,7 +41,7 @@ from radartwin.store.products import Store
 NAME = "campaign"
 TITLE = "turntables of twelve objects in the laboratory"
 BRIGHTNESS = "brightness_db"
-LONGER = ("profile.campaign.frames_per_turn=24", "profile.campaign.reflector_repeats=3")  # changes of the quick profile
+LONGER = ("profile.campaign.reflector_repeats=3",)  # changes of the quick profile
 
 
 @dataclass(frozen=True)

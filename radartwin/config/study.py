@@ -134,9 +134,9 @@ class CampaignConfig:
     turntable_objects: list[str] = field(default_factory=list)
     turntable_distances_m: list[float] = positive([1.0])
     reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
-    frames_per_turn: int = positive(13)  # the rotation features need 13
+    frames_per_turn: int = positive(24)  # the rotation features need 13, but 13 do not rank the objects as 24 do
     turns: int = positive(2)  # number of turntable revolutions in a measured recording; a simulated recording has one revolution
-    reflector_repeats: int = positive(1)  # number of measured recordings of the corner reflector, which is placed anew for each
+    reflector_repeats: int = positive(2)  # number of measured recordings of the corner reflector, which is placed anew for each
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = positive(1)
     rail_every: int = positive(3)  # a recording of the rail contains every n-th frame
@@ -146,7 +146,7 @@ class CampaignConfig:
     rover_rooms: list[str] = field(default_factory=lambda: ["squash_court"])
     rover_distances_m: list[float] = positive([1.0])
     rover_repeats: int = positive(1)
-    rover_every: int = positive(5)  # a recording of a rover drive contains every n-th frame
+    rover_every: int = positive(4)  # a recording of a rover drive contains every n-th frame; its features need 13 frames
 
     def __post_init__(self) -> None:
         check_fields(self, "profile.campaign")
