@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -15,47 +15,91 @@ from radartwin.config.config import Config
 from radartwin.store.digest import spec_digest
 
 SHOWN_KEYS = 12  # store keys that a table cell shows; the run's result holds all keys
+NO_WIDTH = "the interval has no width"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper about one table row, with the condition that our result must meet so that the claim holds."""
+    """A claim of the paper about one table row, with the condition that our result must meet so that the claim holds.
+
+    Bounds are minimum effects: a module states them before its table is computed. A claim without text is not judged.
+    """
 
     text: str = ""  # the claim in words
     paper: str = ""  # the value in the paper
     above: float = -math.inf  # lower bound of our whole confidence interval
     below: float = math.inf  # upper bound of our whole confidence interval
     contains: float | None = None  # value that our interval must contain; used for a claim of no effect
+    reaches: float | None = None  # value at or above our interval's lower end; used for a claim that nothing exceeds this value
     p_below: float | None = None  # our p value must be smaller than this
     least: int = 2  # smallest number of items for a verdict; the default is 2, because a single item has no interval
+    untestable: str = ""  # reason why these recordings cannot decide the claim
 
-    def verdict(self, low: float, high: float, n: int, p: float = math.nan) -> str:
-        """Return whether the claim "holds", "fails" or is "untestable" for a confidence interval (low, high) over n items."""
-        if not self.text or n < self.least or math.isnan(low) or math.isnan(high):
-            return "untestable"
-        true = (self.above == -math.inf or self.above < low) and (self.below == math.inf or high < self.below)
-        true &= self.contains is None or low <= self.contains <= high
-        true &= self.p_below is None or p < self.p_below
-        return "holds" if true else "fails"
+    @property
+    def bounded(self) -> bool:
+        """Whether the claim states a condition on our interval."""
+        return (self.above, self.below, self.contains, self.reaches) != (-math.inf, math.inf, None, None)
+
+    def judge(self, found: Estimate) -> tuple[str, str]:
+        """Return the verdict "holds", "fails" or "untestable" on an estimate, and the reason for "untestable"."""
+        if not self.text or self.untestable:
+            return "untestable", self.untestable
+        if not math.isfinite(found.value) or math.isnan(found.low) or math.isnan(found.high):
+            return "untestable", "the value is not finite"
+        if found.n < self.least:
+            return "untestable", f"{found.n} of at least {self.least} items"
+        if found.drawn is not None and found.low == found.high:
+            return "untestable", NO_WIDTH
+        true = (self.above == -math.inf or self.above < found.low) and (self.below == math.inf or found.high < self.below)
+        true &= self.contains is None or found.low <= self.contains <= found.high
+        true &= self.reaches is None or found.low <= self.reaches
+        true &= self.p_below is None or found.p < self.p_below
+        return "holds" if true else "fails", ""
 
 
 NONE = Claim()
 
 
-def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> dict[str, Any]:
+@dataclass(eq=False)
+class Row(dict[str, Any]):
+    """A table row as a dictionary {column: value}, with the estimate, the claim and the store keys that the columns show.
+
+    Attributes:
+        case: columns that say what the row is about.
+        count: number that column n shows; None stands for the number of keys, or without keys for the number of items.
+        domain: what the value was compared with; None stands for the configured measured recordings.
+    """
+
+    case: Mapping[str, Any]
+    metric: str
+    found: Estimate
+    keys: frozenset[str]
+    claim: Claim
+    config: Config = field(repr=False)
+    count: int | None = None
+    domain: str | None = None
+
+    def __post_init__(self) -> None:
+        found = self.found
+        value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
+        verdict, reason = self.claim.judge(found)
+        n = self.count if self.count is not None else len(self.keys) or found.n
+        self.update(
+            {
+                **self.case, "claim": self.claim.text, "p": None if math.isnan(found.p) else found.p, "reason": reason, "items": found.n,
+                "seed": self.config.seed, "run_keys": told(self.keys), "metric": self.metric, "paper": self.claim.paper, "value": value,
+                "low": low, "high": high, "n": n, "domain": self.domain or self.config.measured.provider, "verdict": verdict,
+            }
+        )  # fmt: skip
+
+
+def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> Row:
     """Build one table row from the columns `case`, an estimate, the store keys of the recordings used, and the claim.
 
     Column n shows the number of recordings if the row has store keys, else the number of items; the verdict always uses the number of
     items. A value or bound that is not finite becomes None. A row whose value is None has the verdict "untestable".
     """
-    keys = set(keys)
-    value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
-    verdict = "untestable" if value is None else claim.verdict(found.low, found.high, found.n, found.p)
-    return {
-        **case, "claim": claim.text, "p": None if math.isnan(found.p) else found.p, "items": found.n, "seed": config.seed,
-        "run_keys": told(keys), "metric": metric, "paper": claim.paper, "value": value, "low": low, "high": high, "n": len(keys) or found.n,
-        "domain": config.measured.provider, "verdict": verdict,
-    }  # fmt: skip
+    return Row(case, metric, found, frozenset(keys), claim, config)
 
 
 def told(keys: Iterable[str]) -> str:
@@ -66,17 +110,37 @@ def told(keys: Iterable[str]) -> str:
     return f"{len(unique)} recordings {spec_digest(unique)[:8]}"
 
 
-class RowList(list[dict[str, Any]]):
+class RowList(list[Row]):
     """The list of the rows of one results table, with methods that append a row."""
 
     def __init__(self, config: Config):
         super().__init__()
         self.config = config
 
-    def add(self, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> None:
-        """Append one row to the table; the arguments are those of the function `row`."""
-        self.append(row(self.config, case, metric, found, keys, claim))
+    def add(
+        self, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE, count: int | None = None
+    ) -> Row:
+        """Append one row to the table and return it. The arguments are those of the function `row`; `count` is the value of column n."""
+        self.append(Row(case, metric, found, frozenset(keys), claim, self.config, count))
+        return self[-1]
 
-    def add_mean(self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE) -> None:
+    def add_mean(self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE) -> Row:
         """Append one row with the mean of the samples and its confidence interval from a bootstrap over the samples."""
-        self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed), keys, claim)
+        return self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed), keys, claim)
+
+
+def corrected(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with verdicts from p values that are corrected for the number of tests.
+
+    The rows whose claim bounds its p value are one family of tests. Column p_holm shows the p value after Holm's correction (S. Holm,
+    Scandinavian Journal of Statistics 6 (1979) 65), and column p the p value of the single test.
+    """
+    family = [one for one in rows if one.claim.text and one.claim.p_below is not None and not math.isnan(one.found.p)]
+    adjusted = dict(zip(map(id, family), statistics.holm([one.found.p for one in family]), strict=True))
+    out = []
+    for one in rows:
+        p = adjusted.get(id(one))
+        judged = one if p is None else replace(one, found=replace(one.found, p=p))
+        judged |= {"p": one["p"], "p_holm": p}
+        out.append(judged)
+    return out

@@ -5,7 +5,8 @@ Every random draw uses the seed that the caller gives. All intervals are 95 % co
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -21,7 +22,9 @@ Alternative = Literal["greater", "less", "two-sided"]
 class Estimate:
     """An estimate from n items with its confidence interval, low <= value <= high.
 
-    p is the p value against the hypothesis of no effect, and NaN if no test was made.
+    Attributes:
+        p: p value against the hypothesis of no effect, and NaN if no test was made.
+        drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
     """
 
     value: float
@@ -29,31 +32,37 @@ class Estimate:
     high: float
     n: int
     p: float = float("nan")
+    drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
 
 
-def bootstrap_mean(samples: np.ndarray, resamples: int, seed: int) -> tuple[float, float, float]:
-    """Return (low, mean, high) of a 95 % percentile bootstrap over the samples. For a single sample, low, mean and high are equal.
+def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
+    """Return the mean of the samples with its confidence interval from a bootstrap over the samples.
 
-    >>> bootstrap_mean(np.array([2.0]), 100, 0)
-    (2.0, 2.0, 2.0)
+    For a single sample, and for samples that are all equal, both bounds equal the mean.
+
+    >>> mean([2.0], 100, 0).low
+    2.0
     """
     from scipy.stats import bootstrap
 
     samples = np.asarray(samples, float)
-    mean = float(samples.mean())
+    value = float(samples.mean())
     if len(samples) < 2 or np.ptp(samples) == 0:
-        return mean, mean, mean
-    interval: Any = bootstrap(
-        (samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed)
-    ).confidence_interval
-    return min(float(interval.low), mean), mean, max(float(interval.high), mean)
+        return Estimate(value, value, value, len(samples), drawn=np.full(resamples, value))
+    found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
+    return resampled(value, found.bootstrap_distribution, len(samples))
 
 
-def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Return the mean of the samples with its confidence interval from a bootstrap over the samples."""
-    samples = np.asarray(samples, float)
-    low, value, high = bootstrap_mean(samples, resamples, seed)
-    return Estimate(value, low, high, len(samples))
+def clustered(values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None) -> Estimate:
+    """Return the mean of values (N,) or (seeds, N) with its interval from a bootstrap that draws whole clusters; n counts clusters.
+
+    Args:
+        clusters: (N,) cluster of each value. Recordings that are compared with the same simulation are one cluster.
+        classes: (N,) class of each value, for a mean over classes with clusters drawn within each class; None for a plain mean.
+    """
+    clusters = np.asarray(clusters)
+    value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)
+    return resampled(value, drawn, np.unique(clusters).size)
 
 
 def exact(value: float, n: int) -> Estimate:
@@ -63,7 +72,8 @@ def exact(value: float, n: int) -> Estimate:
 
 def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
     """Return an estimate of n items whose interval is the percentile interval of the resampled values `drawn`."""
-    return Estimate(value, *_interval(np.asarray(drawn, float), value, 0.025), n)
+    drawn = np.asarray(drawn, float)
+    return Estimate(value, *_interval(drawn, value), n, drawn=drawn)
 
 
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
@@ -83,13 +93,13 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
     ranks = rankdata(second)
     value = float(_r(rankdata(first), ranks))
     chosen = rng.integers(len(first), size=(resamples, len(first)))
-    low, high = _interval(_r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), value)
+    found = resampled(value, _r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), len(first))
     if alternative is None:
-        return Estimate(value, low, high, len(first))
+        return found
     tested: Any = permutation_test(
         (rankdata(first),), lambda x, axis: _r(x, ranks), permutation_type="pairings", vectorized=True, alternative=alternative, rng=rng
     )
-    return Estimate(value, low, high, len(first), float(tested.pvalue))
+    return replace(found, p=float(tested.pvalue))
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -124,8 +134,7 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         a, b = chosen[upper[0]], chosen[upper[1]]
         if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    low, high = _interval(np.array(drawn), value)
-    return Estimate(value, low, high, count, (as_good + 1) / (permutations + 1))
+    return replace(resampled(value, drawn, count), p=(as_good + 1) / (permutations + 1))
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
@@ -149,7 +158,53 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
         raise InputError("a coefficient of variation needs two or more positive values")
     value = float(samples.std(ddof=1) / samples.mean())
     drawn = samples[np.random.default_rng(seed).integers(len(samples), size=(resamples, len(samples)))]
-    return Estimate(value, *_interval(drawn.std(axis=1, ddof=1) / drawn.mean(axis=1), value), len(samples))
+    return resampled(value, drawn.std(axis=1, ddof=1) / drawn.mean(axis=1), len(samples))
+
+
+def holm(p: ArrayLike) -> NDArray[np.float64]:
+    """Return Holm's corrected p values of a family of tests, in the order of the given p values.
+
+    >>> holm([0.01, 0.04, 0.03]).round(3).tolist()
+    [0.03, 0.06, 0.06]
+    """
+    p = np.asarray(p, float)
+    order = np.argsort(p)
+    out = np.empty(len(p))
+    out[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)), 1.0)
+    return out
+
+
+def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
+    """Join the estimates of several draws of the measurement to an estimate of their mean.
+
+    The interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample draws
+    estimates with replacement, and takes the same bootstrap sample of items of each. Estimates without bootstrap samples get normal samples
+    with the widths of their intervals. The deviations of the estimates from their mean are multiplied by sqrt(k/(k-1)) for k draws, so that
+    their variance is not underestimated. The p value is twice the median of the p values, which is valid for any dependence between the
+    draws (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). n is the number of items of a draw, or the number of draws if
+    a draw has a single item.
+    """
+    draws = len(found)
+    if draws == 1:
+        return found[0]
+    rng = np.random.default_rng([seed, 0xD2])
+    values = np.array([one.value for one in found])
+    value, p = float(values.mean()), np.array([one.p for one in found])
+    samples = np.stack([_samples(one, resamples, rng) for one in found]) - values[:, None]
+    chosen = rng.integers(draws, size=(draws, resamples))
+    inner = samples[chosen, np.arange(resamples)].mean(axis=0)
+    between = np.sqrt(draws / (draws - 1)) * (values[chosen].mean(axis=0) - value)
+    items = min(one.n for one in found)
+    joined = resampled(value, value + inner + between, items if items > 1 else draws)
+    return replace(joined, p=float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p))))
+
+
+def _samples(found: Estimate, resamples: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return bootstrap samples (resamples,) of an estimate, or normal samples with the widths of its interval."""
+    if found.drawn is not None:
+        return np.resize(np.asarray(found.drawn, np.float64), resamples)
+    normal = rng.standard_normal(resamples)
+    return found.value + normal * np.where(normal > 0, found.high - found.value, found.value - found.low) / 1.96
 
 
 def ssim(first: NDArray, second: NDArray) -> float:
@@ -168,14 +223,10 @@ def _r(first: NDArray, second: NDArray) -> NDArray:
     return np.divide(np.sum(first * second, axis=-1), norm, out=np.full(np.shape(norm), np.nan), where=norm > 0)[()]
 
 
-def _interval(drawn: NDArray, value: float, tail: float = (1 - 0.95) / 2) -> tuple[float, float]:
-    """Compute the percentile interval of the finite resampled values `drawn`, extended if necessary so that it contains `value`.
-
-    The default tail probability differs from 0.025 by rounding only. This rounding is kept because it decides the last digits of the
-    confidence intervals in the committed tables.
-    """
+def _interval(drawn: NDArray, value: float) -> tuple[float, float]:
+    """Compute the percentile interval of the finite resampled values `drawn`, extended if necessary so that it contains `value`."""
     drawn = drawn[np.isfinite(drawn)]
     if not len(drawn):
         return value, value
-    low, high = np.quantile(drawn, [tail, 0.975])
+    low, high = np.quantile(drawn, [0.025, 0.975])
     return min(float(low), value), max(float(high), value)

@@ -38,11 +38,15 @@ _FILE = "recording"
 class Campaign:
     """List, simulate and read the measured and simulated recordings of one configuration. The store keeps the recordings.
 
+    With `draw`, only the measured recordings of this draw of the virtual campaign are listed; None stands for the configured draw
+    (measured.draw), or without it for all draws.
+
     Raises UserError if the configured recording set cannot be used, or was made with a radar that differs from the configured radar.
     """
 
-    def __init__(self, config: Config, store: Store, progress: Progress):
+    def __init__(self, config: Config, store: Store, progress: Progress, draw: int | None = None):
         self.config, self.store, self.progress = config, store, progress
+        self.draw = config.measured.draw if draw is None else draw
         self._recorded = Recorded(config, progress) if config.measured.provider == "recordings" else None
 
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
@@ -55,6 +59,7 @@ class Campaign:
         self._check(domain)
         if self._recorded is None:
             found = planned(self.config.profile.campaign, domain == MEASURED)
+            found = [case for case in found if domain != MEASURED or self.draw in (None, case.draw)]
         else:
             found = self._recorded.cases if domain == MEASURED else self._recorded.conditions
         return [case for case in found if all(getattr(case, name) == value for name, value in conditions.items())]
@@ -142,7 +147,7 @@ class Campaign:
                 raise InputError("measured=recordings has no recordings without receiver; use measured=testbed")
             spec = {"domain": MEASURED, **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaign.truth"]
-        chosen, case = self._materials(domain, materials), replace(case, repetition=0)  # the simulation has no repetitions
+        chosen, case = self._materials(domain, materials), case.condition
         nominal = self.log(case, domain)
         spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, chosen, self.store)}
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
@@ -160,7 +165,7 @@ class Campaign:
         if domain == MEASURED:
             spec = {"hardware": self.config.measured.gap.hardware, "seed": truth.seed_of(case, self.config)}
             return product.key, lambda: truth.receive(load_clean(product), case, self.config), spec
-        return product.key, lambda: twin.noisy(load_clean(product), replace(case, repetition=0), self.config), {"seed": self.config.seed}
+        return product.key, lambda: twin.noisy(load_clean(product), case.condition, self.config), {"seed": self.config.seed}
 
     def _materials(self, domain: str, materials: Materials) -> MaterialsConfig:
         if domain == VOID:

@@ -42,17 +42,27 @@ FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
 
 @dataclass(frozen=True, order=True)
 class Case:
-    """One recording of the measurement campaign, identified by object, room, motion, distance and repetition."""
+    """One recording of the measurement campaign, identified by object, room, motion, distance, repetition and draw.
+
+    A draw of a virtual campaign is one sample of everything that the testbed chooses at random: the objects as made, the true room, the
+    radar board, the courses and the noise. Repetitions of one draw differ in placement, course and noise only.
+    """
 
     object: str
     room: str
     motion: Motion
     distance_m: float  # from the radar to the target's axis: at the start, or for a drive of the rover the smallest distance
     repetition: int = 0
+    draw: int = 0
 
     @property
     def name(self) -> str:
-        return f"{self.room}-{self.motion}-{self.object}-{self.distance_m:g}m-{self.repetition}"
+        return f"{self.room}-{self.motion}-{self.object}-{self.distance_m:g}m-{self.repetition}" + (f"-{self.draw}" if self.draw else "")
+
+    @property
+    def condition(self) -> Case:
+        """The case without repetition and draw. All recordings of one condition are compared with the same simulation."""
+        return replace(self, repetition=0, draw=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +88,8 @@ class Log:
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """List all recordings of a virtual measurement campaign. Only the measured recordings have repetitions. Raises ConfigError for an
-    unknown object.
+    """List all recordings of a virtual measurement campaign. Only the measured recordings have repetitions and draws. Raises ConfigError
+    for an unknown object.
     """
     known = catalogue()
     for name in (*config.turntable_objects, *config.rover_objects):
@@ -104,7 +114,15 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
             return config.reflector_repeats if case.object == REFLECTOR else 1
         return config.rail_repeats if case.motion in RAIL else config.rover_repeats
 
-    return [replace(case, repetition=number) for case in cases for number in range(repeats(case))]
+    return [
+        replace(case, repetition=number, draw=draw)
+        for case in cases for draw in range(draws(config, case.motion in ROVER)) for number in range(repeats(case))
+    ]  # fmt: skip
+
+
+def draws(config: CampaignConfig, rover: bool) -> int:
+    """Return the number of draws of a virtual campaign's drives (`rover`), or of its turntable and rail recordings."""
+    return config.rover_draws if rover else config.draws
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:

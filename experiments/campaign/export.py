@@ -76,7 +76,7 @@ def row(case: Case) -> Row:
 def export_verb(overrides: Sequence[str], config_dirs: Sequence[Path], out: Path) -> int:
     """Run the command `radartwin export` and return its exit status."""
     config, progress = compose(overrides, config_dirs), Progress()
-    campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
+    campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress, config.measured.draw or 0)
     before = len(RecordingSet.load(out)) if (out / "card.yaml").is_file() else 0
     target = export(campaign, out)
     print(f"{out}: {len(target) - before} recordings added, {len(target)} in all")

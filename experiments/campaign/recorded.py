@@ -62,7 +62,7 @@ class Recorded:
         if radar != like:
             raise InputError(f"{folder}: its radar differs from the simulated one: {difference(radar, like)}; choose radar=... to match")
         self.cases = list(self._rows)
-        self.conditions = list(dict.fromkeys(replace(case, repetition=0) for case in self.cases))
+        self.conditions = list(dict.fromkeys(case.condition for case in self.cases))
 
     def key(self, case: Case) -> str:
         return self._set.digest(self._row(case))
@@ -81,8 +81,8 @@ class Recorded:
 
     def twin_log(self, condition: Case) -> Log:
         """Return the log that the simulation of a condition follows: the longest repetition's log, or for a turntable one revolution."""
-        condition = replace(condition, repetition=0)
-        repetitions = [case for case in self.cases if replace(case, repetition=0) == condition]
+        condition = condition.condition
+        repetitions = [case for case in self.cases if case.condition == condition]
         if not repetitions:
             raise InputError(f"{self._set.folder}: no recording of {condition.name}; check {INDEX}")
         nominal = self.log(max(repetitions, key=lambda case: (self._course(case)[1], -case.repetition)))

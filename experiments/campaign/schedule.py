@@ -15,7 +15,7 @@ from pathlib import Path
 from experiments.campaign.cases import ROVER, Case
 from radartwin.config.config import Config
 
-Track = tuple[str, str, str, str]  # name of the set-up, domain, room, motion
+Track = tuple[str, str, str, str, int]  # name of the set-up, domain, room, motion, draw
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Schedule:
                 configs.append(task.config)
             motion = task.case.motion if task.case.motion in ROVER else "bench"
             setup = task.setup or str(configs.index(task.config))
-            self.tracks[setup, task.domain, task.case.room, motion].append(task)
+            self.tracks[setup, task.domain, task.case.room, motion, task.case.draw].append(task)
 
     def next_task(self, worker: int) -> RecordingTask | None:
         """Return the next recording for a worker, or None if no recording is left.

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 OFF_AXIS = 3.0  # number of standard deviations of placement and wobble that the spacing of traced angles must cover
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
+DRAW_STEP = 1000  # draw d of seed s has the seeds of draw 0 of seed s + 1000 d
 PERSON_RAYS = 0.1  # ray tubes per square wavelength on the person
 
 
@@ -52,7 +53,12 @@ def gaps_of(config: Config) -> testbed.Gaps:
 
 def seed_of(case: Case, config: Config) -> int:
     """Return the random seed of one recording, computed from the recording's name."""
-    return int(np.random.SeedSequence([config.seed, *case.name.encode()]).generate_state(1)[0])
+    return int(np.random.SeedSequence([root_of(case, config), *case.name.encode()]).generate_state(1)[0])
+
+
+def root_of(case: Case, config: Config) -> int:
+    """Return the random seed of everything that the recordings of one draw share: room, objects and radar board."""
+    return config.seed + DRAW_STEP * case.draw
 
 
 def specification(case: Case, config: Config) -> dict[str, Any]:
@@ -63,7 +69,9 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
         course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn}
     else:
         course = {"every": campaign.rover_every if case.motion in ROVER else campaign.rail_every}
-    return {"case": asdict(case), "course": course, "gap": gap, "radar": build_radar(config.radar).to_dict(), "seed": config.seed}
+    identity = {name: value for name, value in asdict(case).items() if name != "draw"}  # the seed stands for the draw
+    radar = build_radar(config.radar).to_dict()
+    return {"case": identity, "course": course, "gap": gap, "radar": radar, "seed": root_of(case, config)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,18 +101,18 @@ def record(case: Case, config: Config) -> Recording | Turned:
         coupled_rays_per_wavelength2=1.0,  # error against 4.0: 0.016 of a turning bottle's signal (1 m, lab); cost: a sixth
         variant=config.simulator.variant,
     )
-    hardware = Hardware().scaled(gaps.hardware)
+    hardware = Hardware(board=case.draw).scaled(gaps.hardware)
     antennas = AntennaErrors(board=hardware.board).scaled(gaps.antenna) or radar.antenna_errors
     place = _Place(replace(hardware.front_end(radar), antenna_errors=antennas), nominal, gaps, settings)
-    seed = seed_of(case, config)
+    seed, root = seed_of(case, config), root_of(case, config)
     if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}
-    creep = _creep(case, place, seed, config.seed) if case.motion == "turntable" else None
-    person = _person(case, place, seed, config.seed)
+    creep = _creep(case, place, seed, root) if case.motion == "turntable" else None
+    person = _person(case, place, seed, root)
     if case.motion == "turntable" and nominal.frames > aspects(case.object, gaps):
-        traced, angles = _turned(case, place, seed, config.seed)
+        traced, angles = _turned(case, place, seed, root)
         return Turned(traced, angles, radar, creep, person, provenance)
-    iq = _moved(case, place, seed, config.seed)
+    iq = _moved(case, place, seed, root)
     if creep is not None:
         creep.add_to(iq)
     if person is not None:
@@ -127,7 +135,7 @@ def aspects(target: str, gaps: testbed.Gaps) -> int:
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
     """Add receiver effects (noise, leakage, ADC) of this repetition to a clean recording."""
-    return testbed.received(clean, Hardware().scaled(gaps_of(config).hardware), seed_of(case, config))
+    return testbed.received(clean, Hardware(board=case.draw).scaled(gaps_of(config).hardware), seed_of(case, config))
 
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:

@@ -12,7 +12,7 @@ rooms are not in the store.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -156,7 +156,7 @@ def _mean(moves: Mapping[Case, dict[str, float]], group: str, feature: str) -> f
     return 20 * float(np.log10(np.mean([10 ** (moves[case][feature] / 20) for case in GROUPS[group]])))
 
 
-def _figure(moves: Moves, rows: list[dict[str, Any]]) -> Figure:
+def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:
     """Draw the relative change of the signal in target gate and room, for turntable and drive, for each gap alone and with all gaps off."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, sharex=True)
     ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", f"room{CHANGE}"))

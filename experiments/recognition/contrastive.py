@@ -11,9 +11,12 @@ exported model exclude brightness, because the gain of a user's radar is unknown
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import draws
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
@@ -44,11 +47,13 @@ EXPORT_WITHOUT = ("brightness",)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), store, progress)
+    result = draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
+    campaign = Campaign(config, store, progress, draws.numbers(config)[0])
+    return replace(result, models={"recogniser": export(config, campaign, store)})
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the table rows for each attribute (geometry, material), left-out group and method, and export the trained model."""
+    """Build the table rows for each attribute (geometry, material), left-out group and method."""
     measured, copies = measured_and_copies(config, source, store, progress)
     keys = tuple(sorted((*measured.keys, *copies.keys)))
     split = _split(config, standardised(copies.samples), standardised(measured.samples))
@@ -74,8 +79,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
         "contrastive_map": lambda: embedding_map(both, GEOMETRY, "first seed"),
     }
     metrics = {f"{r['attribute']}_{r['left out']}": r["value"] for r in rows if r["method"] == EMBEDDED}
-    models = {"recogniser": export(config, source, store)}
-    return Result("contrastive", rows, figures, metrics, sorted(keys), models=models)
+    return Result("contrastive", rows, figures, metrics, sorted(keys))
 
 
 def _split(config: Config, simulated: Samples, measured: Samples) -> Split:

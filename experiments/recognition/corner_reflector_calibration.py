@@ -14,19 +14,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.campaign.campaign import Campaign
+from experiments import draws
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import MATERIAL, RecognitionRows, cells, count_sources
 from experiments.recognition.readings import FEATURES, MOTION
+from experiments.statistics import clustered, exact, resampled
 from radartwin.config.config import Config
 from radartwin.features.normalise import fit_map
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import mean_difference, seed_mean
+from radartwin.recognize.score import mean_difference
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
@@ -46,10 +47,11 @@ BRIGHTNESS = "brightness_db"
 BEFORE, AFTER = "before calibration", "after calibration"
 FILLED = "filled plastic"
 ALIGNED_DB = 3.0  # a factor of two in power
+LEAST_DB = 1.0  # smallest difference of brightness that counts as one
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
@@ -71,7 +73,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     rows = RecognitionRows(config)
     offset = float(mapped.offset[0])
     case = {"materials": "reflector", "feature": BRIGHTNESS, "method": "the map"}
-    rows.add(case, "measured - simulated (dB)", (offset, offset, offset), 1, keys)
+    rows.add(case, "measured - simulated (dB)", exact(offset, 1), keys, count=1)
     metrics = _add_materials(rows, scored, errors, keys)
     _add_filled(rows, scored, errors[AFTER], keys)
     figures = {"corner_reflector_calibration": lambda: _figure(scored, errors)}
@@ -84,18 +86,15 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
     for when, error in errors.items():
         for kind in np.unique(kinds):
             recordings = scored.take(kinds == kind)
-            low, value, high = seed_mean(error[kinds == kind], cells(recordings), rows.config.profile.resamples, rows.config.seed)
-            claim, holds = Claim(), None
+            found = clustered(error[kinds == kind], cells(recordings), rows.config.profile.resamples, rows.config.seed)
+            claim = Claim()
             if when == AFTER:
-                metrics[f"residual_db_{kind.replace(' ', '_')}"] = value
+                metrics[f"residual_db_{kind.replace(' ', '_')}"] = found.value
+                claim = Claim(f"{kind} stays too dim in simulation", "too dim", above=LEAST_DB)
                 if kind == "metal":
-                    claim, holds = Claim("metal aligns within 3 dB", "aligned"), max(abs(low), abs(high)) <= ALIGNED_DB
-                else:
-                    claim, holds = Claim(f"{kind} stays too dim in simulation", "too dim"), low > 0
-                if np.unique(cells(recordings)).size < 2:  # one combination of object and distance gives no interval
-                    holds = None
+                    claim = Claim("metal aligns within 3 dB", "aligned", above=-ALIGNED_DB, below=ALIGNED_DB)
             case = {"materials": str(kind), "feature": BRIGHTNESS, "method": when}
-            rows.add(case, "measured - simulated (dB)", (low, value, high), count_sources(recordings), keys, claim, holds)
+            rows.add(case, "measured - simulated (dB)", found, keys, claim, count_sources(recordings))
     return metrics
 
 
@@ -106,11 +105,11 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
         others = kinds == kind
         groups = cells(scored.take(filled)), cells(scored.take(others))
-        found = mean_difference(error[filled], error[others], groups, rows.config.profile.resamples, rows.config.seed)
+        value, drawn = mean_difference(error[filled], error[others], groups, rows.config.profile.resamples, rows.config.seed)
+        found = resampled(value, drawn, min(np.unique(group).size for group in groups))
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
-        claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most")
-        holds = found[0] > 0 if min(np.unique(group).size for group in groups) > 1 else None
-        rows.add(case, "difference of what is left (dB)", found, count_sources(scored.take(filled | others)), keys, claim, holds)
+        claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
+        rows.add(case, "difference of what is left (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
 
 
 def _kinds(recordings: Samples) -> NDArray[np.str_]:

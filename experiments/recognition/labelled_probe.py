@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import draws
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
@@ -28,6 +29,7 @@ from experiments.recognition.protocol import (
     correct,
     count_sources,
     encoders,
+    interval,
     seeds,
     settings,
     statistics_columns,
@@ -39,7 +41,7 @@ from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression, nearest_centroid, standardised
 from radartwin.recognize.samples import Samples, join
-from radartwin.recognize.score import exact_interval, uniform_chance
+from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, as_domains, draw_shots, label_free, most_shots, shuffled
 from radartwin.recognize.training import fit
 from radartwin.runs.experiment import Result, Table
@@ -91,7 +93,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
     simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
     rival = replace(config, simulator=simulator)
-    return score(config, Campaign(config, store, progress), store, progress, {RIVAL: Campaign(rival, store, progress)})
+    rivals = {RIVAL: Campaign(rival, store, progress)}
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress, rivals))
 
 
 def score(
@@ -239,8 +242,8 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
     sources = count_sources(both)
     case = CASE | {"probe": "control", "method": "domains shuffled, linear probe"}
     rows.control(case, np.array(shuffled_domains), sources // 2, both, keys, 0.5, metric="balanced accuracy")
-    case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, None, np.array(domains))
-    rows.add(case, "balanced accuracy", exact_interval(float(np.mean(domains)), sources // 2), sources, keys)
+    case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, np.array(domains))
+    rows.add(case, "balanced accuracy", interval(float(np.mean(domains)), sources // 2), keys, count=sources)
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:

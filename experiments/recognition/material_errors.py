@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import draws
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
@@ -20,11 +21,12 @@ from experiments.drawing import error_bars
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import RecognitionRows, cells, correct, statistics_columns
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
+from experiments.statistics import clustered
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.recognize.score import seed_mean, uniform_chance
+from radartwin.recognize.score import uniform_chance
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
@@ -45,16 +47,16 @@ WRONG = (0.25, 0.5, 1.0)  # shares of labels that are replaced
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     make_together(recordings(config, store, progress), progress)
-    return score(config, campaigns(config, store, progress), progress)
+    return draws.joined([score(config, campaigns(config, store, progress, draw), progress) for draw in draws.numbers(config, rover=True)])
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     return joined(transfer.missing(one, ROOM, MOTION) for one in campaigns(config, store, progress).values())
 
 
-def campaigns(config: Config, store: Store, progress: Progress) -> dict[str, Campaign]:
-    """Return the campaign of each material source in `sources`."""
-    return {name: Campaign(replace(config, materials=materials), store, progress) for name, (_, materials) in sources(config).items()}
+def campaigns(config: Config, store: Store, progress: Progress, draw: int | None = None) -> dict[str, Campaign]:
+    """Return the campaign of each material source in `sources`, with all draws or with one of them."""
+    return {name: Campaign(replace(config, materials=materials), store, progress, draw) for name, (_, materials) in sources(config).items()}
 
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
@@ -90,9 +92,8 @@ def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Pr
             claim = Claim("wrong labels cost recognition") if share == 1 else Claim()
             rows.gain(case | {"method": f"{TRUE} - {name}"}, first, hits, truth, frames.keys, claim)
         difference = np.sqrt(np.mean((levels.values - reference) ** 2, axis=1))
-        interval = seed_mean(difference, cells(levels), config.profile.resamples, config.seed)
-        columns = statistics_columns(len(levels))
-        error = rows.add(case | columns, "level error of the range profile (dB)", interval, len(levels), profiles.keys)
+        found = clustered(difference, cells(levels), config.profile.resamples, config.seed)
+        error = rows.add(case | statistics_columns(len(levels)), "level error of the range profile (dB)", found, profiles.keys)
         curve.append({"name": name, "share": share, "accuracy": accuracy, "error": error})
     metrics = {f"accuracy_wrong_{point['share']:g}": point["accuracy"]["value"] for point in curve if point["share"] is not None}
     return Result("material_errors", rows, {"material_errors": lambda: _figure(curve)}, metrics, sorted(used))

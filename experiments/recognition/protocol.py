@@ -9,16 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.claims import NONE, Claim, told
+from experiments.claims import NONE, Claim, Row, RowList
+from experiments.statistics import Estimate, clustered
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings
 from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import binomial_p, exact_interval, seed_mean
+from radartwin.recognize.score import binomial_p, exact_interval
 from radartwin.recognize.split import Split
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
+LEVEL = 0.05  # largest p value at which a claim holds
+LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as one: one recording in fifty
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
 MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
@@ -60,12 +63,10 @@ def count_sources(recordings: Samples) -> int:
     return np.unique(recordings.source).size
 
 
-def statistics_columns(answers: int, chance: float | None = None, p: float | None = None, shares: NDArray | None = None) -> dict[str, Any]:
-    """Build extra columns of a score: number of predictions, chance, p value, and the standard deviation of the accuracies `shares`
-    (seeds,).
-    """
+def statistics_columns(answers: int, chance: float | None = None, shares: NDArray | None = None) -> dict[str, Any]:
+    """Build extra columns of a score: number of predictions, chance, and the standard deviation of the accuracies `shares` (seeds,)."""
     spread = float(np.std(shares, ddof=1)) if shares is not None and len(shares) > 1 else None
-    return {"answers": answers, "chance": chance, "p": p, "seed_sd": spread}
+    return {"answers": answers, "chance": chance, "seed_sd": spread}
 
 
 def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:
@@ -73,75 +74,78 @@ def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]
     return np.stack([prediction == truth for prediction in predictions])
 
 
-class RecognitionRows(list[dict[str, Any]]):
-    """The list of the rows of one recognition table, with methods that append a row."""
-
-    def __init__(self, config: Config):
-        super().__init__()
-        self.config = config
-
-    def add(
-        self, case: Mapping[str, Any], metric: str, interval: tuple[float, float, float], n: int, keys: Sequence[str],
-        claim: Claim = NONE, holds: bool | None = None,
-    ) -> dict[str, Any]:  # fmt: skip
-        """Append one row to the table and return this row.
-
-        Args:
-            interval: (lower bound, value, upper bound) of the score's confidence interval.
-            n: number of recordings; with fewer than two recordings the verdict is "untestable".
-            claim: the claim's text and the paper's value.
-            holds: whether the claim holds; None for a row without a claim.
-        """
-        low, value, high = interval
-        verdict = "untestable" if holds is None or n < 2 else "holds" if holds else "fails"
-        row = {
-            **case, "claim": claim.text, "metric": metric, "run_keys": told(keys), "paper": claim.paper, "value": value, "low": low,
-            "high": high, "n": n, "domain": self.config.measured.provider, "verdict": verdict,
-        }  # fmt: skip
-        self.append(row)
-        return row
+class RecognitionRows(RowList):
+    """The list of the rows of one recognition table, with methods that append a row. Column n counts measured recordings."""
 
     def share(
         self, case: Mapping[str, Any], hits: NDArray, recordings: Samples, keys: Sequence[str], chance: float, claim: Claim = NONE,
         balanced: bool = False,
-    ) -> dict[str, Any]:  # fmt: skip
-        """Append the accuracy (share of correct predictions). The claim holds if the whole confidence interval of the accuracy lies above
-        chance.
+    ) -> Row:  # fmt: skip
+        """Append the accuracy (share of correct predictions).
+
+        A claim without a condition holds if the confidence interval of the accuracy lies above chance, and, for a plain accuracy, the
+        exact binomial p value is below 0.05. Recordings that are compared with the same simulation count as one trial of this test.
 
         Args:
             hits: boolean (seeds, N), whether each prediction is correct.
             balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
         """
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
-        interval = seed_mean(hits, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
-        if interval[0] == interval[2]:  # all resamples are equal, for example if all predictions are correct
-            interval = exact_interval(interval[1], np.unique(cells(recordings)).size)
-        n = count_sources(recordings)
-        p = None if balanced else binomial_p(round(interval[1] * n), n, chance)
-        columns = statistics_columns(len(recordings), chance, p, np.nanmean(np.atleast_2d(hits), axis=1))
-        return self.add({**case, **columns}, metric, interval, n, keys, claim, interval[0] > chance if claim.text else None)
+        found = self._clustered(hits, recordings, classes)
+        if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
+            found = interval(found.value, found.n)
+        if not balanced:
+            found = replace(found, p=binomial_p(round(found.value * found.n), found.n, chance))
+        if not claim.bounded:
+            claim = replace(claim, above=chance, p_below=None if balanced else LEVEL)
+        columns = statistics_columns(len(recordings), chance, np.nanmean(np.atleast_2d(hits), axis=1))
+        return self.add({**case, **columns}, metric, found, keys, claim, count_sources(recordings))
 
     def gain(
         self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], claim: Claim = NONE
-    ) -> dict[str, Any]:
-        """Append the accuracy of `first` minus that of `second` on the same recordings. The claim holds if the confidence interval of
-        this difference lies above zero.
+    ) -> Row:
+        """Append the accuracy of `first` minus that of `second` on the same recordings.
+
+        The claim holds if the confidence interval of this difference lies above LEAST_GAIN. It cannot be tested if both classify every
+        recording correctly. The p value belongs to a sign test over groups of recordings that are compared with the same simulation.
         """
-        difference = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
-        interval = seed_mean(difference, cells(recordings), self.config.profile.resamples, self.config.seed)
+        ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
+        found = self._clustered(ours - theirs, recordings)
+        found = replace(found, p=sign_p(ours - theirs, cells(recordings)))
+        ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
+        claim = replace(claim, above=LEAST_GAIN, untestable=ceiling)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
-        holds = interval[0] > 0 if claim.text else None
-        return self.add(case, "gain in accuracy", interval, count_sources(recordings), keys, claim, holds)
+        return self.add(case, "gain in accuracy", found, keys, claim, count_sources(recordings))
 
     def control(
         self, case: Mapping[str, Any], shares: NDArray, draws: int, scored: Samples, keys: Sequence[str], chance: float,
         metric: str = "accuracy",
-    ) -> dict[str, Any]:  # fmt: skip
+    ) -> Row:  # fmt: skip
         """Append the mean of the accuracies `shares` (seeds,) with shuffled labels. The claim is that the mean accuracy is at chance level.
 
         Args:
             draws: number of class labels that were shuffled independently for each seed (the number of simulated recordings).
         """
-        low, value, high = exact_interval(float(np.mean(shares)), draws * len(shares))
-        case = {**case, **statistics_columns(len(scored), chance, None, shares)}
-        return self.add(case, metric, (low, value, high), count_sources(scored), keys, Claim("at chance"), low <= chance <= high)
+        found = interval(float(np.mean(shares)), draws * len(shares))
+        case = {**case, **statistics_columns(len(scored), chance, shares)}
+        return self.add(case, metric, found, keys, Claim("at chance", contains=chance), count_sources(scored))
+
+    def _clustered(self, values: NDArray, recordings: Samples, classes: NDArray | None = None) -> Estimate:
+        return clustered(values, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
+
+
+def interval(value: float, n: int) -> Estimate:
+    """Return a share of successes in n independent trials as an estimate with its exact interval."""
+    low, value, high = exact_interval(value, n)
+    return Estimate(value, low, high, n)
+
+
+def sign_p(differences: NDArray, groups: NDArray) -> float:
+    """Return the one-sided exact p value of a sign test that the mean differences (N,) of most groups (N,) are positive.
+
+    Groups whose mean difference is zero are left out, and without any other group p is 1.
+    """
+    _, group = np.unique(groups, return_inverse=True)
+    signs = np.sign(np.round(np.bincount(group, differences), 12))
+    wins, losses = int(np.sum(signs > 0)), int(np.sum(signs < 0))
+    return binomial_p(wins, wins + losses, 0.5) if wins + losses else 1.0

@@ -13,22 +13,25 @@ labelled materials, and 6 only with the uniform material; p 0.001.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import draws
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import SHAPE, RecognitionRows, correct, statistics_columns
+from experiments.recognition.protocol import LEVEL, SHAPE, RecognitionRows, cells, correct, interval, sign_p, statistics_columns
+from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
-from radartwin.recognize.score import exact_interval, majority_share, paired, uniform_chance
+from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
@@ -37,7 +40,7 @@ TABLE = Table(
     title="What the reconstruction is worth",
     caption="Label-free recognition of lateral drives in the squash court, from twins with labelled materials, with plasterboard on "
     "every surface, and without the room. An unequal answer is a recording that only one of two twins classifies correctly, "
-    "by the majority over seeds.",
+    "by the majority over seeds; the columns first_only and second_only count them.",
 )
 
 ROOM, MOTION = "squash_court", "lateral"
@@ -51,7 +54,7 @@ PAPER = {
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     make_together(recordings(config, store, progress), progress)
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -100,7 +103,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
             claim = Claim(text if classes == "object" or worse == VOID else "")
             case = {"classes": classes, "method": f"{better} - {worse}"}
             rows.gain(case, hits[classes, better], hits[classes, worse], truth, keys, claim)
-    _add_paired(rows, hits, keys)
+    _add_paired(rows, hits, cells(recordings), keys)
     figures = {
         "reconstruction_ablation": lambda: bars(shown, "accuracy", grey=VOID),
         "reconstruction_ablation_confusion": lambda: confusions(panels, recordings.classes),
@@ -109,21 +112,19 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     return Result("reconstruction_ablation", rows, figures, metrics, keys)
 
 
-def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], keys: list[str]) -> None:
-    """Add the number of recordings that only one of two simulations classifies correctly, with its exact p value, and the number of random
-    seeds for which each is better.
+def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], groups: NDArray, keys: list[str]) -> None:
+    """Add the number of recordings that only one of two simulations classifies correctly, and the number of random seeds for which each is
+    better. The exact p value counts each group of recordings that are compared with the same simulation once.
     """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))
-        found = paired(one, two)
-        decided = found.first_only + found.second_only
-        method = f"{better} or {worse}, {found.first_only} against {found.second_only}"
-        case = {"classes": "object", "method": method, **statistics_columns(one.size, 0.5, found.p)}
-        interval = exact_interval(found.first_only / decided, decided) if decided else (0.0, 0.5, 1.0)
-        claim = Claim(f"more recordings are right with {better} alone", paper)
-        holds = found.p < 0.05 and found.first_only > found.second_only
-        rows.add(case, "share of the unequal answers", interval, one.size, keys, claim, holds)
+        first, second = int(np.sum(one & ~two)), int(np.sum(two & ~one))
+        columns = {"first_only": first, "second_only": second, **statistics_columns(one.size, 0.5)}
+        case = {"classes": "object", "method": f"{better} or {worse}", **columns}
+        found = interval(first / (first + second), first + second) if first + second else Estimate(0.5, 0.0, 1.0, 0)
+        found = replace(found, p=sign_p(one.astype(float) - two, groups))
+        claim = Claim(f"more recordings are right with {better} alone", paper, above=0.5, p_below=LEVEL)
+        rows.add(case, "share of the unequal answers", found, keys, claim, one.size)
     leads = hits["object", LABELLED].mean(axis=1) > hits["object", UNIFORM].mean(axis=1)
     case = {"classes": "object", "method": f"{LABELLED} - {UNIFORM}", **statistics_columns(len(leads), 0.5)}
-    interval = exact_interval(float(np.mean(leads)), len(leads))
-    rows.add(case, "share of seeds in which it leads", interval, len(leads), keys, Claim(paper="1.0"))
+    rows.add(case, "share of seeds in which it leads", interval(float(np.mean(leads)), len(leads)), keys, Claim(paper="1.0"), len(leads))

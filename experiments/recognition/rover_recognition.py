@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.campaign.campaign import Campaign
+from experiments import draws
 from experiments.campaign.cases import REFLECTOR
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
@@ -80,7 +80,7 @@ class Shown:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), store, progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress), rover=True)
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
@@ -133,13 +133,10 @@ def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None
         text = ""
         if motion == "lateral" and (in_paper or names is None):
             text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
-        row = rows.share(drives.case("label_free", classes, TRAINED), hits, truth, frames.keys, chance, Claim(text, ours))
-        if text and not in_paper:  # the paper claims that recognition does not transfer in the other room
-            row["verdict"] = "holds" if row["low"] <= chance <= row["high"] else "fails"
-        text = "matching raw signatures fails" if in_paper and names is None else ""
-        other = rows.share(drives.case("label_free", classes, RAW), raw_hits, truth, frames.keys, chance, Claim(text, theirs))
-        if text:
-            other["verdict"] = "holds" if other["low"] <= chance else "fails"
+        claim = Claim(text, ours, contains=None if in_paper else chance)  # in the paper, recognition does not transfer in the other room
+        row = rows.share(drives.case("label_free", classes, TRAINED), hits, truth, frames.keys, chance, claim)
+        claim = Claim("matching raw signatures fails" if in_paper and names is None else "", theirs, reaches=chance)
+        other = rows.share(drives.case("label_free", classes, RAW), raw_hits, truth, frames.keys, chance, claim)
         claim = Claim("training on the twin beats matching its raw signatures")
         rows.gain(drives.case("label_free", classes, f"{TRAINED} - {RAW}"), hits, raw_hits, truth, frames.keys, claim)
         if in_paper:

@@ -8,7 +8,7 @@ paper, the object itself is not recognised.
 
 from __future__ import annotations
 
-from experiments.campaign.campaign import Campaign
+from experiments import draws
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.figures import bars, confusions
@@ -37,7 +37,7 @@ PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), store, progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
@@ -61,10 +61,8 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
     chance = uniform_chance(split.test)
     case = {"level": "label_free", "attribute": "identity", "method": ENCODER}
-    claim = Claim("identity stays at chance", "does not transfer")
-    row = rows.share(case, correct(names, split.test.label), split.test, keys, chance, claim)
-    row["verdict"] = "holds" if row["low"] <= chance else "fails"
-    shown["identity"] = {ENCODER: row}
+    claim = Claim("identity stays at chance", "does not transfer", reaches=chance)
+    shown["identity"] = {ENCODER: rows.share(case, correct(names, split.test.label), split.test, keys, chance, claim)}
     figures = {
         "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),
         "turntable_label_free_confusion": lambda: confusions({"nearest description": (split.test.label, names[0])}, split.test.classes),

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import statistics
-from experiments.campaign.campaign import Campaign
+from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, MEASURED, ROVER
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
@@ -50,7 +49,7 @@ Cells = Mapping[Label, NDArray[np.floating]]  # values (2, features): measured, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:

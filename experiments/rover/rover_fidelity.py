@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import statistics
-from experiments.campaign.campaign import Campaign
+from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
@@ -67,7 +66,7 @@ class Agreement:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:

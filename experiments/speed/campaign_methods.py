@@ -81,7 +81,7 @@ def recordings(config: Config, store: Store, progress: Progress, full: bool) -> 
     """Return {store key: task} of the recordings that `measure` needs and the store lacks."""
     missing = []
     for method in twins(full):
-        campaign = Campaign(_configured(config, method, full), store, progress)
+        campaign = Campaign(_configured(config, method, full), store, progress, draw=0)
         measured, simulated = readings.shared_cases(campaign, MOTION)
         missing.append(campaign.missing([*(("twin", case) for case in simulated), *(("measured", case) for case in measured)]))
     return joined(missing)
@@ -94,7 +94,7 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
-        campaign = Campaign(_configured(config, method, full), store, progress)
+        campaign = Campaign(_configured(config, method, full), store, progress, draw=0)
         measured, simulated = readings.shared_cases(campaign, MOTION)
         campaign.prepare([("twin", case) for case in simulated], fresh=True)
         reference = readings.vectors(campaign, "measured", measured, FEATURES).samples

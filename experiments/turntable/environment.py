@@ -9,11 +9,12 @@ Paper (environment ablation, 2 m): the correlation with the measured profile is 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import draws
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import Case
 from experiments.campaign.schedule import RecordingTask
@@ -74,7 +75,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     check(config)
     make_together(recordings(config, store, progress), progress)
-    return score(config, Campaign(config, store, progress), progress, _without_lobes(config, store, progress))
+
+    result = draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
+    sources = {True: Campaign(config, store, progress), False: _without_lobes(config, store, progress)}
+    return with_points(config, result, operating_points.read(config, sources, progress))
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -100,21 +104,16 @@ def check(config: Config) -> None:
             raise ConfigError(f"{key}={value} is not read by experiment=environment, which always has {key}={used}; leave it out")
 
 
-def score(config: Config, source: RecordingSource, progress: Progress, without_lobes: RecordingSource | None = None) -> Result:
+def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
     """Build the rows for each distance: correlations on the amplitude scale and on the decibel scale, and energy shares.
 
-    Args:
-        without_lobes: source whose measuring antennas have no side and back lobes, which only the operating points read. With None, no
-            operating point is without lobes.
     Raises:
         ConfigError: the campaign has no turntable recordings of the corner reflector at one of the distances.
     """
     recordings = read(config, source, progress)
     distances = sorted({distance for _, distance in recordings})
     last = distances[-1]
-    labels = {"measured": f"measured ({config.measured.provider})", "room": f"room ({config.materials.source})"}
-    labels |= {"uniform": "room (uniform)", "void": "void"}
-    labels = {side: label for side, label in labels.items() if (side, last) in recordings}
+    labels = {side: label for side, label in labels_of(config).items() if (side, last) in recordings}
     rows = RowList(config)
     gains: dict[tuple[str, float], np.ndarray] = {}
     for distance in distances:
@@ -125,26 +124,38 @@ def score(config: Config, source: RecordingSource, progress: Progress, without_l
             case = {"distance_m": distance, "case": label, "scale": "power"}
             rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim)
     _add_gain_changes(rows, recordings, labels, gains)
-    points = operating_points.read(config, {True: source, False: without_lobes}, progress)
-    if points:
-        _add_operating_point(rows, operating_points.best(points), labels)
-        operating_points.add_rows(rows, points)
     figures: dict[str, Callable[[], Figure]] = {
         "environment_range_time": lambda: _range_time_figure(
             {side: recordings[side, last][0] for side in SHOWN if side in labels}, last, labels
         ),
         "environment_correlation": lambda: _correlation_figure(rows, distances, labels),
     }  # fmt: skip
-    if points:
-        figures["environment_operating_points"] = lambda: operating_points.draw(points)
     metrics = {
         f"correlation_{side}_{one['scale']}_{last:g}m": one["value"]
         for side, label in labels.items()
         for one in rows
         if one["metric"] == "profile correlation" and one["case"] == label and one["distance_m"] == last
     }
-    keys = [one.key for some in recordings.values() for one in some] + [key for one in points for key in one.keys]
-    return Result("environment", rows, figures, metrics, sorted(set(keys)))
+    keys = {one.key for some in recordings.values() for one in some}
+    return Result("environment", rows, figures, metrics, sorted(keys))
+
+
+def labels_of(config: Config) -> dict[str, str]:
+    """Return the names of the sides in the table."""
+    sides = {"measured": f"measured ({config.measured.provider})", "room": f"room ({config.materials.source})"}
+    return sides | {"uniform": "room (uniform)", "void": "void"}
+
+
+def with_points(config: Config, result: Result, points: Sequence[operating_points.Point]) -> Result:
+    """Add the rows, the figure and the column of the operating points to the result. Without points the result stays the same."""
+    if not points:
+        return result
+    rows = RowList(config)
+    rows += result.rows
+    _add_operating_point(rows, operating_points.best(points), labels_of(config))
+    operating_points.add_rows(rows, points)
+    figures = {**result.figures, "environment_operating_points": lambda: operating_points.draw(points)}
+    return replace(result, rows=rows, figures=figures, keys=sorted({*result.keys, *(key for one in points for key in one.keys)}))
 
 
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:

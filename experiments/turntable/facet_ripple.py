@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.claims import NONE, Claim, row
+from experiments.claims import NONE, Claim, Row
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.features.envelope import harmonic_ratio
@@ -62,7 +62,7 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
     return np.tile([rcs(mesh, [np.cos(a), np.sin(a), 0.0], distance=distance_m, seed=seed) for a in angles], FACETS)
 
 
-def ripple_rows(config: Config) -> list[dict[str, Any]]:
+def ripple_rows(config: Config) -> list[Row]:
     """Build rows of the ripple of the flat-faceted and the curved can, and of the ratio of both. The intervals in these rows span the
     results of all random seeds of the ray grid.
     """
@@ -80,6 +80,6 @@ def ripple_rows(config: Config) -> list[dict[str, Any]]:
     return rows
 
 
-def _row(config: Config, case: dict[str, Any], metric: str, values: list[float], claim: Claim) -> dict[str, Any]:
+def _row(config: Config, case: dict[str, Any], metric: str, values: list[float], claim: Claim) -> Row:
     found = Estimate(float(np.median(values)), min(values), max(values), len(values))
-    return {**row(config, case, metric, found, (), claim), "domain": "none"}
+    return Row(case, metric, found, frozenset(), claim, config, domain="none")

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import statistics
-from experiments.campaign.campaign import Campaign
+from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN, Case
 from experiments.campaign.source import RecordingSource, read_both
 from experiments.claims import NONE, Claim, RowList
@@ -65,7 +64,7 @@ Tracks = dict[tuple[str, str], dict[str, list[RailTrack]]]  # [object, motion][d
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DISTANCE_M = 2.0
-REPETITIONS = 2  # measured recordings at each leg
+DRAWS = 3  # largest number of measured recordings at each leg; each is another draw of the campaign
 LEGS_M = {"quick": (0.05, 0.07, REFLECTOR_LEG_M, 0.12), "paper": tuple(sorted((*OTHER_LEGS_M, REFLECTOR_LEG_M)))}
 LOBES = {"quick": (True,), "paper": (True, False)}  # with and without the antennas' side and back lobes
 STATISTICS = {"mean": np.mean, "median": np.median}  # power of a range bin over the frames
@@ -105,13 +105,14 @@ def compared_lobes(config: Config) -> tuple[bool, ...]:
 
 def wanted(config: Config) -> list[tuple[str, Case]]:
     """Return (domain, case) of all recordings that the operating points of one antenna read."""
-    return [one for leg in LEGS_M[config.profile.name] for one in _recordings(leg)]
+    return [one for leg in LEGS_M[config.profile.name] for one in _recordings(config, leg)]
 
 
-def _recordings(leg_m: float) -> list[tuple[str, Case]]:
+def _recordings(config: Config, leg_m: float) -> list[tuple[str, Case]]:
     name = REFLECTOR if leg_m == REFLECTOR_LEG_M else f"{REFLECTOR}_{100 * leg_m:g}cm"
     first = Case(name, BENCH_ROOM, "turntable", DISTANCE_M)
-    return [*((MEASURED, replace(first, repetition=k)) for k in range(REPETITIONS)), (TWIN, first), (VOID, first)]
+    measured = range(min(DRAWS, config.profile.campaign.draws)) if config.measured.draw is None else [config.measured.draw]
+    return [*((MEASURED, replace(first, draw=k)) for k in measured), (TWIN, first), (VOID, first)]
 
 
 def read(config: Config, sources: Mapping[bool, RecordingSource | None], progress: Progress) -> list[Point]:
@@ -127,7 +128,7 @@ def read(config: Config, sources: Mapping[bool, RecordingSource | None], progres
             continue
         for leg in progress.over(LEGS_M[config.profile.name], "operating points"):
             found: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
-            for domain, case in _recordings(leg):
+            for domain, case in _recordings(config, leg):
                 key, processed = source.processed(domain, case)
                 found.setdefault(domain, []).append((key, processed.power.astype(float), processed.range_m))
             points += [_point(found, leg, with_lobes, statistic, scale) for statistic in STATISTICS for scale in SCALES]

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import statistics
-from experiments.campaign.campaign import Campaign
+from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
@@ -49,7 +48,7 @@ DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", belo
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:

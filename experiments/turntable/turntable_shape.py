@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import statistics
-from experiments.campaign.campaign import Campaign
+from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
@@ -66,7 +65,7 @@ Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # [measured object, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
 
 
 def score(config: Config, source: RecordingSource, progress: Progress, ripple: bool = True) -> Result:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import statistics
-from experiments.campaign.campaign import Campaign
+from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
@@ -45,7 +44,7 @@ NO_TREND = Claim("no consistent trend with the height of a can", "none", contain
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Campaign(config, store, progress), progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:

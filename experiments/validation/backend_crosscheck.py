@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.statistics import bootstrap_mean
+from experiments import statistics
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import PathSet, partners, together
@@ -224,7 +224,8 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
 
     def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
         n = len(samples)
-        low, value, high = bootstrap_mean(samples, config.profile.resamples, config.seed) if n else (None, None, None)
+        found = statistics.mean(samples, config.profile.resamples, config.seed) if n else None
+        low, value, high = (found.low, found.value, found.high) if found else (None, None, None)
         verdict = "untestable" if holds is None or low is None or high is None else "holds" if holds(low, high) else "fails"
         return {
             "room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else "", "metric": metric, "run_keys": "",

@@ -47,9 +47,12 @@ class MeasuredConfig:
 
     provider: str = "testbed"
     gap: GapConfig = field(default_factory=GapConfig)
+    draw: int | None = None  # number of one draw of the virtual campaign, from 0; null stands for all draws of the profile
 
     def __post_init__(self) -> None:
         check_selector("measured.provider", self.provider, type(self).provider)
+        if self.draw is not None and self.draw < 0:
+            raise ConfigError(f"measured.draw={self.draw} must be zero or above, or null for all draws")
 
 
 @dataclass
@@ -63,6 +66,8 @@ class RecordingsConfig(MeasuredConfig):
         from radartwin.recordings.card import CARD
 
         super().__post_init__()
+        if self.draw is not None:
+            raise ConfigError(f"measured.draw={self.draw}: real recordings have no draws; leave measured.draw out")
         if not self.folder:
             raise ConfigError("measured=recordings needs the recording set: add measured.folder=FOLDER")
         if not Path(self.folder).is_dir():
@@ -135,8 +140,10 @@ class CampaignConfig:
     turntable_distances_m: list[float] = positive([1.0])
     reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
     frames_per_turn: int = positive(24)  # the rotation features need 13, but 13 do not rank the objects as 24 do
+    draws: int = positive(3)  # number of draws of turntable and rail (objects, room, radar and courses are drawn anew for each)
+    rover_draws: int = positive(1)  # number of draws of the rover's drives
     turns: int = positive(2)  # number of turntable revolutions in a measured recording; a simulated recording has one revolution
-    reflector_repeats: int = positive(2)  # number of measured recordings of the corner reflector, which is placed anew for each
+    reflector_repeats: int = positive(1)  # number of measured recordings of the corner reflector, which is placed anew for each
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
     rail_repeats: int = positive(1)
     rail_every: int = positive(3)  # a recording of the rail contains every n-th frame

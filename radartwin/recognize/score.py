@@ -1,17 +1,13 @@
 """Statistics of the share of correct predictions: chance levels, exact tests, 95 % confidence intervals.
 
-Each classified recording counts as one prediction. The exact methods are the binomial test against chance, Clopper-Pearson intervals, and
-the McNemar test for two classifiers on the same recordings (the paired exact test in the paper's reconstruction ablation).
+Each classified recording counts as one prediction. The exact methods are the binomial test against chance and Clopper-Pearson intervals.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import InputError
 from radartwin.recognize.samples import Samples
 
 
@@ -39,37 +35,14 @@ def binomial_p(successes: int, n: int, chance: float) -> float:
     return float(binomtest(successes, n, chance, alternative="greater").pvalue)
 
 
-@dataclass(frozen=True)
-class Paired:
-    """Numbers of recordings that only the first or only the second classifier assigns to the right class, and the two-sided exact
-    p-value.
-    """
+def seed_mean(
+    right: NDArray, cells: NDArray, resamples: int, seed: int, classes: NDArray | None = None
+) -> tuple[float, NDArray[np.float64]]:
+    """Return the mean share of correct predictions over several seeds, and the means (resamples,) of bootstrap samples.
 
-    first_only: int
-    second_only: int
-    p: float
-
-
-def paired(first: NDArray[np.bool_], second: NDArray[np.bool_]) -> Paired:
-    """Compare two classifiers on the same recordings by the exact McNemar test. Each array holds True where a prediction is correct.
-
-    >>> paired(np.arange(40) < 23, (np.arange(40) >= 23) & (np.arange(40) < 29)).p < 0.003
-    True
-    """
-    from scipy.stats import binomtest
-
-    if len(first) != len(second):
-        raise InputError(f"paired test: {len(first)} and {len(second)} predictions are not of the same recordings")
-    one, two = int((first & ~second).sum()), int((second & ~first).sum())
-    return Paired(one, two, float(binomtest(one, one + two).pvalue) if one + two else 1.0)
-
-
-def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes: NDArray | None = None) -> tuple[float, float, float]:
-    """Return (low, mean, high): the mean share of correct predictions over several seeds, and its 95 % confidence interval.
-
-    A seed is the random seed of one training. The interval comes from a bootstrap over groups of recordings. The bootstrap draws whole
-    groups, because recordings of one object at one position share a simulation, so that their errors are correlated. The results of all
-    seeds are averaged before the bootstrap, because further seeds add no recordings.
+    A seed is the random seed of one training. The bootstrap draws whole groups of recordings, because recordings of one object at one
+    position share a simulation, so that their errors are correlated. The results of all seeds are averaged before the bootstrap, because
+    further seeds add no recordings.
 
     Args:
         right: (seeds, N) or (N,), 1 for a correct prediction, 0 for a wrong prediction, NaN if a seed did not test the recording.
@@ -84,22 +57,19 @@ def seed_mean(right: NDArray, cells: NDArray, resamples: int, seed: int, classes
     kinds = np.zeros(scored.sum(), dtype=int) if classes is None else np.unique(classes[scored], return_inverse=True)[1]
     rng = np.random.default_rng([seed, 0xB0])
     parts = [_cell_means(per_recording[kinds == kind], cells[scored][kinds == kind], resamples, rng) for kind in range(kinds.max() + 1)]
-    mean, drawn = float(np.mean([one for one, _ in parts])), np.mean([many for _, many in parts], axis=0)
-    low, high = np.percentile(drawn, [2.5, 97.5])
-    return min(float(low), mean), mean, max(float(high), mean)
+    return float(np.mean([one for one, _ in parts])), np.mean([many for _, many in parts], axis=0)
 
 
 def mean_difference(
     first: NDArray, second: NDArray, cells: tuple[NDArray, NDArray], resamples: int, seed: int
-) -> tuple[float, float, float]:
-    """Return (low, difference, high): the mean of the first group of values minus that of the second, and its 95 % confidence interval.
+) -> tuple[float, NDArray[np.float64]]:
+    """Return the mean of the first group of values minus that of the second, and the differences (resamples,) of bootstrap samples.
 
-    The interval comes from a bootstrap over the cells, which are recordings that are drawn together.
+    The bootstrap draws whole cells, which are recordings that are drawn together.
     """
     rng = np.random.default_rng([seed, 0xD1])
     (one, ones), (two, twos) = (_cell_means(v, c, resamples, rng) for v, c in zip((first, second), cells, strict=True))
-    low, high = np.percentile(ones - twos, [2.5, 97.5])
-    return min(float(low), one - two), one - two, max(float(high), one - two)
+    return one - two, ones - twos
 
 
 def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:

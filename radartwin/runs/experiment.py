@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import math
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -46,7 +46,7 @@ class Result:
     """
 
     table: str
-    rows: list[dict[str, Any]]
+    rows: Sequence[dict[str, Any]]
     figures: Mapping[str, Callable[[], Figure] | Path] = field(default_factory=dict)
     metrics: Mapping[str, float] = field(default_factory=dict)
     keys: list[str] = field(default_factory=list)
@@ -67,7 +67,7 @@ class Table:
     name: str
     title: str
     caption: str
-    chart: Callable[[list[dict[str, Any]]], str] | None = None
+    chart: Callable[[Sequence[dict[str, Any]]], str] | None = None
     timed: bool = False
 
 
@@ -118,7 +118,7 @@ def declared(experiment: ExperimentConfig) -> Table:
     return table
 
 
-def check_rows(table: str, rows: list[dict[str, Any]]) -> None:
+def check_rows(table: str, rows: Sequence[dict[str, Any]]) -> None:
     """Check that every row of a result table has the score columns, a known verdict, and a value inside its confidence interval.
 
     Raises:

@@ -68,17 +68,24 @@ def test_a_campaign_without_turntable_is_refused() -> None:
 
 
 def test_verdicts_follow_the_whole_interval() -> None:
+    def verdict(claim: Claim, low: float, high: float, n: int, p: float = float("nan"), drawn: np.ndarray | None = None) -> str:
+        return claim.judge(Estimate((low + high) / 2, low, high, n, p, drawn))[0]
+
     above = Claim("c", above=0.0)
-    assert above.verdict(0.1, 0.3, 5) == "holds"
-    assert above.verdict(-0.1, 0.3, 5) == "fails"
-    assert above.verdict(0.1, 0.3, 1) == "untestable"
-    assert Claim(paper="3").verdict(1, 2, 9) == "untestable"
-    assert Claim("none", contains=0.0).verdict(-1, 1, 5) == "holds"
-    assert Claim("none", contains=0.0).verdict(0.1, 1, 5) == "fails"
+    assert verdict(above, 0.1, 0.3, 5) == "holds"
+    assert verdict(above, -0.1, 0.3, 5) == "fails"
+    assert verdict(above, 0.1, 0.3, 1) == "untestable"
+    assert verdict(above, 0.2, 0.2, 3, drawn=np.full(9, 0.2)) == "untestable", "a bootstrap whose samples are all equal"
+    assert verdict(replace(above, untestable="both are perfect"), 0.1, 0.3, 5) == "untestable"
+    assert verdict(Claim(paper="3"), 1, 2, 9) == "untestable"
+    assert verdict(Claim("none", contains=0.0), -1, 1, 5) == "holds"
+    assert verdict(Claim("none", contains=0.0), 0.1, 1, 5) == "fails"
+    assert verdict(Claim("not more", reaches=0.0), -1, -0.5, 5) == "holds"
+    assert verdict(Claim("not more", reaches=0.0), 0.1, 1, 5) == "fails"
     tested = Claim("c", above=0.0, p_below=0.05)
-    assert tested.verdict(0.1, 0.3, 5, 0.01) == "holds"
-    assert tested.verdict(0.1, 0.3, 5, 0.2) == "fails"
-    assert tested.verdict(float("nan"), 0.3, 5, 0.01) == "untestable"
+    assert verdict(tested, 0.1, 0.3, 5, 0.01) == "holds"
+    assert verdict(tested, 0.1, 0.3, 5, 0.2) == "fails"
+    assert verdict(tested, float("nan"), 0.3, 5, 0.01) == "untestable"
     nowhere = claims.row(config("turntable_shape"), {}, "m", Estimate(np.nan, 0.2, np.inf, 5), ["a", "b"], above)
     assert (nowhere["value"], nowhere["high"], nowhere["verdict"], nowhere["n"], nowhere["p"]) == (None, None, "untestable", 2, None)
     unbounded = claims.row(config("turntable_shape"), {}, "m", Estimate(3.0, 0.2, np.inf, 5), (), above)

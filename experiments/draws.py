@@ -1,0 +1,95 @@
+"""Score a table for several draws of the virtual measurement campaign, and join the scores.
+
+A draw of the campaign (experiments.campaign.cases.Case) is one sample of everything that the testbed chooses at random. The options
+profile.campaign.draws (turntable and rail) and profile.campaign.rover_draws (drives) set the number of draws. The simulation under test is
+the same for all draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from experiments import statistics
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import draws
+from experiments.claims import Claim, Row, corrected
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result
+from radartwin.store.products import Store
+
+AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns of a row whose values depend on the draw
+
+
+def scored(config: Config, store: Store, progress: Progress, score: Callable[[Campaign], Result], rover: bool = False) -> Result:
+    """Return the result of a table over all draws, or over the configured draw (measured.draw).
+
+    Args:
+        score: function that returns the result of the table for the campaign of one draw.
+        rover: whether the table reads drives, which have draws of their own.
+    """
+    return joined([score(Campaign(config, store, progress, draw)) for draw in numbers(config, rover)])
+
+
+def numbers(config: Config, rover: bool = False) -> list[int]:
+    """Return the numbers of the draws that a table reads. A recording set is a single draw.
+
+    A configured draw beyond the last draw of the drives stands for the last draw of the drives.
+    """
+    if config.measured.provider != "testbed":
+        return [0]
+    count = draws(config.profile.campaign, rover)
+    return list(range(count)) if config.measured.draw is None else [min(config.measured.draw, count - 1)]
+
+
+def joined(results: Sequence[Result]) -> Result:
+    """Join the results of several draws of one table. The figures and models are those of the first draw.
+
+    A row of the joined result is the mean over the draws that have this row (column draws; see statistics.over_draws). Bounds of a claim
+    that depend on the draw are averaged. The verdicts use p values that are corrected for the number of tests.
+    """
+    first = results[0]
+    found: dict[tuple[Any, ...], list[Row]] = {}
+    for result in results:
+        for row in result.rows:
+            assert isinstance(row, Row), f"a row of {result.table} is no Row"
+            fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
+            found.setdefault((row.metric, *fixed), []).append(row)
+    rows = corrected([_joined(some) for some in found.values()])
+    for row, some in zip(rows, found.values(), strict=True):
+        row["draws"] = len(some)
+    metrics = {name: float(np.mean([one.metrics[name] for one in results if name in one.metrics])) for name in first.metrics}
+    keys = sorted({key for one in results for key in one.keys})
+    return Result(first.table, list(rows), first.figures, metrics, keys, models=first.models)
+
+
+def _joined(rows: Sequence[Row]) -> Row:
+    """Return the row of several draws with the same columns `case` (except AVERAGED and SUMMED) and the same metric."""
+    first, config = rows[0], rows[0].config
+    if len(rows) == 1:
+        return first
+    found = statistics.over_draws([row.found for row in rows], config.profile.resamples, config.seed)
+    case = dict(first.case)
+    for name in (*AVERAGED, *SUMMED):
+        values = [row.case[name] for row in rows if row.case.get(name) is not None]
+        if values:
+            case[name] = sum(values) if name in SUMMED else float(np.mean(values))
+    count = None if first.count is None else sum(row.count or 0 for row in rows)
+    return Row(
+        case, first.metric, found, frozenset().union(*(row.keys for row in rows)), _claim([row.claim for row in rows]), config, count,
+        first.domain,
+    )  # fmt: skip
+
+
+def _claim(claims: Sequence[Claim]) -> Claim:
+    """Return the claim of several draws, with the mean of each bound. It is untestable if most draws cannot decide it."""
+    bounds = {}
+    for name in ("above", "below", "contains", "reaches"):
+        values = [getattr(claim, name) for claim in claims]
+        bounds[name] = values[0] if len(set(values)) == 1 else float(np.mean(values))
+    reasons = [claim.untestable for claim in claims if claim.untestable]
+    return replace(claims[0], **bounds, untestable=reasons[0] if 2 * len(reasons) > len(claims) else "")
