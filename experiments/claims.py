@@ -66,6 +66,7 @@ class Row(dict[str, Any]):
 
     Attributes:
         case: columns that say what the row is about.
+        recordings: store keys of the recordings.
         count: number that column n shows; None stands for the number of keys, or without keys for the number of items.
         domain: what the value was compared with; None stands for the configured measured recordings.
     """
@@ -73,7 +74,7 @@ class Row(dict[str, Any]):
     case: Mapping[str, Any]
     metric: str
     found: Estimate
-    keys: frozenset[str]
+    recordings: frozenset[str]
     claim: Claim
     config: Config = field(repr=False)
     count: int | None = None
@@ -83,12 +84,13 @@ class Row(dict[str, Any]):
         found = self.found
         value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
         verdict, reason = self.claim.judge(found)
-        n = self.count if self.count is not None else len(self.keys) or found.n
+        n = self.count if self.count is not None else len(self.recordings) or found.n
         self.update(
             {
                 **self.case, "claim": self.claim.text, "p": None if math.isnan(found.p) else found.p, "reason": reason, "items": found.n,
-                "seed": self.config.seed, "run_keys": told(self.keys), "metric": self.metric, "paper": self.claim.paper, "value": value,
-                "low": low, "high": high, "n": n, "domain": self.domain or self.config.measured.provider, "verdict": verdict,
+                "seed": self.config.seed, "run_keys": told(self.recordings), "metric": self.metric, "paper": self.claim.paper,
+                "value": value, "low": low, "high": high, "n": n,
+                "domain": self.domain or self.config.measured.provider, "verdict": verdict,
             }
         )  # fmt: skip
 

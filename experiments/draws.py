@@ -80,7 +80,7 @@ def _joined(rows: Sequence[Row]) -> Row:
             case[name] = sum(values) if name in SUMMED else float(np.mean(values))
     count = None if first.count is None else sum(row.count or 0 for row in rows)
     return Row(
-        case, first.metric, found, frozenset().union(*(row.keys for row in rows)), _claim([row.claim for row in rows]), config, count,
+        case, first.metric, found, frozenset().union(*(row.recordings for row in rows)), _claim([row.claim for row in rows]), config, count,
         first.domain,
     )  # fmt: skip
 

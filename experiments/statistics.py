@@ -47,8 +47,10 @@ def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
 
     samples = np.asarray(samples, float)
     value = float(samples.mean())
-    if len(samples) < 2 or np.ptp(samples) == 0:
-        return Estimate(value, value, value, len(samples), drawn=np.full(resamples, value))
+    if len(samples) < 2:
+        return exact(value, len(samples))
+    if np.ptp(samples) == 0:
+        return resampled(value, np.full(resamples, value), len(samples))
     found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
     return resampled(value, found.bootstrap_distribution, len(samples))
 
@@ -185,8 +187,8 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     a draw has a single item.
     """
     draws = len(found)
-    if draws == 1:
-        return found[0]
+    if draws == 1 or all(one.drawn is None and (one.value, one.low, one.high) == (found[0].value,) * 3 for one in found):
+        return found[0]  # the value does not depend on the draw
     rng = np.random.default_rng([seed, 0xD2])
     values = np.array([one.value for one in found])
     value, p = float(values.mean()), np.array([one.p for one in found])

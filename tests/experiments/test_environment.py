@@ -29,9 +29,16 @@ class Marked(FakeCampaign):
         return Nominal(log.frame_rate_hz, np.full(len(log.distance_m), case.distance_m), log.angle_rad)
 
 
+def scored() -> Result:
+    chosen, quiet = config("environment"), Progress(quiet=True)
+    campaign = Marked(distances=(0.5, 1.0, 1.5, 2.0))
+    points = operating_points.read(chosen, {True: campaign, False: None}, quiet)
+    return environment.with_points(chosen, environment.score(chosen, campaign, quiet), points)
+
+
 @pytest.fixture(scope="module")
 def table() -> Result:
-    return environment.score(config("environment"), Marked(distances=(0.5, 1.0, 1.5, 2.0)), Progress(quiet=True))
+    return scored()
 
 
 def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_rows(table: Result) -> None:
@@ -83,10 +90,10 @@ def test_the_paper_profile_compares_eight_legs_and_antennas_with_and_without_lob
     store = Store(tmp_path)
     tasks = environment.recordings(paper, store, Progress(quiet=True)).values()
     bare = [task for task in tasks if task.config.measured.gap.antenna == 0]
-    assert len(bare) == 8 * operating_points.REPETITIONS  # simulations do not depend on the measuring antennas
+    assert len(bare) == 8 * operating_points.DRAWS  # simulations do not depend on the measuring antennas
     quick = environment.recordings(config("environment"), store, Progress(quiet=True)).values()
     planned = set(Campaign(config("environment"), store, Progress(quiet=True)).cases("measured"))
-    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 6
+    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 3 * operating_points.DRAWS
 
 
 def point(share: float, void: float, room: float, leg_m: float = 0.05) -> Point:
@@ -120,7 +127,7 @@ def test_no_accepted_point_is_printed_as_a_failure(figures: tuple[float, float, 
 def test_the_operating_point_is_a_second_column(monkeypatch) -> None:
     best = point(0.75, -0.24, 0.42)
     monkeypatch.setattr(operating_points, "best", lambda points: best)
-    result = environment.score(config("environment"), Marked(distances=(0.5, 1.0, 1.5, 2.0)), Progress(quiet=True))
+    result = scored()
     filled = {(row["metric"], row["case"]): row for row in result.rows if row.get("at_operating_point") is not None}
     expected = {"measured (testbed)": 0.75, "void": -0.24, "room (vlm)": 0.42}
     assert {case: row["at_operating_point"] for (_, case), row in filled.items()} == pytest.approx(expected)

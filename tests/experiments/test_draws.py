@@ -1,0 +1,133 @@
+"""Tests of the estimates over several draws of the campaign, of the corrected tests, and of the seeds of a draw."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from fake_campaign import config
+from scipy.stats import binomtest
+
+from experiments import draws, statistics
+from experiments.campaign import truth
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case, planned
+from experiments.claims import Claim, RowList, corrected
+from experiments.recognition.protocol import sign_p
+from experiments.statistics import Estimate
+from radartwin.cli import main
+from radartwin.errors import ConfigError
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result
+from radartwin.store.products import Store
+
+QUIET = Progress(quiet=True)
+
+
+@pytest.mark.parametrize(("between", "within"), [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.3, 1.0)])
+def test_the_interval_covers_draws_and_items(between: float, within: float) -> None:
+    """The value of item i in draw d is a_d + b_i. Both effects are normal with zero mean, so 95 % of the intervals should contain zero."""
+    rng = np.random.default_rng(0)
+    inside = 0
+    for trial in range(300):
+        values = between * rng.standard_normal((10, 1)) + within * rng.standard_normal(12)
+        found = statistics.over_draws([statistics.mean(one, 300, trial) for one in values], 300, trial)
+        inside += found.low <= 0 <= found.high
+    assert 0.86 < inside / 300 < 0.98  # a percentile bootstrap of 10 or 12 values covers 90 to 93 %
+
+
+def test_one_draw_is_returned_as_it_is() -> None:
+    one = statistics.mean([1.0, 2.0, 4.0], 100, 0)
+    assert statistics.over_draws([one], 100, 0) is one
+
+
+def test_draws_that_agree_have_the_interval_of_one_draw() -> None:
+    one = statistics.mean(np.random.default_rng(1).normal(size=12), 500, 0)
+    three = statistics.over_draws([one] * 3, 500, 0)
+    assert (three.value, three.low, three.high) == pytest.approx((one.value, one.low, one.high))
+
+
+def test_p_values_of_draws_join_to_twice_their_median() -> None:
+    some = [Estimate(0.0, -1.0, 1.0, 5, p) for p in (0.01, 0.02, 0.6)]
+    assert statistics.over_draws(some, 50, 0).p == pytest.approx(0.04)
+    assert np.isnan(statistics.over_draws([*some, Estimate(0.0, -1.0, 1.0, 5)], 50, 0).p)
+
+
+def test_a_single_recording_of_each_draw_counts_the_draws() -> None:
+    some = [statistics.mean([value], 50, 0) for value in (1.0, 2.0, 3.0)]
+    found = statistics.over_draws(some, 2000, 0)
+    assert (found.value, found.n) == (2.0, 3)
+    assert found.low < 1.3 < 2.7 < found.high
+
+
+def test_rows_of_draws_join_by_their_conditions() -> None:
+    results = []
+    for number, (value, limit) in enumerate(((1.0, 0.2), (3.0, 0.4))):
+        rows = RowList(config("turntable_shape"))
+        rows.add({"case": "a", "answers": 4, "chance": 0.25}, "level", statistics.mean([value, value + 0.1], 100, 0), [f"k{number}"],
+                 Claim("above", above=limit))  # fmt: skip
+        if number == 0:
+            rows.add({"case": "b"}, "level", statistics.exact(5.0, 3), ["k9"])
+        results.append(Result("t", rows, {}, {"level": value}, [f"k{number}"]))
+    first, second = draws.joined(results).rows
+    assert (first["value"], first["draws"], first["n"], first["answers"], first["chance"]) == (pytest.approx(2.05), 2, 2, 8, 0.25)
+    assert first.claim.above == pytest.approx(0.3)
+    assert (second["value"], second["draws"], second["verdict"]) == (5.0, 1, "untestable")
+    assert draws.joined(results).metrics == {"level": 2.0}
+
+
+def test_a_family_of_tests_is_corrected() -> None:
+    """Three tests with p = 0.01, 0.02 and 0.04 have Holm's p values 0.03, 0.04 and 0.04; with p = 0.03 twice, no test is below 0.05."""
+    assert statistics.holm([0.02, 0.01, 0.04]) == pytest.approx([0.04, 0.03, 0.04])
+
+    def verdicts(*values: float) -> list[str]:
+        rows = RowList(config("turntable_shape"))
+        for p in values:
+            rows.add({}, "m", Estimate(0.5, 0.4, 0.6, 9, p), (), Claim("c", above=0.0, p_below=0.05))
+        rows.add({}, "m", Estimate(0.5, 0.4, 0.6, 9, 0.9), (), Claim("no test", above=0.0))
+        return [row["verdict"] for row in corrected(rows)]
+
+    assert verdicts(0.01, 0.02, 0.04) == ["holds"] * 4
+    assert verdicts(0.03, 0.03, 0.001) == ["fails", "fails", "holds", "holds"]
+
+
+def test_recordings_of_one_simulation_are_one_trial_of_the_sign_test() -> None:
+    better = np.repeat([1.0, 1.0, 1.0, -1.0, 0.0], 20)
+    groups = np.repeat(np.arange(5), 20)
+    assert sign_p(better, groups) == pytest.approx(binomtest(3, 4, alternative="greater").pvalue)
+    assert sign_p(0 * better, groups) == 1.0
+
+
+def test_each_draw_has_seeds_of_its_own_and_the_first_has_the_configured_seed(tmp_path) -> None:
+    chosen = config("turntable_shape", "seed=7")
+    case = Case("mug", "lab", "turntable", 1.0)
+    roots = [truth.root_of(dataclasses.replace(case, draw=k), chosen) for k in range(3)]
+    assert roots[0] == 7
+    assert len(set(roots)) == 3
+    assert truth.specification(case, chosen)["case"] == {name: value for name, value in vars(case).items() if name != "draw"}
+    assert truth.specification(case, chosen) != truth.specification(dataclasses.replace(case, draw=1), chosen)
+    campaign = chosen.profile.campaign
+    assert {one.draw for one in planned(campaign, measured=True) if one.motion == "turntable"} == set(range(campaign.draws))
+    assert {one.draw for one in planned(campaign, measured=False)} == {0}
+    assert {one.draw for one in Campaign(chosen, Store(tmp_path), QUIET, draw=1).cases("measured")} == {1}
+    assert draws.numbers(config("turntable_shape", "measured.draw=2")) == [2]
+    assert draws.numbers(config("rover_fidelity", "measured.draw=2"), rover=True) == [0]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("measured.draw=3", "measured.draw=3 does not exist: the draws of profile=quick are 0 to 2"),
+        ("measured.draw=-1", "measured.draw=-1 must be zero or above"),
+        ("measured.gap.object_shape=-0.5", "object_shape"),
+        ("measured.gap.antennas=1", "antennas"),
+    ],
+)
+def test_a_wrong_draw_or_gap_is_one_line(given: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ConfigError, match=r"draw|gap"):
+        config("turntable_shape", given)
+    assert main(["run", "experiment=turntable_shape", given]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert told in lines[0]
