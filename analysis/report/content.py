@@ -22,7 +22,7 @@ ABSENT = {
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # the page itself shows the HTML
 CASES = 4  # largest number of columns that name a claim's case
-_NO_CASE = {"claim", "p", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
+_NO_CASE = {"claim", "p", "p_holm", "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
 
 
 @dataclass(frozen=True)

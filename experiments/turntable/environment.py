@@ -51,8 +51,8 @@ SIDES = {"measured": ("measured", None), "room": ("twin", None), "uniform": ("tw
 SHOWN = ("measured", "room", "void")  # sides of the range-time figure
 PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
-CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.0)
-WIDENS = Claim("the gain widens with distance", "above 0", above=0.0)
+CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.1)
+WIDENS = Claim("the gain widens with distance", "above 0", above=0.1)
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
 # the paper says "essentially uncorrelated or weakly anti-correlated"; here: an upper bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
@@ -150,12 +150,13 @@ def with_points(config: Config, result: Result, points: Sequence[operating_point
     """Add the rows, the figure and the column of the operating points to the result. Without points the result stays the same."""
     if not points:
         return result
-    rows = RowList(config)
-    rows += result.rows
-    _add_operating_point(rows, operating_points.best(points), labels_of(config))
-    operating_points.add_rows(rows, points)
+    _add_operating_point(result.rows, operating_points.best(points), labels_of(config))
+    more = RowList(config)
+    operating_points.add_rows(more, points)
     figures = {**result.figures, "environment_operating_points": lambda: operating_points.draw(points)}
-    return replace(result, rows=rows, figures=figures, keys=sorted({*result.keys, *(key for one in points for key in one.keys)}))
+    return replace(
+        result, rows=[*result.rows, *more], figures=figures, keys=sorted({*result.keys, *(key for one in points for key in one.keys)})
+    )
 
 
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
@@ -235,7 +236,7 @@ def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, s
         rows.add_mean(case, "change of gain", change, _keys(recordings, ["measured", "room", "void"], near, far), WIDENS)
 
 
-def _add_operating_point(rows: RowList, best: operating_points.Point | None, labels: dict[str, str]) -> None:
+def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.Point | None, labels: dict[str, str]) -> None:
     """Add the column "at_operating_point" to all rows: the mean of the same figure at the point with the paper's figures, else None."""
     for row in rows:
         row["at_operating_point"] = None

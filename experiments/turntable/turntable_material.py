@@ -41,10 +41,11 @@ TABLE = Table(
 
 BRIGHTNESS = "brightness_db"
 CLASSES = ("metal", "ceramic", "plastic")
+LEAST_DB = 1.0  # smallest difference of brightness that counts as one
 
-OVER = Claim("metal is brighter than plastic", "above 0", above=0.0, least=3)  # an interval needs more than one object per class
-EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=0.0, least=3)
-DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=0.0, least=3)
+OVER = Claim("metal is brighter than plastic", "above 0", above=LEAST_DB, least=3)  # an interval needs more than one object per class
+EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=LEAST_DB, least=3)
+DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=-LEAST_DB, least=3)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
