@@ -34,7 +34,7 @@ from radartwin.testbed.drift import Drift
 
 TINY = [
     "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
-    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1", "profile.campaign.draws=1",
     "profile.campaign.rover_objects=[mug]", "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
     "measured.gap.object_shape=0",  # a can without dents needs 128 aspects
 ]  # fmt: skip

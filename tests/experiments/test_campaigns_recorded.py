@@ -31,7 +31,7 @@ TINY = [
     "jobs=1", "experiment=environment", "materials=void", "experiment.distances_m=[1.0]", "measured.gap.solver=0", "measured.gap.clutter=0",
     "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.frames_per_turn=14", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=2",
-    "profile.campaign.rail_repeats=1", "profile.campaign.rover_rooms=[]",
+    "profile.campaign.draws=1", "profile.campaign.rail_repeats=1", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
 
 

@@ -14,7 +14,7 @@ TINY = [
     "experiment=environment", "materials=uniform", "jobs=1", "tracking=off",
     "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
     "experiment.distances_m=[1.0]", "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
-    "profile.campaign.frames_per_turn=4", "profile.campaign.turns=1", "profile.campaign.reflector_repeats=1",
+    "profile.campaign.frames_per_turn=4", "profile.campaign.turns=1", "profile.campaign.draws=1", "profile.campaign.reflector_repeats=1",
     "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
 
