@@ -340,8 +340,8 @@ def test_environment_experiment_runs_on_every_baseline(name, tmp_path):
     """
     from radartwin.runs.run import run_experiment
 
-    small = ["experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1"]
-    small += ["profile.campaign.draws=1", "profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "tracking=off"]
+    small = ["experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1", "profile.campaign.draws=1"]
+    small += ["profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "tracking=off"]
     common = ["experiment=environment", f"output={tmp_path}", *small]
     result, counts = run_experiment(compose([*common, f"simulator={name}"]))
     assert counts.by_kind["clean built"] == 4  # measured, labelled room, plasterboard, void

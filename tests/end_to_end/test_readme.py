@@ -22,7 +22,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 SMALL = {
     "run": [
         "experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1",
-        "profile.campaign.draws=1", "profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
+        "profile.campaign.draws=1",
+        "profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
     ],
     "simulate": ["trajectory.frames=2", "simulator.rays=20000"],
     "label": ["--views", "1"],

@@ -126,5 +126,5 @@ def test_pairs_are_chosen_by_configuration() -> None:
 def test_a_recording_set_shows_its_first_recordings(tmp_path: Path) -> None:
     there = [Case("mug", "lab", "turntable", distance, repetition) for distance in (0.5, 1.0) for repetition in (0, 1)]
     made = compose(["experiment=gallery"])
-    made = replace(made, measured=SimpleNamespace(provider="recordings"))  # type: ignore[arg-type]
+    made = replace(made, measured=SimpleNamespace(provider="recordings", draw=None))  # type: ignore[arg-type]
     assert gallery.chosen(made, cast(Any, SimpleNamespace(cases=lambda domain: there))) == [there[0], there[2]]

@@ -123,7 +123,8 @@ def test_a_claim_holds_or_fails_by_the_measured_change(tmp_path: Path) -> None:
     base = reading(STEADY)
     still = case_set.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
     for level, verdict in ((-7.7, "holds"), (0.0, "fails")):
-        moves = {case: still | {"target brightness (dB)": level} for case in case_set.CASES}
+        moved = still | {"target brightness (dB)": level}
+        moves = {case: {name: value + 1e-3 * k for name, value in moved.items()} for k, case in enumerate(case_set.CASES)}
         rows = RowList(config(tmp_path))
         gaps.add_rows(rows, ("hardware", 1.0), moves, ["key"])
         found = {(row["cases"], row["metric"]): row["verdict"] for row in rows}

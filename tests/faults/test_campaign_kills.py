@@ -23,7 +23,8 @@ WITHOUT = ["materials=void", "measured.gap.solver=0", "measured.gap.clutter=0"] 
 TINY = [
     "run", "experiment=campaign", "tracking=off",
     "profile.campaign.turntable_objects=[corner_reflector,can_211_400]", "profile.campaign.reflector_distances_m=[1.0]",
-    "profile.campaign.frames_per_turn=40", "profile.campaign.draws=1", "profile.campaign.reflector_repeats=2", "profile.campaign.rail_repeats=1",
+    "profile.campaign.draws=1",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.reflector_repeats=2", "profile.campaign.rail_repeats=1",
     "profile.campaign.rover_objects=[can_211_400]", "profile.campaign.rover_every=10",
 ]  # fmt: skip
 RECORDINGS = 13  # number of recordings, measured and simulated together

@@ -53,7 +53,8 @@ YAML = "# @package _global_\nexperiment:\n  name: campaign_part\n  module: my_pa
 PARTS = 3
 SMALL = [
     "jobs=1", "materials=void", "tracking=off", f"experiment.parts={PARTS}", f"experiment.part=range(0,{PARTS})",
-    "profile.campaign.turntable_objects=[can_211_400]", "profile.campaign.frames_per_turn=13", "profile.campaign.turns=1", "profile.campaign.draws=1",
+    "profile.campaign.turntable_objects=[can_211_400]", "profile.campaign.frames_per_turn=13", "profile.campaign.turns=1",
+    "profile.campaign.draws=1",
     "profile.campaign.rail_repeats=1", "profile.campaign.rover_objects=[mug]", "profile.campaign.rover_every=25",
 ]  # fmt: skip
 
