@@ -165,8 +165,9 @@ def test_geometry_transfers_without_labels(tmp_path: Path):
 )
 def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     chosen = config("contrastive", *overrides)
-    result = checked(contrastive.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
-    save(result, tmp_path)
+    store = Store(tmp_path / "cache")
+    result = checked(contrastive.score(chosen, turntable(), store, Progress()))
+    save(replace(result, models={"recogniser": contrastive.export(chosen, turntable(), store)}), tmp_path)
     assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
     assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "object"})["chance"] == 0.5
     described = json.loads((tmp_path / "models" / "recogniser" / "model.json").read_text())
