@@ -35,7 +35,7 @@ def flat(surfaces: int) -> tuple[Scene, np.ndarray]:
 
     >>> scene, place = flat(100)
     >>> sum(round(len(one.mesh.faces) / 2) for one in scene.surfaces)
-    102
+    108
     """
     side = max(1, round(math.sqrt(surfaces / SURFACES_A_ROOM)))
     low = -(np.array([side // 2, side // 2]) + 0.5) * ROOM_M
@@ -43,8 +43,8 @@ def flat(surfaces: int) -> tuple[Scene, np.ndarray]:
     parts = [Surface(objects.box([*low, 0.0], [*high, HEIGHT_M]), "concrete", "shell", role="room")]
     parts[0].mesh.invert()
     walls = _walls(side, low, high)
-    if not walls.is_empty:
-        bodies = [trimesh.creation.extrude_polygon(one, HEIGHT_M) for one in getattr(walls, "geoms", [walls])]
+    bodies = [trimesh.creation.extrude_polygon(one, HEIGHT_M) for one in getattr(walls, "geoms", [walls]) if not one.is_empty]
+    if bodies:
         parts.append(Surface(objects.joined(bodies), "plasterboard", "walls"))
     count = sum(_flat_surfaces(part.mesh) for part in parts)
     rooms = [np.array([i, j]) for i in range(side) for j in range(side)]

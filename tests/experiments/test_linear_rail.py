@@ -29,7 +29,7 @@ def range_m(motion: str, time: np.ndarray) -> np.ndarray:
 
 class Rail:
     """This class returns synthetic recordings of a radar that moves along a linear rail. In the measured recordings, the target's range is
-    2 cm longer, and a constant echo of amplitude `clutter` is at 1.45 m.
+    2 cm longer, and a constant echo of amplitude `clutter` is at 1.3 m.
     """
 
     def __init__(self, clutter: float, motions: Sequence[Motion] = ("radial", "diagonal")) -> None:
@@ -45,7 +45,7 @@ class Rail:
     def prepare(self, wanted, materials=None) -> None: ...
 
     def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
-        clutter = [(self.clutter, 1.45)] if domain == "measured" else []
+        clutter = [(self.clutter, 1.3)] if domain == "measured" else []
         offset = 0.02 if domain == "measured" else 0.0
         reflector = (lambda t: 1e-3 / range_m(case.motion, t) ** 2, lambda t: range_m(case.motion, t) + offset)
         moving = echoes(FRAMES, [reflector, *clutter], 1e-5, case.repetition)
@@ -75,7 +75,7 @@ def test_both_trackers_match_the_rail_without_clutter() -> None:
 def test_a_constant_room_echo_shortens_the_excursion_of_the_brightest_bin() -> None:
     result = table(clutter=8e-4)
     short = find(result, metric="measured less simulated excursion (m)", motion="diagonal", of="both", tracker="brightest")
-    assert short["value"] < -0.02
+    assert short["value"] < -0.1
     assert short["verdict"] == "holds"
     twin = find(result, metric="excursion less the rail's (m)", motion="radial", of="simulated", tracker="brightest")
     assert twin["verdict"] == "holds"
