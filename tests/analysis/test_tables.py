@@ -94,6 +94,11 @@ def test_row_without_a_score_column_is_refused() -> None:
         check_rows("t", [{k: v for k, v in row().items() if k != "verdict"}])
 
 
+@pytest.mark.parametrize("draws", [3, "3"])
+def test_caption_names_the_draws_of_new_rows_and_of_rows_read_from_csv(draws: int | str) -> None:
+    assert "means over 3 draws" in tables.caption(TABLE, [row(draws=draws), row(draws="")])
+
+
 def test_caption_notes_a_testbed_score() -> None:
     assert "not a measurement of reality" in tables.caption(TABLE, [row()])
     assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
