@@ -19,7 +19,7 @@ from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import readings, transfer
-from experiments.recognition.protocol import MATERIAL, RecognitionRows, cells, count_sources
+from experiments.recognition.protocol import MATERIAL, RecognitionRows, count_sources
 from experiments.recognition.readings import FEATURES, MOTION
 from experiments.statistics import clustered, exact, resampled
 from radartwin.config.config import Config
@@ -86,7 +86,7 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
     for when, error in errors.items():
         for kind in np.unique(kinds):
             recordings = scored.take(kinds == kind)
-            found = clustered(error[kinds == kind], cells(recordings), rows.config.profile.resamples, rows.config.seed)
+            found = clustered(error[kinds == kind], recordings.cell, rows.config.profile.resamples, rows.config.seed)
             claim = Claim()
             if when == AFTER:
                 metrics[f"residual_db_{kind.replace(' ', '_')}"] = found.value
@@ -104,7 +104,7 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
     filled = kinds == FILLED
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
         others = kinds == kind
-        groups = cells(scored.take(filled)), cells(scored.take(others))
+        groups = scored.take(filled).cell, scored.take(others).cell
         value, drawn = mean_difference(error[filled], error[others], groups, rows.config.profile.resamples, rows.config.seed)
         found = resampled(value, drawn, min(np.unique(group).size for group in groups))
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}

@@ -19,7 +19,7 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.drawing import error_bars
 from experiments.recognition import readings, transfer
-from experiments.recognition.protocol import RecognitionRows, cells, correct, statistics_columns
+from experiments.recognition.protocol import RecognitionRows, correct, statistics_columns
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
 from experiments.statistics import clustered
 from radartwin.config.config import Config
@@ -92,7 +92,7 @@ def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Pr
             claim = Claim("wrong labels cost recognition") if share == 1 else Claim()
             rows.gain(case | {"method": f"{TRUE} - {name}"}, first, hits, truth, frames.keys, claim)
         difference = np.sqrt(np.mean((levels.values - reference) ** 2, axis=1))
-        found = clustered(difference, cells(levels), config.profile.resamples, config.seed)
+        found = clustered(difference, levels.cell, config.profile.resamples, config.seed)
         error = rows.add(case | statistics_columns(len(levels)), "level error of the range profile (dB)", found, profiles.keys)
         curve.append({"name": name, "share": share, "accuracy": accuracy, "error": error})
     metrics = {f"accuracy_wrong_{point['share']:g}": point["accuracy"]["value"] for point in curve if point["share"] is not None}

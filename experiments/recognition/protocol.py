@@ -51,13 +51,6 @@ def encoders(config: Config, split: Split) -> list[Encoder]:
     return [fit(split, texts, settings(config, split.level), seed).encoder for seed in seeds(config)]
 
 
-def cells(recordings: Samples) -> NDArray[np.str_]:
-    """Return the cell (object and distance) of each recording, (N,). Measured recordings of the same object and distance (cell) are
-    compared with the same simulation.
-    """
-    return np.array([f"{label} {stratum}" for label, stratum in zip(recordings.label, recordings.stratum, strict=True)])
-
-
 def count_sources(recordings: Samples) -> int:
     """Return the number of different stored recordings from which the rows were computed."""
     return np.unique(recordings.source).size
@@ -111,7 +104,7 @@ class RecognitionRows(RowList):
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
         found = self._clustered(ours - theirs, recordings)
-        found = replace(found, p=sign_p(ours - theirs, cells(recordings)))
+        found = replace(found, p=sign_p(ours - theirs, recordings.cell))
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
         claim = replace(claim, above=LEAST_GAIN, untestable=ceiling)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -131,7 +124,7 @@ class RecognitionRows(RowList):
         return self.add(case, metric, found, keys, Claim("at chance", contains=chance), count_sources(scored))
 
     def _clustered(self, values: NDArray, recordings: Samples, classes: NDArray | None = None) -> Estimate:
-        return clustered(values, cells(recordings), self.config.profile.resamples, self.config.seed, classes)
+        return clustered(values, recordings.cell, self.config.profile.resamples, self.config.seed, classes)
 
 
 def interval(value: float, n: int) -> Estimate:

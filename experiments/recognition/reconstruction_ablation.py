@@ -26,7 +26,7 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import LEVEL, SHAPE, RecognitionRows, cells, correct, interval, sign_p, statistics_columns
+from experiments.recognition.protocol import LEVEL, SHAPE, RecognitionRows, correct, interval, sign_p, statistics_columns
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -103,7 +103,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
             claim = Claim(text if classes == "object" or worse == VOID else "")
             case = {"classes": classes, "method": f"{better} - {worse}"}
             rows.gain(case, hits[classes, better], hits[classes, worse], truth, keys, claim)
-    _add_paired(rows, hits, cells(recordings), keys)
+    _add_paired(rows, hits, recordings.cell, keys)
     figures = {
         "reconstruction_ablation": lambda: bars(shown, "accuracy", grey=VOID),
         "reconstruction_ablation_confusion": lambda: confusions(panels, recordings.classes),

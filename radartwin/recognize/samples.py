@@ -71,9 +71,16 @@ class Unlabelled:
 
 @dataclass(frozen=True, eq=False)
 class Samples(Unlabelled):
-    """Feature rows with class labels: `label` (N,) names the object of each row."""
+    """Feature rows with class labels.
+
+    Attributes:
+        label: (N,) class of each row: its object, or after `relabelled` for example the shape of its object.
+        cell: (N,) object and stratum of each row, which `relabelled` keeps. Measured recordings of one cell are compared with the same
+            simulation, so tests and intervals treat them as one cluster.
+    """
 
     label: NDArray[np.str_]
+    cell: NDArray[np.str_]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -83,7 +90,7 @@ class Samples(Unlabelled):
                 raise InputError(f"samples: recording {name} has two labels, domains or sources; a recording shows one object")
 
     def _columns(self) -> tuple[str, ...]:
-        return (*super()._columns(), "label")
+        return (*super()._columns(), "label", "cell")
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -141,7 +148,9 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
         return np.repeat(np.array(values, dtype=str), counts)
 
     columns = {name: column([getattr(part, name) for part in ordered]) for name in ("recording", "stratum", "domain", "label")}
-    return Samples(tuple(names), np.concatenate(rows), source=column([part.source or part.recording for part in ordered]), **columns)
+    source = column([part.source or part.recording for part in ordered])
+    cell = column([f"{part.label} {part.stratum}" for part in ordered])
+    return Samples(tuple(names), np.concatenate(rows), source=source, cell=cell, **columns)
 
 
 def join(*samples: Samples) -> Samples:

@@ -67,7 +67,7 @@ def test_examined_models_are_those_of_the_steps_of_a_choice() -> None:
 def samples(domain: str, values: list[list[float]], labels: list[str]) -> Samples:
     names = np.array([f"{label} {domain} {number}" for number, label in enumerate(labels)])
     where = np.full(len(labels), "1 m")
-    return Samples(("a", "b"), np.array(values), names, where, np.full(len(labels), domain), names, np.array(labels))
+    return Samples(("a", "b"), np.array(values), names, where, np.full(len(labels), domain), names, np.array(labels), np.array(labels))
 
 
 def test_feature_error_is_in_standard_deviations_of_the_measured() -> None:

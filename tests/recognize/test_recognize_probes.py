@@ -146,3 +146,10 @@ def test_balanced_intervals_stay_between_zero_and_one():
     value, drawn = score.seed_mean(right, np.arange(33), 500, 0, truth)
     assert value == pytest.approx((1 + 1 / 3) / 2)
     assert 0.5 <= drawn.min() < value < drawn.max() <= 1
+
+
+def test_classes_of_objects_keep_the_cells_of_objects() -> None:
+    parts = [Part(f"r{n}{name}", name, MEASURED, [0.0], stratum="1 m") for name in ("can", "mug") for n in range(2)]
+    rows = gather(("a",), parts).relabelled({"can": "symmetric", "mug": "symmetric"})
+    assert set(rows.label) == {"symmetric"}
+    assert sorted(rows.cell) == ["can 1 m", "can 1 m", "mug 1 m", "mug 1 m"]
