@@ -116,7 +116,8 @@ def sample(count: int) -> np.ndarray:
 
 def seconds(call: Callable[[], object]) -> float:
     """Return the smallest wall-clock time of REPEATS calls, after two calls that compile."""
-    call(), call()
+    call()
+    call()
     times = []
     for _ in range(REPEATS):
         began = time.perf_counter()

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -78,14 +78,14 @@ def store(config: Config) -> Store:
 
 
 @pytest.fixture(scope="module")
-def first_run(config: Config, store: Store) -> tuple[list[dict[str, Any]], list[str]]:
+def first_run(config: Config, store: Store) -> tuple[Sequence[dict[str, Any]], list[str]]:
     """Return the table rows and the printed messages of the first run, which simulates all recordings."""
-    progress, said = Progress(quiet=True), []
+    progress, said = Progress(quiet=True), list[str]()
     progress.say = said.append  # type: ignore[method-assign]
     return table.run(config, store, progress).rows, said
 
 
-def cell(rows: list[dict[str, Any]], of: str, motion: str, metric: str) -> dict[str, Any]:
+def cell(rows: Sequence[dict[str, Any]], of: str, motion: str, metric: str) -> dict[str, Any]:
     (found,) = [row for row in rows if (row["of"], row["motion"]) == (of, motion) and row["metric"].startswith(metric)]
     return found
 

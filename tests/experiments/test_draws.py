@@ -13,7 +13,7 @@ from experiments import draws, statistics
 from experiments.campaign import truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, planned
-from experiments.claims import Claim, RowList, corrected
+from experiments.claims import Claim, Row, RowList, corrected
 from experiments.recognition.protocol import sign_p
 from experiments.statistics import Estimate
 from radartwin.cli import main
@@ -72,6 +72,7 @@ def test_rows_of_draws_join_by_their_conditions() -> None:
         results.append(Result("t", rows, {}, {"level": value}, [f"k{number}"]))
     first, second = draws.joined(results).rows
     assert (first["value"], first["draws"], first["n"], first["answers"], first["chance"]) == (pytest.approx(2.05), 2, 2, 8, 0.25)
+    assert isinstance(first, Row)
     assert first.claim.above == pytest.approx(0.3)
     assert (second["value"], second["draws"], second["verdict"]) == (5.0, 1, "untestable")
     assert draws.joined(results).metrics == {"level": 2.0}

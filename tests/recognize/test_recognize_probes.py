@@ -149,7 +149,7 @@ def test_balanced_intervals_stay_between_zero_and_one():
 
 
 def test_classes_of_objects_keep_the_cells_of_objects() -> None:
-    parts = [Part(f"r{n}{name}", name, MEASURED, [0.0], stratum="1 m") for name in ("can", "mug") for n in range(2)]
+    parts = [Part(f"r{n}{name}", name, MEASURED, np.zeros(1), stratum="1 m") for name in ("can", "mug") for n in range(2)]
     rows = gather(("a",), parts).relabelled({"can": "symmetric", "mug": "symmetric"})
     assert set(rows.label) == {"symmetric"}
     assert sorted(rows.cell) == ["can 1 m", "can 1 m", "mug 1 m", "mug 1 m"]
