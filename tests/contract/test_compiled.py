@@ -2,11 +2,15 @@
 function once.
 """
 
+import multiprocessing
 import os
 import subprocess
 import sys
+import warnings
 
 import pytest
+
+from radartwin import compiled as compiled_module
 
 SIGNAL = """
 import hashlib
@@ -71,3 +75,27 @@ def test_compiled_now_and_read_from_the_cache_are_the_same(tmp_path):
     first = digest()
     assert list(tmp_path.rglob("*.nbc")), "nothing was compiled into the cache"
     assert digest() == first
+
+
+def test_each_keeps_the_order_within_each_and_after_a_fork() -> None:
+    def inner(item: int) -> list[int]:
+        return compiled_module.each(lambda number: 10 * item + number, range(5))
+
+    expected = [[10 * item + number for number in range(5)] for item in range(6)]
+    assert compiled_module.each(inner, range(6)) == expected  # threads of a pool that wait for their own pool would never end
+    context = multiprocessing.get_context("fork")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of a fork in a process with threads
+        child = context.Process(target=lambda: os._exit(0 if compiled_module.each(inner, range(6)) == expected else 1))
+        child.start()
+    child.join(timeout=60)
+    assert child.exitcode == 0
+
+
+def test_an_error_in_one_thread_reaches_the_caller() -> None:
+    def fail(item: int) -> None:
+        if item == 3:
+            raise ValueError("item 3")
+
+    with pytest.raises(ValueError, match="item 3"):
+        compiled_module.each(fail, range(6))

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from radartwin.compiled import compiled, shared_out
+from radartwin.compiled import compiled, each, shared_out
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import (
     NUDGE,
@@ -198,7 +198,7 @@ def _chains(
     The sequences are those whose beams exist at the key places near the sensor. The first sequence is empty.
     """
     keys, near = key_places(sensor)
-    found = [room.chains(sensor[k], longest) for k in keys]
+    found = each(lambda k: room.chains(sensor[k], longest), keys)
     chains, index = np.unique(np.concatenate(found), axis=0, return_inverse=True)
     of_key = np.split(index.ravel(), np.cumsum([len(chain) for chain in found])[:-1])
     rows = []

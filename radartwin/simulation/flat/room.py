@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from radartwin.compiled import shared_out
+from radartwin.compiled import each, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.flat import field, obstacles, search, shadows
@@ -208,23 +208,28 @@ class FlatRoom:
         else:
             keys, tests = (_spaced(_points(poses), spacing) for spacing in (KEY_SPACING_M, TEST_SPACING_M))
         points, ahead = _points(poses), EARLY if stays else AHEAD
-        found = [self._sequences(poses[k], radar, max_bounces, ahead * prune, twice and k == 0) for k in keys]
+        found = each(lambda k: self._sequences(poses[k], radar, max_bounces, ahead * prune, twice and k == 0), keys)
         every, of_key = search.Sequences.union(found)
         near = _near(points[tests], points[keys], KEY_SPACING_M)
-        of_test, used = [], np.zeros(len(every), bool)
-        for test, chosen in zip(tests, near, strict=True):
+        kinds = _kinds(every)
+
+        def strong(test: int, chosen: np.ndarray) -> np.ndarray:
+            """Return which sequences of the `chosen` key places are strong at a test place."""
             active, levels = np.zeros(len(every), bool), np.zeros(len(every))
             for k in chosen:
                 active[of_key[k]] = True
-            for kind in _kinds(every):
+            for kind in kinds:
                 which = np.flatnonzero(active & kind)
                 found, strength = self._levels(every, which, poses[test], radar, self._least(radar, prune) * levels.max(initial=0.0))
                 levels[which[found]] = strength
-            strong = np.flatnonzero(levels > EARLY * prune * levels.max(initial=0.0))
-            of_test.append(strong)
-            used[strong] = True
+            return np.flatnonzero(levels > EARLY * prune * levels.max(initial=0.0))
+
+        of_test = each(lambda at: strong(*at), zip(tests, near, strict=True))
+        used = np.zeros(len(every), bool)
+        for some in of_test:
+            used[some] = True
         number = np.cumsum(used) - 1
-        return Searched(points[tests], every.where(used), [number[strong] for strong in of_test])
+        return Searched(points[tests], every.where(used), [number[some] for some in of_test])
 
     def _least(self, radar: Radar, prune: float) -> float:
         """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""

@@ -8,14 +8,13 @@ each other, directly or over one face, give a path with two diffractions.
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, cores, innermost
+from radartwin.compiled import compiled, cores, each, innermost
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import angle, distance, dot, edge_point, moved, panes_on, reflect_points, toward, vector
@@ -746,6 +745,5 @@ def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.nd
             room *= 4
         return out[:used]
 
-    with ThreadPoolExecutor(cores()) as pool:
-        rows = np.concatenate(list(pool.map(listed, range(pieces))))
+    rows = np.concatenate(each(listed, range(pieces)))
     return rows[np.lexsort(rows.T[::-1])]

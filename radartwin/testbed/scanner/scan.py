@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from radartwin.compiled import cores
+from radartwin.compiled import each
 from radartwin.errors import SceneError
 from radartwin.reconstruct.frames.frames import Frame, Frames, check_poses
 from radartwin.scene.scene import Scene
@@ -96,8 +95,7 @@ def scan(
         surface = np.where((depth > 0) & hit & ~flying, look.surface[seen.face], NOT_SEEN)
         return frame, surface.astype(np.int16), seen.first.astype(np.int16), np.where(hit, seen.depth, 0).astype(np.float32)
 
-    with ThreadPoolExecutor(cores()) as pool:
-        shots, surfaces, firsts, depths = zip(*pool.map(take, range(len(poses))), strict=True)
+    shots, surfaces, firsts, depths = zip(*each(take, range(len(poses))), strict=True)
     truth = ScanTruth(scene.names, poses, np.stack(surfaces), np.stack(firsts), np.stack(depths))
     room = str(scene.provenance.get("room", ""))
     return Frames.of(shots, f"scan of {room or 'a scene'}", room), truth
