@@ -14,7 +14,7 @@ NAMES = (  # of the experiments, conf/experiment/NAME.yaml
     "reality", "validation", "backend_crosscheck", "speed_accuracy", "growth", "stability", "complexity",
     "campaign", "scan", "labels", "gallery", "gaps", "gap_attribution",
     "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment",
-    "rover_fidelity", "rover_disentangle", "corner_reflector_calibration", "sensitivity",
+    "rover_fidelity", "rover_disentangle", "point_clouds", "corner_reflector_calibration", "sensitivity",
     "labelled_probe", "turntable_label_free", "contrastive", "rover_recognition", "reconstruction_ablation", "material_errors",
     "positioning",
 )  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 from fake_campaign import FakeCampaign, config, draw_all, find
 
 from experiments.campaign.cases import ROVER
-from experiments.rover import drive_features, rover_disentangle, rover_fidelity
+from experiments.rover import drive_features, point_clouds, rover_disentangle, rover_fidelity
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
@@ -137,3 +137,21 @@ def test_changes_in_the_same_direction_between_rooms_are_counted() -> None:
 def test_a_campaign_without_drives_is_refused() -> None:
     with pytest.raises(ConfigError, match="no depth or lateral recordings"):
         rover_fidelity.score(config("rover_fidelity"), campaign(motions=("turntable",)), Progress())
+
+
+def test_clouds_of_equal_recordings_agree_and_those_of_a_shifted_control_do_not() -> None:
+    result = point_clouds.score(config("point_clouds"), campaign(gap=0.0, motions=("depth",)), Progress())
+    for distance in (0.5, 1.0, 2.0):
+        place = dict(room="atrium", motion="depth", distance_m=distance)
+        assert find(result, metric=point_clouds.FOUND, **place)["value"] > 0.8
+        assert find(result, metric=point_clouds.CONTROL, **place)["value"] < 0.5
+        assert find(result, metric=point_clouds.CHAMFER, **place)["value"] < 0.3
+    gain = find(result, metric=point_clouds.GAIN, room="atrium")
+    assert gain["verdict"] == "holds"
+    assert draw_all(result) == {"point_clouds"}
+
+
+def test_a_frame_without_detections_has_no_distance_and_no_share() -> None:
+    none, one = np.zeros((0, 2)), np.array([[1.0, 0.0]])
+    found = point_clouds.compared(point_clouds.Clouds("a", [one, none]), point_clouds.Clouds("b", [one, one]))
+    assert (found[point_clouds.FOUND], found[point_clouds.EXTRA], found[point_clouds.CHAMFER]) == (1.0, 0.5, 0.0)
