@@ -16,7 +16,7 @@ NAMES = (  # of the experiments, conf/experiment/NAME.yaml
     "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment",
     "rover_fidelity", "rover_disentangle", "point_clouds", "corner_reflector_calibration", "sensitivity",
     "labelled_probe", "turntable_label_free", "contrastive", "rover_recognition", "reconstruction_ablation", "material_errors",
-    "positioning",
+    "headline", "positioning",
 )  # fmt: skip
 
 # Slow tables, by name: the profiles in which `radartwin tables` makes the table only if --only names it.

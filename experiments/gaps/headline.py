@@ -1,0 +1,268 @@
+"""The table `headline`: the paper's main claims, with all gaps of the testbed at several strengths.
+
+Each row is one claim, which another table judges. That table is computed for every strength (`profile.strengths`), or read from the
+store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths`
+says "depends on strength". The column `why` explains a claim that fails, with figures of the same table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from experiments import statistics
+from experiments.campaign.campaign import joined
+from experiments.campaign.schedule import RecordingTask
+from experiments.claims import Claim, RowList
+from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
+from experiments.recognition.protocol import LEAST_GAIN, LEVEL
+from experiments.rover import rover_fidelity
+from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
+from radartwin.config.compose import compose
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result, Table
+from radartwin.runs.run import run_experiment
+from radartwin.store.products import Store
+
+SOURCES = {
+    module.TABLE.name: module
+    for module in (
+        turntable_shape, turntable_material, linear_rail, environment, rover_fidelity, labelled_probe, turntable_label_free,
+        rover_recognition, reconstruction_ablation,
+    )
+}  # fmt: skip
+DEPENDS = "depends on strength"
+NOMINAL = 1.0
+Rows = Sequence[Mapping[str, Any]]
+
+TABLE = Table(
+    name="headline",
+    title="The paper's main claims",
+    caption="Each row is one claim of the paper, as judged by the table in the column 'table'. Value, interval and verdict are those with "
+    "all differences between testbed and simulation at their published size (strength 1). The columns 'strength' give value, interval "
+    "and verdict with all differences at other strengths. The quick profile computes strength 1 alone.",
+)
+
+
+@dataclass(frozen=True)
+class Headline:
+    """One claim of the paper, and the table row that judges it.
+
+    Attributes:
+        text: the claim in words. source: where the paper states it.
+        table, metric: the table and the metric of the row. where: further columns of the row.
+        claim: the condition that the table checks; None stands for "above chance", where chance is a column of the row.
+        beside: a sentence with a figure that explains a failure, and the columns of the row of the same table that has this figure.
+    """
+
+    text: str
+    source: str
+    table: str
+    metric: str
+    where: Mapping[str, Any] = field(default_factory=dict)
+    claim: Claim | None = None
+    beside: tuple[str, Mapping[str, Any]] | None = None
+
+
+GAIN = Claim(above=LEAST_GAIN)
+AT_CHANCE = Claim(reaches=math.nan)  # the row's column `chance` gives the value
+TRAINED = {"level": "few_shot", "method": "trained on simulation - raw features"}
+HEADLINES = (
+    Headline(
+        "the simulated order of objects by harmonic ratio is the measured order", "turntable, shape", "turntable_shape",
+        "order of objects", {"case": "all objects"}, turntable_shape.ORDER,
+    ),
+    Headline(
+        "distances between objects are kept", "turntable, shape", "turntable_shape", "distances between objects", {"case": "all objects"},
+        turntable_shape.STRUCTURE,
+    ),
+    Headline(
+        "cans are flatter than reflector and bottles", "turntable, shape", "turntable_shape", "ratio of harmonic ratios",
+        {"case": "least peaked over least flat", "of": "measured"}, turntable_shape.SPLIT,
+    ),
+    Headline(
+        "metal is brighter than plastic", "turntable, material", "turntable_material", "metal less plastic (dB)", {"of": "measured"},
+        turntable_material.OVER,
+    ),
+    Headline(
+        "the simulation exaggerates the contrast of metal and plastic", "turntable, material", "turntable_material",
+        "excess of contrast (dB)", claim=turntable_material.EXAGGERATES,
+    ),
+    Headline(
+        "the measured diagonal reads shorter than the simulated", "linear rail", "linear_rail", "measured less simulated excursion (m)",
+        {"motion": "diagonal", "tracker": "continuous"}, linear_rail.SHORT,
+    ),
+    Headline(
+        "without the room the profiles do not correlate (2 m)", "environment", "environment", "profile correlation",
+        {"case": "void", "distance_m": 2.0, "scale": "amplitude"}, environment.UNCORRELATED,
+        ("Of the measured energy, only {:.2f} arrives from beyond the target.",
+         {"metric": "energy share beyond the target", "distance_m": 2.0, "case": "measured (testbed)"}),
+    ),
+    Headline(
+        "the room brings the profile closer to the measured one (2 m)", "environment", "environment", "gain in correlation",
+        {"distance_m": 2.0, "scale": "amplitude", "case": "room (vlm) - void"}, environment.CLOSER,
+        ("The profile in void correlates already with {:.2f}.", {"metric": "profile correlation", "distance_m": 2.0, "case": "void",
+        "scale": "amplitude"}),
+    ),
+    Headline(
+        "most energy arrives from beyond the target (2 m)", "environment", "environment", "energy share beyond the target",
+        {"distance_m": 2.0, "case": "measured (testbed)"}, environment.BEYOND,
+    ),
+    Headline(
+        "features order objects alike along drives (squash court)", "rover, fidelity", "rover_fidelity",
+        "share of features that order objects alike", {"room": "squash_court", "motion": "depth"},
+        rover_fidelity.AGREE["squash_court"],
+    ),
+    Headline(
+        "training on simulation beats raw features", "labelled probe", "labelled_probe", "gain in accuracy", TRAINED, GAIN,
+        ("Raw features alone reach {:.2f}.", {"metric": "accuracy", "method": "raw features"}),
+    ),
+    Headline(
+        "our simulation teaches more than RF-Genesis", "labelled probe", "labelled_probe", "gain in accuracy",
+        {"level": "few_shot", "method": "trained on simulation - RF-Genesis (corrected)"}, GAIN,
+        ("RF-Genesis reaches {:.2f}.", {"metric": "accuracy", "method": "RF-Genesis (corrected)"}),
+    ),
+    Headline(
+        "geometry transfers without labels", "turntable, without labels", "turntable_label_free", "accuracy", {"attribute": "geometry"}
+    ),
+    Headline(
+        "material transfers without labels", "turntable, without labels", "turntable_label_free", "accuracy", {"attribute": "material"}
+    ),
+    Headline(
+        "identity does not transfer without labels", "turntable, without labels", "turntable_label_free", "accuracy",
+        {"attribute": "identity"}, AT_CHANCE,
+    ),
+    Headline(
+        "objects are known without labels (squash court, lateral)", "Table 3", "rover_recognition", "accuracy",
+        {"level": "label_free", "room": "squash_court", "motion": "lateral", "classes": "object", "method": "trained on simulation"}, None,
+        ("Raw signatures reach {:.2f}.", {"metric": "accuracy", "level": "label_free", "room": "squash_court", "motion": "lateral",
+        "classes": "object", "method": "raw signatures"}),
+    ),
+    Headline(
+        "labelled materials beat one material", "ablation of the reconstruction", "reconstruction_ablation", "gain in accuracy",
+        {"classes": "object", "method": "labelled materials - one material"}, GAIN,
+        ("One material reaches {:.2f}.", {"metric": "accuracy", "classes": "object", "method": "one material"}),
+    ),
+    Headline(
+        "the reconstructed room beats none", "ablation of the reconstruction", "reconstruction_ablation", "gain in accuracy",
+        {"classes": "object", "method": "labelled materials - no room"}, GAIN,
+        ("No room reaches {:.2f}.", {"metric": "accuracy", "classes": "object", "method": "no room"}),
+    ),
+)  # fmt: skip
+
+
+def at_strength(config: Config, table: str, strength: float) -> Config:
+    """Return the configuration of another table, with the profile, simulator and measured recordings of `config`, and all gaps scaled."""
+    own = compose([f"experiment={table}"])
+    measured = config.measured
+    if measured.provider == "testbed":
+        measured = replace(measured, gap=replace(measured.gap, **{name: strength * size for name, size in asdict(measured.gap).items()}))
+    shared = {name: getattr(config, name) for name in ("profile", "simulator", "radar", "seed", "output", "jobs")}
+    return replace(own, measured=measured, **shared, tracking=replace(config.tracking, backend="off", uri=None))
+
+
+def strengths(config: Config) -> list[float]:
+    """Return the strengths of the profile, with NOMINAL first. A recording set has no other strength than its own."""
+    if config.measured.provider != "testbed":
+        return [NOMINAL]
+    return [NOMINAL, *(one for one in config.profile.strengths if one != NOMINAL)]
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    """Return the recordings of all tables at all strengths that the store lacks, of those tables that list their recordings."""
+    listed = {name: module.recordings for name, module in SOURCES.items() if hasattr(module, "recordings")}
+    return joined([of(at_strength(config, name, one), store, progress) for one in strengths(config) for name, of in listed.items()])
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    return score(config, lambda own: run_experiment(own, progress=progress)[0])
+
+
+def score(config: Config, computed: Callable[[Config], Result]) -> Result:
+    """Build one row for each claim whose table has a row for it; `computed` returns the result of a configured table."""
+    found, keys = {}, []
+    for strength in strengths(config):
+        for name in SOURCES:
+            result = computed(at_strength(config, name, strength))
+            found[strength, name] = result.rows
+            keys += result.keys
+    rows = RowList(config)
+    for headline in HEADLINES:
+        at = {strength: _row(found[strength, headline.table], headline) for strength in strengths(config)}
+        nominal = at[NOMINAL]
+        if nominal is None:
+            continue
+        verdicts = {one["verdict"] for one in at.values() if one is not None}
+        case = {
+            "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
+            **{f"strength {strength:g}": _told(one) for strength, one in at.items() if strength != NOMINAL},
+            "over all strengths": DEPENDS if len(verdicts) > 1 else nominal["verdict"],
+            "why": why(headline, found[NOMINAL, headline.table]),
+        }  # fmt: skip
+        rows.append(_copied(rows, case, nominal, headline))
+    counts = [row["verdict"] for row in rows]
+    metrics = {verdict: float(counts.count(verdict)) for verdict in ("holds", "fails", "untestable")}
+    return Result("headline", rows, {}, metrics, sorted(set(keys)))
+
+
+def _row(rows: Rows, headline: Headline) -> Mapping[str, Any] | None:
+    """Return the first row with a claim that has the metric and the columns of a headline, or None."""
+    fits = [row for row in rows if row["metric"] == headline.metric and row.get("claim") and _has(row, headline.where)]
+    return fits[0] if fits else None
+
+
+def _has(row: Mapping[str, Any], columns: Mapping[str, Any]) -> bool:
+    return all(row.get(name) == value for name, value in columns.items())
+
+
+def _told(row: Mapping[str, Any] | None) -> str:
+    if row is None:
+        return "no such row"
+    if row["value"] is None:
+        return str(row["verdict"])
+    return f"{row['value']:.3g} [{row['low']:.3g}, {row['high']:.3g}], {row['verdict']}"
+
+
+def why(headline: Headline, rows: Rows) -> str:
+    """Return one sentence on why a claim fails or cannot be tested, with figures of the same table; empty if it holds."""
+    row = _row(rows, headline)
+    if row is None or row["verdict"] == "holds":
+        return ""
+    if row["verdict"] == "untestable":
+        return f"It cannot be tested: {row.get('reason') or 'the table does not judge it'}."
+    told = " and ".join(_missed(headline, row)) or "the table's condition is not met"
+    told = f"{told if told.startswith('p ') else told[0].upper() + told[1:]}."
+    if headline.beside is not None:
+        sentence, columns = headline.beside
+        beside = [one["value"] for one in rows if _has(one, columns) and one["value"] is not None]
+        if beside:
+            told += " " + sentence.format(beside[0])
+    return told
+
+
+def _missed(headline: Headline, row: Mapping[str, Any]) -> list[str]:
+    """Return the conditions of a claim that a row does not meet, in words."""
+    claim, chance = headline.claim or Claim(above=math.nan, p_below=LEVEL), row.get("chance") or 0.0
+    above = chance if math.isnan(claim.above) else claim.above
+    interval, missed = f"the interval from {row['low']:.2g} to {row['high']:.2g}", []
+    if not row["low"] > above:
+        missed.append(f"{interval} is not wholly above {above:.3g}")
+    if not row["high"] < claim.below:
+        missed.append(f"{interval} is not wholly below {claim.below:.2g}")
+    if claim.reaches is not None and row["low"] > chance:
+        missed.append(f"{interval} is wholly above chance ({chance:.2g})")
+    p = row["p"] if row.get("p_holm") is None else row["p_holm"]
+    if claim.p_below is not None and p is not None and not p < claim.p_below:
+        missed.append(f"p is {p:.2g}, not below {claim.p_below:g}")
+    return missed
+
+
+def _copied(rows: RowList, case: Mapping[str, Any], row: Mapping[str, Any], headline: Headline) -> Any:
+    """Return a row with the value, interval and verdict of a row of another table."""
+    made = RowList(rows.config).add(case, headline.metric, statistics.exact(row["value"] or 0.0, row["items"]), [])
+    kept = ("claim", "p", "p_holm", "reason", "items", "paper", "value", "low", "high", "n", "domain", "verdict", "run_keys", "draws")
+    made.update({name: row.get(name) for name in kept})
+    return made

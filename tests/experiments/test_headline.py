@@ -1,0 +1,94 @@
+"""Tests of the table of the paper's main claims: verdicts over strengths, reasons, scaled gaps, and rows that exist in every table."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from fake_campaign import config
+
+from experiments.claims import Claim
+from experiments.gaps import headline
+from experiments.gaps.headline import HEADLINES, Headline
+from radartwin.config.compose import compose
+from radartwin.config.config import Config
+from radartwin.errors import ConfigError
+from radartwin.runs.experiment import Result, check_rows
+
+COLUMNS = {"claim": "c", "paper": "0.5", "n": 3, "items": 3, "domain": "testbed", "run_keys": "", "reason": "", "draws": 3, "p": None}
+
+
+def made(own: Config, worse: float = 0.0) -> Result:
+    """Return a table with a row for each headline claim of the table; the verdict of all rows depends on the strength of the gaps."""
+    rows = []
+    for one in HEADLINES:
+        if one.table == own.experiment.name:
+            holds = own.measured.gap.person < 2.0 if own.measured.provider == "testbed" else True  # type: ignore[attr-defined]
+            value = 0.9 if holds else 0.3
+            score = {"value": value, "low": value - 0.1, "high": value + 0.1, "verdict": "holds" if holds else "fails"}
+            rows.append({**one.where, "metric": one.metric, **COLUMNS, **score})
+    return Result(str(own.experiment.name), rows, keys=[str(own.experiment.name)])
+
+
+def test_a_verdict_that_changes_depends_on_strength() -> None:
+    own = config("headline", "profile.strengths=[0.5,1,2]")
+    result = headline.score(own, made)
+    assert len(result.rows) == len(HEADLINES)
+    check_rows("headline", list(result.rows))
+    for row in result.rows:
+        assert row["verdict"] == "holds"
+        assert row["over all strengths"] == headline.DEPENDS
+        assert row["strength 0.5"].endswith("holds")
+        assert row["strength 2"] == "0.3 [0.2, 0.4], fails"
+    assert set(result.keys) == set(headline.SOURCES)
+
+
+def test_one_strength_gives_the_verdict_of_the_table() -> None:
+    result = headline.score(config("headline"), made)
+    assert {row["over all strengths"] for row in result.rows} == {"holds"}
+
+
+def test_a_strength_multiplies_all_gaps_and_nothing_else() -> None:
+    own = config("headline", "measured.gap.person=0.5", "seed=3")
+    half = headline.at_strength(own, "turntable_shape", 0.5)
+    gaps = dataclasses.asdict(half.measured.gap)  # type: ignore[attr-defined]
+    assert gaps.pop("person") == 0.25
+    assert set(gaps.values()) == {0.5}
+    assert (half.seed, half.profile, half.experiment.name) == (3, own.profile, "turntable_shape")
+
+
+def test_the_run_of_strength_one_is_that_of_the_table_itself() -> None:
+    from radartwin.runs.run import run_key
+
+    own = config("headline")
+    for name in headline.SOURCES:
+        assert run_key(headline.at_strength(own, name, 1.0)) == run_key(config(name, f"output={own.output}"))
+
+
+@pytest.mark.parametrize(
+    ("claim", "row", "words"),
+    [
+        (Claim(above=0.1), {"low": 0.05, "high": 0.2}, "not wholly above 0.1"),
+        (Claim(below=-0.1), {"low": -0.3, "high": 0.2}, "not wholly below -0.1"),
+        (headline.AT_CHANCE, {"low": 0.2, "high": 0.4, "chance": 0.1}, "wholly above chance (0.1)"),
+        (None, {"low": 0.05, "high": 0.2, "chance": 0.1}, "not wholly above 0.1"),
+        (None, {"low": 0.2, "high": 0.4, "chance": 0.1, "p": 0.01, "p_holm": 0.2}, "p is 0.2, not below 0.05"),
+    ],
+)
+def test_the_reason_names_the_condition_that_is_not_met(claim: Claim | None, row: dict, words: str) -> None:
+    one = Headline("text", "source", "table", "m", {}, claim)
+    assert words in headline.why(one, [{**COLUMNS, "metric": "m", "value": 0.1, "verdict": "fails", **row}])
+
+
+def test_the_reason_has_the_figure_of_another_row() -> None:
+    one = Headline("text", "source", "table", "gain", {}, Claim(above=0.1), ("Raw features reach {:.2f}.", {"method": "raw"}))
+    rows = [
+        {**COLUMNS, "metric": "gain", "value": 0.0, "low": -0.1, "high": 0.1, "verdict": "fails"},
+        {**COLUMNS, "metric": "accuracy", "method": "raw", "value": 0.8125, "low": 0.7, "high": 0.9, "verdict": "untestable"},
+    ]
+    assert headline.why(one, rows).endswith("Raw features reach 0.81.")
+
+
+def test_a_strength_of_zero_is_refused() -> None:
+    with pytest.raises(ConfigError, match="strengths"):
+        compose(["experiment=headline", "profile.strengths=[0]"])
