@@ -15,13 +15,14 @@ import numpy as np
 
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import draws
+from experiments.campaign.cases import LABELS, MEASURED, draws
 from experiments.claims import Claim, Row, corrected
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store
 
+UNKNOWN = "contents unknown"
 AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns of a row whose values depend on the draw
 
 
@@ -33,6 +34,26 @@ def scored(config: Config, store: Store, progress: Progress, score: Callable[[Ca
         rover: whether the table reads drives, which have draws of their own.
     """
     return joined([score(Campaign(config, store, progress, draw)) for draw in numbers(config, rover)])
+
+
+def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Result:
+    """Return the result of a table, with further rows for a simulation that does not know the contents of vessels.
+
+    The column `twin` of these rows says "contents unknown", and they state no claim. Only a profile with `unknown_contents` has them.
+
+    Args:
+        scored_of: function that returns the result of the table for a configuration.
+    """
+    result = scored_of(config)
+    if not config.profile.unknown_contents or config.contents != "filled":
+        return result
+    other, rows = scored_of(replace(config, contents="unknown")), list(result.rows)
+    for row in other.rows:
+        assert isinstance(row, Row), f"a row of {other.table} is no Row"
+        if row.case.get("of") != LABELS[MEASURED]:
+            rows.append(replace(row, case={**row.case, "twin": UNKNOWN}, claim=Claim(paper=row.claim.paper)))
+            rows[-1]["draws"] = row.get("draws")
+    return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:

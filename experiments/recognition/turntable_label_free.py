@@ -29,7 +29,8 @@ TABLE = Table(
     title="Recognition on the turntable without labels",
     caption="Rotation features are rank-normalised within each domain and distance. An encoder and a linear classifier (probe) on "
     "its embeddings are trained on the simulated features and applied to the measured ones. Chance for geometry and "
-    "material is the share of the largest class.",
+    "material is the share of the largest class. Rows with an entry in the column 'twin' belong to a simulation that knows only the "
+    "surface of vessels (paper profile).",
 )
 
 ENCODER, RANKS = "encoder on ranks", "ranks alone"
@@ -37,7 +38,9 @@ PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
+    return draws.beside_unknown(
+        config, lambda own: draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress))
+    )
 
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:

@@ -175,6 +175,7 @@ class ProfileConfig:
     scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # rooms that the simulated phone scans
     scan_strengths: list[float] = positive([1.0])  # factors on the errors of the simulated phone scan; 1 is the published size
     strengths: list[float] = positive([1.0])  # factors on all gaps (measured.gap) in the table of the paper's main claims
+    unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:

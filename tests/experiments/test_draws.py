@@ -17,6 +17,7 @@ from experiments.claims import Claim, Row, RowList, corrected
 from experiments.recognition.protocol import sign_p
 from experiments.statistics import Estimate
 from radartwin.cli import main
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
@@ -132,3 +133,20 @@ def test_a_wrong_draw_or_gap_is_one_line(given: str, told: str, capsys: pytest.C
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert told in lines[0]
+
+
+def test_rows_of_unknown_contents_stand_beside_ours_without_a_claim() -> None:
+    def scored_of(own: Config) -> Result:
+        rows = RowList(own)
+        value = 2.0 if own.contents == "filled" else 1.0
+        rows.add({"of": "simulated"}, "level", statistics.mean([value, value + 0.1], 100, 0), ["a"], Claim("above", "3", above=0.5))
+        rows.add({"of": "measured"}, "level", statistics.exact(4.0, 3), ["b"])
+        return draws.joined([Result("t", rows, {}, {}, [own.contents])])
+
+    assert len(draws.beside_unknown(config("turntable_material"), scored_of).rows) == 2
+    result = draws.beside_unknown(config("turntable_material", "profile.unknown_contents=true"), scored_of)
+    ours, measured, unknown = result.rows
+    assert (ours["verdict"], ours.get("twin"), measured["value"]) == ("holds", None, 4.0)
+    assert (unknown["verdict"], unknown["twin"], unknown["draws"], unknown["paper"]) == ("untestable", draws.UNKNOWN, 1, "3")
+    assert unknown["value"] == pytest.approx(1.05)
+    assert result.keys == ["filled", "unknown"]
