@@ -52,7 +52,7 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
         if row.case.get("of") != LABELS[MEASURED]:
             rows.append(replace(row, case={**row.case, "twin": UNKNOWN}, claim=Claim(paper=row.claim.paper)))
-            rows[-1]["draws"] = row.get("draws")
+            rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` replaced the p value of the estimate
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))
 
 

@@ -69,9 +69,11 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
         used = [one.key for pair in pairs for one in pair]
         values = [compared(*pair) for pair in pairs]
         for metric in values[0]:
-            rows.add_mean(_at(place), metric, [one[metric] for one in values], used)
-        shares[place[0], place[1]] += [one[FOUND] - one[CONTROL] for one in values]
+            if defined := [one[metric] for one in values if np.isfinite(one[metric])]:
+                rows.add_mean(_at(place), metric, defined, used)
+        shares[place[0], place[1]] += [one[FOUND] - one[CONTROL] for one in values if np.isfinite(one[FOUND])]
         keys[place[0], place[1]] += used
+    shares = {where: gains for where, gains in shares.items() if gains}
     for (room, motion), gains in shares.items():
         rows.add_mean(_at((room, motion, None)), GAIN, gains, keys[room, motion], BETTER if len(gains) > 1 else NONE)
     metrics = {f"found_{room}_{motion}": float(np.mean(gains)) for (room, motion), gains in shares.items()}
@@ -86,7 +88,7 @@ GAIN = "measured detections that are simulated, above the control"
 
 
 def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
-    """Return the means over the common frames of two recordings, by metric."""
+    """Return the means over the common frames of two recordings, by metric; nan if no frame defines the metric."""
     values = defaultdict(list)
     for one, two in zip(measured.frames, simulated.frames, strict=False):
         moved = [np.column_stack([NEAR_M + (two[:, 0] - NEAR_M + by) % (FAR_M - NEAR_M), two[:, 1]]) for by in SHIFTS_M]
@@ -101,7 +103,7 @@ def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
 
 def _mean(values: list[float]) -> float:
     finite = np.array(values)[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else 0.0
+    return float(finite.mean()) if len(finite) else float("nan")
 
 
 def _clouds(case: Case, key: str, processed: Processed, log: Log) -> Clouds:

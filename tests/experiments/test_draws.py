@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -150,3 +151,15 @@ def test_rows_of_unknown_contents_stand_beside_ours_without_a_claim() -> None:
     assert (unknown["verdict"], unknown["twin"], unknown["draws"], unknown["paper"]) == ("untestable", draws.UNKNOWN, 1, "3")
     assert unknown["value"] == pytest.approx(1.05)
     assert result.keys == ["filled", "unknown"]
+
+
+def test_rows_of_unknown_contents_keep_the_p_value_of_the_single_test() -> None:
+    def scored_of(own: Config) -> Result:
+        rows = RowList(own)
+        for number, p in enumerate((0.01, 0.02, 0.03)):
+            found = replace(statistics.mean([1.0, 1.1, 1.2], 100, 0), p=p)
+            rows.add({"of": "simulated", "number": number}, "level", found, ["a"], Claim("above", above=0.5, p_below=0.05))
+        return draws.joined([Result("t", rows, {}, {}, [])])
+
+    result = draws.beside_unknown(config("turntable_material", "profile.unknown_contents=true"), scored_of)
+    assert [(row["p"], row["p_holm"]) for row in result.rows if row.get("twin")] == [(0.01, None), (0.02, None), (0.03, None)]

@@ -155,3 +155,10 @@ def test_a_frame_without_detections_has_no_distance_and_no_share() -> None:
     none, one = np.zeros((0, 2)), np.array([[1.0, 0.0]])
     found = point_clouds.compared(point_clouds.Clouds("a", [one, none]), point_clouds.Clouds("b", [one, one]))
     assert (found[point_clouds.FOUND], found[point_clouds.EXTRA], found[point_clouds.CHAMFER]) == (1.0, 0.5, 0.0)
+
+
+def test_clouds_without_detections_have_no_distance() -> None:
+    point, none = np.array([[1.0, 0.0]]), np.empty((0, 2))
+    found = point_clouds.compared(point_clouds.Clouds("a", [point]), point_clouds.Clouds("b", [none]))
+    assert found[point_clouds.FOUND] == 0
+    assert np.isnan([found[point_clouds.CHAMFER], found[point_clouds.EXTRA]]).all()
