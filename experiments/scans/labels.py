@@ -36,7 +36,8 @@ TABLE = Table(
     "everywhere, and at random. The model saw the exported pictures and the prompt only. Labels are compared with the true "
     "materials by area. A label is within 1 dB if the mean reflection of its material, over angles and the frequency sweep, is "
     "within 1 dB of the true material's. The gain of a source is the decrease of the mean reflection error in dB relative to "
-    "plasterboard everywhere; it is judged for each room. Intervals of shares are Wilson intervals at the effective number of "
+    "plasterboard everywhere; it is judged for each room. The diffuse distance compares the diffuse echoes of the labelled and the "
+    "true roughness at normal incidence. Intervals of shares are Wilson intervals at the effective number of "
     "surfaces; intervals of the gain are bootstraps over surfaces.",
 )
 
@@ -109,7 +110,11 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
                 rows.append({**named, "metric": "right category", **rest, **score})
             score = {"value": line["close"], "low": line["close_low"], "high": line["close_high"]}
             rows.append({**named, "metric": f"within {CLOSE_DB:g} dB", **rest, **score})
-            for metric, column in (("mean distance dB", "mean_db"), ("worst distance dB", "worst_db")):
+            for metric, column in (
+                ("mean distance dB", "mean_db"),
+                ("worst distance dB", "worst_db"),
+                ("mean diffuse distance dB", "diffuse_db"),
+            ):
                 value = float(line[column])
                 rows.append({**named, "metric": metric, **rest, "value": value, "low": value, "high": value})
     return rows

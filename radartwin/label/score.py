@@ -17,7 +17,7 @@ import numpy as np
 from radartwin.errors import SceneError
 from radartwin.label.place import place_of
 from radartwin.label.sources import true_surfaces
-from radartwin.materials.distance import distance_db
+from radartwin.materials.distance import diffuse_distance_db, distance_db
 from radartwin.materials.minc import CATEGORIES
 from radartwin.scene.scene import Scene
 
@@ -37,6 +37,7 @@ class Judged:
         label: MINC category of the surface's material label; None if the labelled material has no category.
         truth: true MINC category of the surface.
         distance_db: electromagnetic distance in dB between the labelled material and the true material.
+        diffuse_db: distance in dB between the diffuse echoes of the labelled and the true roughness.
         stand_in: True if the labelled material is a substitute material, or if its layers are uncertain.
     """
 
@@ -44,6 +45,7 @@ class Judged:
     label: str | None
     truth: str
     distance_db: float
+    diffuse_db: float
     stand_in: bool
 
     @property
@@ -71,7 +73,8 @@ def judge(labelled: Scene, truth: Scene) -> list[Judged]:
         area = place_of(surface.mesh).area_m2
         error_db = distance(surface.material, true.material)
         facts = surface.provenance
-        out.append(Judged(area, facts.get("minc"), str(category), error_db, bool(facts.get("stand_in"))))
+        diffuse_db = diffuse_distance_db(surface.roughness_m, true.roughness_m)
+        out.append(Judged(area, facts.get("minc"), str(category), error_db, diffuse_db, bool(facts.get("stand_in"))))
     return out
 
 
@@ -83,6 +86,7 @@ def accuracy_table(judged: Sequence[Judged]) -> pd.DataFrame:
     - accuracy: share of surfaces with the right category; low and high: ends of the share's 95 % interval.
     - close: share of surfaces with a distance of at most CLOSE_DB; close_low and close_high: ends of the share's 95 % interval.
     - mean_db, worst_db: mean and largest electromagnetic distance between labelled and true material.
+    - diffuse_db: mean distance between the diffuse echoes of labelled and true roughness.
     - guessed: share of surfaces whose label is a substitute material or has uncertain layers.
     """
     import pandas as pd
@@ -124,5 +128,6 @@ def _row(name: str, group: Sequence[Judged]) -> dict[str, object]:
         "close_high": close_high,
         "mean_db": float(np.average(distances, weights=areas)),
         "worst_db": float(distances.max()),
+        "diffuse_db": float(np.average([j.diffuse_db for j in group], weights=areas)),
         "guessed": float(np.average([j.stand_in for j in group], weights=areas)),
     }

@@ -8,12 +8,16 @@ surfaces of a room have all orientations. It averages the power over the frequen
 echo contains the whole sweep. At a single frequency, the interference of the reflections from both faces of a wall would change with a
 millimetre of wall thickness. The distance does not include roughness, because roughness redistributes power and does not absorb it. The
 distance d is a metric, except that d is also 0 between different materials of equal reflectivity.
+
+The distance of two roughnesses compares the share of the reflected power that is diffuse at normal incidence, 1 - exp(-(2 k h)^2) for the
+rms height h and the wavenumber k at the middle of the sweep (Ament's factor, `radartwin.materials.roughness`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials.itu import P2040
 from radartwin.materials.layers import Layered, reflection, stack_coefficients
 from radartwin.materials.permittivity_by_name import permittivity, split
@@ -22,6 +26,7 @@ INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
 # Lower limit of the reflectivity in dB. The limit is about 30 dB below the reflectivity of plaster, like the diffuse echoes of a room.
 FLOOR_DB = -40.0
+SMOOTHEST_M = 2e-6  # rms height of a glazed or polished face; a lower one has no measurable diffuse echo
 
 
 def reflectivity_db(
@@ -90,3 +95,16 @@ def _grid(frequency_hz: np.ndarray | float, incidence_deg: np.ndarray) -> tuple[
 def _level(te: np.ndarray, tm: np.ndarray) -> np.ndarray:
     power = ((np.abs(te) ** 2 + np.abs(tm) ** 2) / 2).mean(axis=-1)
     return np.maximum(10 * np.log10(np.maximum(power, 1e-30)), FLOOR_DB)
+
+
+def diffuse_distance_db(first_m: float, second_m: float) -> float:
+    """Compute the distance in dB of two rms heights in metres: the ratio of the diffuse shares of the reflected power, as its magnitude.
+
+    >>> round(diffuse_distance_db(0.3e-3, 0.05e-3), 1)
+    13.7
+    >>> diffuse_distance_db(0.0, 2e-6)
+    0.0
+    """
+    wavenumber = 2 * np.pi * float(SWEEP_HZ.mean()) / SPEED_OF_LIGHT
+    one, two = (-np.expm1(-((2 * wavenumber * max(height, SMOOTHEST_M)) ** 2)) for height in (first_m, second_m))
+    return float(abs(10 * np.log10(one / two)))

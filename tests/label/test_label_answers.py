@@ -359,6 +359,17 @@ def test_score_weights_accuracy_and_error_by_area() -> None:
     assert all(row["low"] <= row["accuracy"] <= row["high"] for row in table.values())
 
 
+def test_score_of_roughness_is_the_ratio_of_diffuse_power() -> None:
+    labelled, truth = room(["painted", "painted"], ["painted", "painted"], [3, 1])
+    rough = Scene([s.replaced(roughness_m=height) for s, height in zip(truth, (0.3e-3, 0.05e-3), strict=True)])
+    smooth = Scene([s.replaced(roughness_m=0.05e-3) for s in labelled])
+    table = {row["minc"]: row for row in accuracy_table(judge(smooth, rough)).to_dict("records")}
+    k = 2 * np.pi * 78.72e9 / 299792458.0
+    ratio = (1 - np.exp(-((2 * k * 0.3e-3) ** 2))) / (1 - np.exp(-((2 * k * 0.05e-3) ** 2)))
+    assert table["all"]["diffuse_db"] == pytest.approx(0.75 * 10 * np.log10(ratio), rel=1e-6)
+    assert table["all"]["mean_db"] == 0.0
+
+
 def test_wilson_interval_matches_published_values() -> None:
     # R. Newcombe, Statistics in Medicine 17 (1998) 857, table I, method 3: 81 of 263 and 15 of 148.
     for hits, n, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):
