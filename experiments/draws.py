@@ -15,7 +15,7 @@ import numpy as np
 
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import LABELS, MEASURED, draws
+from experiments.campaign.cases import draws
 from experiments.claims import Claim, Row, corrected
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -39,7 +39,8 @@ def scored(config: Config, store: Store, progress: Progress, score: Callable[[Ca
 def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Result:
     """Return the result of a table, with further rows for a simulation that does not know the contents of vessels.
 
-    The column `twin` of these rows says "contents unknown", and they state no claim. Only a profile with `unknown_contents` has them.
+    The column `twin` of these rows says "contents unknown", and they state no claim. Rows that equal ours, such as those of measurements
+    alone, are left out. Only a profile with `unknown_contents` has these rows.
 
     Args:
         scored_of: function that returns the result of the table for a configuration.
@@ -48,9 +49,10 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
     if not config.profile.unknown_contents or config.contents != "filled":
         return result
     other, rows = scored_of(replace(config, contents="unknown")), list(result.rows)
+    ours = {(row["metric"], *row.case.items()): row["value"] for row in rows if isinstance(row, Row)}
     for row in other.rows:
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
-        if row.case.get("of") != LABELS[MEASURED]:
+        if row["value"] != ours.get((row["metric"], *row.case.items())):  # rows of measurements alone are equal
             rows.append(replace(row, case={**row.case, "twin": UNKNOWN}, claim=Claim(paper=row.claim.paper)))
             rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` replaced the p value of the estimate
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))

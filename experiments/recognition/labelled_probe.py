@@ -95,7 +95,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
 
     def scored(own: Config) -> Result:
-        rivals = {RIVAL: Campaign(replace(own, simulator=simulator), store, progress)}
+        rivals = {RIVAL: Campaign(replace(own, simulator=simulator), store, progress)} if own is config else {}
         return draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress, rivals))
 
     return draws.beside_unknown(config, scored)

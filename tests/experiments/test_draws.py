@@ -157,7 +157,7 @@ def test_rows_of_unknown_contents_keep_the_p_value_of_the_single_test() -> None:
     def scored_of(own: Config) -> Result:
         rows = RowList(own)
         for number, p in enumerate((0.01, 0.02, 0.03)):
-            found = replace(statistics.mean([1.0, 1.1, 1.2], 100, 0), p=p)
+            found = replace(statistics.mean([1.0, 1.1, 1.2 + 0.1 * (own.contents == "filled")], 100, 0), p=p)
             rows.add({"of": "simulated", "number": number}, "level", found, ["a"], Claim("above", above=0.5, p_below=0.05))
         return draws.joined([Result("t", rows, {}, {}, [])])
 
