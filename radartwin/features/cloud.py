@@ -83,4 +83,4 @@ def matched(first: NDArray[np.float64], second: NDArray[np.float64], range_m: fl
     if not len(first):
         return float("nan")
     near = np.abs(first[:, None] - second[None]) <= np.array([range_m, azimuth_rad])
-    return float(near.all(axis=2).any(axis=1).mean())
+    return float(np.any(np.all(near, axis=-1), axis=-1).mean())

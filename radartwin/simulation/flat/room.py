@@ -213,7 +213,7 @@ class FlatRoom:
         near = _near(points[tests], points[keys], KEY_SPACING_M)
         kinds = _kinds(every)
 
-        def strong(test: int, chosen: np.ndarray) -> np.ndarray:
+        def strong(test: np.integer, chosen: np.ndarray) -> np.ndarray:
             """Return which sequences of the `chosen` key places are strong at a test place."""
             active, levels = np.zeros(len(every), bool), np.zeros(len(every))
             for k in chosen:
