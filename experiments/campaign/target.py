@@ -22,6 +22,7 @@ def seen(
     disc: Sequence[Surface],
     apart: Sequence[Surface],
     aside: np.ndarray | None = None,
+    shadow: bool = True,
 ) -> list[Paths]:
     """Return the propagation paths of target, stand and other objects for all frames, or for one frame if nothing moves.
 
@@ -34,6 +35,7 @@ def seen(
             each other.
         apart: other objects at rest (posts, motors, cables); paths of these objects that also reflect at faces of the room are ignored.
         aside: (3,) offset in metres of the target's true position from its logged position, for a moving radar.
+        shadow: whether to include the shadow of the target on the paths of the room. A moving radar always has it.
     """  # fmt: skip
     parts: list[Paths] = []
     if len(sensor) > 1:
@@ -44,7 +46,7 @@ def seen(
             if share:
                 parts += drives.over_room(surfaces, sensor, aside).seen(sensor, rate_hz)
         return parts
-    parts += drives.moving(target, sensor, poses)
+    parts += drives.moving(target, sensor, poses, shadow=shadow)
     for surfaces, coupled in ((disc, True), *(([one], False) for one in apart)):
         parts += drives.at_rest(surfaces, sensor, coupled)
     return parts

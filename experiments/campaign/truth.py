@@ -27,7 +27,7 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import with_other_reflectors
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation.aspects import Aspects, needed
+from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.signal.synthesis import received
@@ -98,7 +98,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
         # drives keep 1.0: interpolation along the track (radartwin/simulation/drives.py) has a larger error than finer tubes remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
-        coupled_rays_per_wavelength2=1.0,  # error against 4.0: 0.016 of a turning bottle's signal (1 m, lab); cost: a sixth
+        coupled_rays_per_wavelength2=0.5,
         variant=config.simulator.variant,
     )
     hardware = Hardware(board=case.draw).scaled(gaps.hardware)
@@ -109,10 +109,12 @@ def record(case: Case, config: Config) -> Recording | Turned:
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}
     creep = _creep(case, place, seed, root) if case.motion == "turntable" else None
     person = _person(case, place, seed, root)
-    if case.motion == "turntable" and nominal.frames > aspects(case.object, gaps):
-        traced, angles = _turned(case, place, seed, root)
-        return Turned(traced, angles, radar, creep, person, provenance)
-    iq = _moved(case, place, seed, root)
+    turning = _Turning(case, place, seed, root) if case.motion == "turntable" and nominal.frames > shadows(case.object) else None
+    if turning is not None and nominal.frames > aspects(case.object, gaps):
+        return Turned(turning.traced(), turning.angles(), radar, creep, person, provenance)
+    iq = _moved(case, place, seed, root, shadow=turning is None)
+    if turning is not None:
+        iq += turning.shadow().at(turning.angles())
     if creep is not None:
         creep.add_to(iq)
     if person is not None:
@@ -131,6 +133,11 @@ def aspects(target: str, gaps: testbed.Gaps) -> int:
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
     beyond = OFF_AXIS * float(np.hypot(errors.PlacementErrors().eccentric_m * gaps.placement, tilt * height))
     return needed(surfaces, beyond, entry.outline_m is not None, gaps.object_shape > 0)
+
+
+def shadows(target: str) -> int:
+    """Return the number of target angles per revolution at which to compute the target's shadow, if a recording has more frames."""
+    return SHADOW_ASPECTS if with_other_reflectors()[target].outline_m is None else SHADOW_ROUND
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
@@ -189,7 +196,7 @@ def _true_stand(sensor: bytes, top: bytes, gaps: testbed.Gaps, seed: int) -> Sce
     return testbed.truth(parts, gaps, seed)
 
 
-def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.ndarray:
+def _seen(case: Case, place: _Place, root: int, there: testbed.Actual, shadow: bool = True) -> np.ndarray:
     """Simulate the received signal (F, C, T, R, N) of the whole scene at the actual poses of radar and target."""
     drives, radar = _drives(case, place, root), place.radar
     poses = there.motion[case.object]
@@ -202,36 +209,67 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual) -> np.nda
     if case.motion in RAIL:
         parts = on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
     else:
-        parts = seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside)
+        parts = seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside, shadow)
     iq = received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
     return iq + drives.room_samples(there.sensor_poses)
 
 
-def _turned(case: Case, place: _Place, seed: int, root: int) -> tuple[Aspects, np.ndarray]:
-    """Return the radar signals at the traced target angles of a revolution, and the table's angle (F, C, T) in radians at each chirp."""
-    nominal, radar, gaps = place.log, place.radar, place.gaps
-    off = errors.TurntableErrors().scaled(gaps.trajectory)
-    wobbling = replace(off, start_deg=0.0, rate=0.0, ripple_deg=0.0)
-    clock, table, placing = (np.random.default_rng(np.random.SeedSequence([seed, *n])) for n in (b"clock", b"turntable", b"placement"))
-    state, placed = table.bit_generator.state, placing.bit_generator.state
-    short = replace(place, radar=replace(radar, num_chirps=1))
+@dataclass(frozen=True, eq=False)
+class _Turning:
+    """Trace a turning target at chosen angles of its turntable instead of at each frame."""
 
-    def chirp(angles: np.ndarray) -> np.ndarray:
-        poses = np.repeat(nominal.target_poses[:1], len(angles), axis=0)
-        poses[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix() @ nominal.target_poses[0, :3, :3]
-        table.bit_generator.state, placing.bit_generator.state = state, placed  # the same table and placement at every angle
-        there = errors.turntable(poses, wobbling, table)
-        there = errors.placed({case.object: there}, errors.PlacementErrors().scaled(gaps.placement), placing)
-        return _seen(case, short, root, testbed.Actual(nominal.sensor_poses, there))[:, 0]
+    case: Case
+    place: _Place
+    seed: int
+    root: int
 
-    traced = Aspects.traced(chirp, aspects(case.object, gaps))
-    times = Hardware().scaled(gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
-    assert nominal.angle_rad is not None
-    speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz
-    angle = speed * (times[:, None, None] + radar.chirp_times()[None])  # (F, C, T)
-    table.bit_generator.state = state
-    more = errors.turntable_angles(angle[:, 0, 0], off, table)
-    return traced, angle + more[:, None, None]
+    def traced(self) -> Aspects:
+        """Return the radar signals at the traced target angles of a revolution."""
+        short, count = replace(self.place, radar=replace(self.place.radar, num_chirps=1)), aspects(self.case.object, self.place.gaps)
+
+        def chirp(angles: np.ndarray) -> np.ndarray:
+            there = testbed.Actual(self.place.log.sensor_poses, {self.case.object: self._poses(angles)})
+            return _seen(self.case, short, self.root, there, shadow=False)[:, 0]
+
+        return Aspects(Aspects.traced(chirp, count).signals + self.shadow().refined(count).signals)
+
+    def shadow(self) -> Aspects:
+        """Return the change of the radar signals by the target's shadow on the paths of the room."""
+        drives, target = _drives(self.case, self.place, self.root), list(_target(self.case, self.place.gaps, self.root))
+        sensor, radar = self.place.log.sensor_poses, replace(self.place.radar, num_chirps=1)
+
+        def chirp(angles: np.ndarray) -> np.ndarray:
+            parts = drives.shadow(target, sensor, self._poses(angles))
+            return received(parts, radar, len(angles), elements="exact", oscillator=None)[:, 0]
+
+        return Aspects.traced(chirp, shadows(self.case.object))
+
+    def angles(self) -> np.ndarray:
+        """Return the table's angle (F, C, T) in radians at each chirp."""
+        nominal, (clock, table, _) = self.place.log, self._generators()
+        times = Hardware().scaled(self.place.gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
+        assert nominal.angle_rad is not None
+        speed = float(nominal.angle_rad[1] - nominal.angle_rad[0]) * nominal.frame_rate_hz
+        angle = speed * (times[:, None, None] + self.place.radar.chirp_times()[None])
+        more = errors.turntable_angles(angle[:, 0, 0], errors.TurntableErrors().scaled(self.place.gaps.trajectory), table)
+        return angle + more[:, None, None]
+
+    def _poses(self, angles: np.ndarray) -> np.ndarray:
+        """Return the poses (A, 4, 4) of the target at angles (A,) of the table. Table and placement are the same at every angle."""
+        gaps, (_, table, placing) = self.place.gaps, self._generators()
+        first = self.place.log.target_poses[:1]
+        poses = np.repeat(first, len(angles), axis=0)
+        poses[:, :3, :3] = Rotation.from_rotvec(angles[:, None] * [0.0, 0.0, 1.0]).as_matrix() @ first[0, :3, :3]
+        wobbling = replace(errors.TurntableErrors().scaled(gaps.trajectory), start_deg=0.0, rate=0.0, ripple_deg=0.0)
+        there = {self.case.object: errors.turntable(poses, wobbling, table)}
+        return errors.placed(there, errors.PlacementErrors().scaled(gaps.placement), placing)[self.case.object]
+
+    def _generators(self) -> tuple[np.random.Generator, np.random.Generator, np.random.Generator]:
+        """Return new random generators of the clock, the turntable and the placement."""
+        clock, table, placing = (
+            np.random.default_rng(np.random.SeedSequence([self.seed, *n])) for n in (b"clock", b"turntable", b"placement")
+        )
+        return clock, table, placing
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
@@ -281,11 +319,11 @@ def _person(case: Case, place: _Place, seed: int, root: int) -> bystander.Echo |
     return bystander.Echo(np.float32(strength) * still, bystander.sway(times, strength, swaying))
 
 
-def _moved(case: Case, place: _Place, seed: int, root: int) -> np.ndarray:
+def _moved(case: Case, place: _Place, seed: int, root: int, shadow: bool = True) -> np.ndarray:
     """Trace every frame with target and radar at their actual poses. Returns the received signal (F, C, T, R, N)."""
     nominal = place.log
     there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
-    iq = _seen(case, place, root, there)
+    iq = _seen(case, place, root, there, shadow)
     return iq + _carrier(place, root) if case.motion in ROVER else iq
 
 

@@ -35,6 +35,10 @@ ASPECTS = 1024  # default number of aspects per revolution
 # signal per revolution.
 MIN_ASPECTS = 512
 NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with dents and a seam
+# Aspects of the shadow that a target casts on the paths of the room, for a body of revolution and for another target. The shadow changes
+# slowly, because a wave that passes the edge of the outline is hardly deflected. Error relative to the shadow: 0.002 to 0.003 (cans as made
+# at 64 aspects), 0.003 (bottle), 0.007 (mug) and 0.008 (corner reflector, all three at 128 aspects).
+SHADOW_ROUND, SHADOW_ASPECTS = 64, 128
 TAPS = 8  # number of aspects from which one chirp is interpolated
 HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects
 _OVERSAMPLING = 1.6  # number of aspects divided by the number that the sampling theorem requires; sets the interpolation window
@@ -60,6 +64,15 @@ class Aspects:
         angles = 2 * np.pi / symmetry * np.arange(count) / count
         parts = [chirp(angles[first : first + _BATCH]) for first in range(0, count, _BATCH)]
         return Aspects(np.concatenate(parts).astype(np.complex64), symmetry)
+
+    def refined(self, count: int) -> "Aspects":
+        """Return the band-limited interpolation to `count` aspects, which are at least as many as the traced ones."""
+        traced = len(self.signals)
+        spectrum = np.fft.fft(self.signals, axis=0)
+        more = np.zeros((count, *spectrum.shape[1:]), np.complex64)
+        positive = (traced + 1) // 2
+        more[:positive], more[count - traced // 2 :] = spectrum[:positive], spectrum[positive:]
+        return Aspects((np.fft.ifft(more, axis=0) * (count / traced)).astype(np.complex64), self.symmetry)
 
     def at(self, angles: np.ndarray) -> np.ndarray:
         """Interpolate the chirps of F frames with C chirp loops.

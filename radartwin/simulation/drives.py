@@ -303,30 +303,36 @@ class Drives:
         return _joined(places, blocks, [traced(places[block]) for block in blocks], self._radar)
 
     def moving(
-        self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None
-    ) -> list[Paths]:
+        self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None,
+        shadow: bool = True,
+    ) -> list[Paths]:  # fmt: skip
         """Trace a compact object at `poses` (F, 4, 4) from sensor poses `sensor` (F, 4, 4). A single pose holds for all frames.
-
-        The result contains the changes of the flat room's paths in the shadow of the object.
 
         Args:
             coupled: whether to include paths between the object and the room. The diffuse paths of the object are always included. The
                 object does not hide diffuse paths of the room, because `room` does not know the object.
             aside: (3,) metres from the nominal to the actual object position. Legs that reflect at faces of the room are searched for a
                 ball around the nominal position, so that all objects placed there share these legs.
+            shadow: whether to include the changes of the flat room's paths in the shadow of the object (`shadow`).
         """
         found = [
             merged(part, self._radar, pruning.both_gains(self._radar, part.departure, part.arrival))
             for part in self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
         ]
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
-        if self._still is not None:
-            there = poses_module.repeated(poses, len(sensor))
-            found += shadows_of_mover(*self._walls(sensor), body.geometry, sensor, there, self._still.room.wavenumber)
+        if shadow:
+            found += self.shadow(surfaces, sensor, poses)
         if not self._backend.settings.diffuse:
             return found
         others = [] if self._still is None else [diffuse.Body(self._still.surfaces, self._still.geometry, np.eye(4)[None])]
         return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
+
+    def shadow(self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray) -> list[Paths]:
+        """Return the changes of the flat room's paths in the shadow of an object; arguments as in `moving`."""
+        if self._still is None:
+            return []
+        body, there = geometry.build([s.mesh for s in surfaces]), poses_module.repeated(poses, len(sensor))
+        return shadows_of_mover(*self._walls(sensor), body, sensor, there, self._still.room.wavenumber)
 
     def at_rest(self, surfaces: Sequence[Surface], sensor: np.ndarray, coupled: bool) -> list[Paths]:
         """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the last RESTING objects are cached.

@@ -16,8 +16,7 @@ from radartwin.scene import objects
 from radartwin.scene.surface import Surface
 from radartwin.simulation import geometry
 from radartwin.simulation.backends.mitsuba import static_scene
-from radartwin.simulation.backends.static_scene import Bodies, _distinct
-from radartwin.simulation.flat import kirchhoff, legs, shadows
+from radartwin.simulation.flat import kirchhoff, legs, obstacles, shadows
 
 RADAR = Radar.iwr1843("isotropic")
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -82,11 +81,11 @@ def exact_mirror(shape, source, receiver=None):
 
 def shadow(mesh, source, receiver):
     """Return the factor of a line beside or behind a metal body. The source is moved as in legs, so that no line hits an edge exactly."""
-    body = Bodies.of(geometry.build([mesh]), np.ones(1, bool))
+    body = geometry.build([mesh])
+    outlines, tree = shadows.of_mesh(body), obstacles.build(body.corners, body.surface)
     ends = np.array(source, float) + legs.NUDGE / K, np.array(receiver, float)
-    edges = len(body.outlines.length)
-    out = np.empty(edges, complex), np.empty((edges, 3))
-    return shadows.factor(body.outlines, body.blocking, body.opaque, *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1, *out)
+    out = np.empty(len(outlines.length), complex), np.empty((len(outlines.length), 3))
+    return shadows.factor(outlines, tree, np.ones(1, bool), *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1, *out)
 
 
 def half_plane(excess):
@@ -293,28 +292,8 @@ def test_bodies_behind_either_end_hide_nothing():
     assert shadow(aside, (-1, 0.01, 0.02), (1, 0.01, 0.02)) == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("axis", [1, 2])
-def test_path_exactly_over_an_edge_keeps_a_quarter(axis):
-    """One half of the field remains on each of both ways, also if the path hits the edge of a body exactly."""
-    low, high = np.array([-0.1, -3, -3.0]), np.array([0.1, 3, 3.0])
-    high[axis] = 0.0
-    for mesh in (objects.box(low.tolist(), high.tolist()), objects.plate(3.0, 3.0).apply_translation(-1.5 * np.eye(3)[axis])):
-        body = Bodies.of(geometry.build([mesh]), np.ones(1, bool))
-        found = body.factors(np.array([[-2.0, 0, 0]]), np.array([[[2.0, 0, 0]]]), False, K)[0]
-        assert found == pytest.approx(0.25, abs=0.03)
-
-
 def test_shadow_is_continuous_across_the_outline_of_a_box():
     box = objects.box([-0.2, -0.3, -0.3], [0.2, 0.0, 0.3])
     for step in (1e-8, 1e-6, 1e-5):
         sides = [shadow(box, (-1.0, s * step, 0.02), (1.0, s * step, 0.02)) for s in (-1, 1)]
         assert abs(sides[0] - sides[1]) < 1e-3 + 200 * step
-
-
-def test_equal_rows_are_evaluated_once():
-    rows = np.random.default_rng(0).random((50, 9))
-    rows[:, 6:] = np.nan
-    order = np.random.default_rng(1).integers(0, 50, 200)
-    first, which = _distinct(rows[order])
-    assert len(first) == len(np.unique(order))
-    assert np.array_equal(rows[order][first][which], rows[order], equal_nan=True)

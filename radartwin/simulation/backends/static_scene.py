@@ -8,20 +8,20 @@ smooth shadows. A room whose large surfaces are not flat is traced by tubes as a
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
 
-from radartwin.compiled import shared_out
 from radartwin.radar.chirp import Radar
 from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import visibility
+from radartwin.simulation.backends.tube_paths import clusters
 from radartwin.simulation.flat import faces as faces_module
-from radartwin.simulation.flat import obstacles, shadows
+from radartwin.simulation.flat import obstacles, shadows, silhouette
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, made_once
@@ -41,31 +41,6 @@ class Surroundings(NamedTuple):
 
     room: FlatRoom | None  # faces at which the paths of the object may also reflect, and everything that hides the object
     occluder: Geometry | None  # triangles that may block the paths of an object that is too close for a planar grid of tubes
-
-
-class Bodies(NamedTuple):
-    """Hold what hides lines: the outlines and the triangles of bodies in one frame."""
-
-    outlines: shadows.Outlines
-    blocking: obstacles.Hierarchy
-    opaque: np.ndarray
-
-    @staticmethod
-    def of(geometry: Geometry, opaque: np.ndarray) -> "Bodies":
-        """Prepare the triangles of a geometry; `opaque`: (S,) whether each surface blocks."""
-        return Bodies(shadows.of_mesh(geometry), obstacles.build(geometry.corners, geometry.surface), opaque)
-
-    def factors(self, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float) -> np.ndarray:
-        """Return the factors (N,) of closed paths; arguments as in `radartwin.simulation.flat.shadows.cast`."""
-        if not len(points):
-            return np.ones(0, complex)
-        first, which = _distinct(np.concatenate([sensor, points.reshape(len(points), -1)], axis=1))
-        out = np.ones(len(first), complex)
-        shared_out(
-            shadows.cast, len(out), self.outlines, self.blocking, self.opaque, np.ascontiguousarray(sensor[first]),
-            np.ascontiguousarray(points[first]), mirrors, wavenumber, out,
-        )  # fmt: skip
-        return out[which]
 
 
 @dataclass(frozen=True)
@@ -128,9 +103,19 @@ class StaticScene:
         return faces_module.find(geometry_module.subset(self.geometry, self.compact))[0]
 
     @cached_property
-    def _bodies(self) -> Bodies | None:
-        """Return the small objects as bodies that hide, or None if there are none."""
-        return Bodies.of(geometry_module.subset(self.geometry, self.compact), self.room.table.opaque) if self.compact.any() else None
+    def _bodies(self) -> list[silhouette.Skin]:
+        """Return the small objects that block. Objects that nearly touch are one body."""
+        hiding = self._hiding(self.compact)
+        groups = clusters(self.surfaces, np.unique(self.geometry.surface[hiding]))
+        masks = [hiding & np.isin(self.geometry.surface, group) for group in groups]
+        return [silhouette.skin(geometry_module.subset(self.geometry, mask)) for mask in masks]
+
+    def _hiding(self, some: np.ndarray) -> np.ndarray:
+        """Return a mask (F,) of those of the triangles `some` (F,) that block.
+
+        A body that transmits casts no shadow here, because the factor of an outline is that of a body that blocks.
+        """
+        return some & self.table.opaque[self.geometry.surface]
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
         """Return the room for tracing paths with an object of the surfaces `own`, which do not hide it.
@@ -151,7 +136,7 @@ class StaticScene:
     def _without(self, own: Sequence[int], done: Sequence[int], flat: bool) -> FlatRoom:
         room, objects = self.room, self._objects
         mine = self.compact & np.isin(self.geometry.surface, list(own))
-        others = geometry_module.subset(self.geometry, self.compact & ~mine)
+        others = geometry_module.subset(self.geometry, self._hiding(self.compact & ~mine))
         every = geometry_module.subset(self.geometry, ~mine)
         usable = np.concatenate([room.usable, ~np.isin(objects.surface, [*own, *done])]) & flat
         outlines = shadows.Outlines.concatenate([room.outlines, shadows.of_mesh(others)] if flat else [shadows.of_mesh(others)])
@@ -182,14 +167,16 @@ class StaticScene:
         velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
         searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
         parts = self.room.paths(poses, velocity, radar, max_bounces, prune, searched)
-        if self._bodies is None:
-            return parts
-        shaded = []
-        for part in parts:
-            assert part.points is not None
-            factor = self._bodies.factors(poses[part.pose, :3, 3], part.points, part.mirror is not None, self.room.wavenumber)
-            shaded.append(replace(part, amplitude=part.amplitude * factor[:, None]))
-        return shaded
+        return [self._shaded(part, poses) for part in parts]
+
+    def _shaded(self, part: Paths, poses: np.ndarray) -> Paths:
+        """Return paths of the room in the shadow of the small objects."""
+        assert part.points is not None
+        amplitude = part.amplitude
+        for body in self._bodies:
+            factor = silhouette.factors(body, poses[part.pose, :3, 3], part.points, part.mirror is not None, self.room.wavenumber)
+            amplitude = amplitude * factor[:, None]
+        return replace(part, amplitude=amplitude)
 
 
 def shadows_of_mover(
@@ -210,7 +197,7 @@ def shadows_of_mover(
         geometry: triangles of the body in its own frame. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
         wavenumber: rad/m.
     """
-    body = Bodies.of(geometry, np.ones(int(geometry.surface.max(initial=0)) + 1, bool))
+    body = _skin(geometry)
     inverse, frames = poses_module.inverse(poses), len(poses)
     sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
     most, out = strongest(parts, levels, frames), []
@@ -220,7 +207,7 @@ def shadows_of_mover(
         kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
         for frame, row in visibility.pairs(part, frames):
             points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
-            change = body.factors(sensor[frame], points, part.mirror is not None, wavenumber) - 1
+            change = silhouette.factors(body, sensor[frame], points, part.mirror is not None, wavenumber) - 1
             shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
             kept.append((frame[shaded], row[shaded], change[shaded]))
         frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))
@@ -229,17 +216,9 @@ def shadows_of_mover(
     return out
 
 
-def _distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return indices of rows (N, K) among which each row occurs, and for each row its place (N,) among these indices.
-
-    Both directions of a path have the same points. The rows are sorted by a hash, because sorting whole rows is slow.
-    """
-    bits = np.ascontiguousarray(rows).view(np.uint64)
-    order = np.argsort(bits @ np.random.default_rng(0).integers(1, 2**64, bits.shape[1], np.uint64, endpoint=False), kind="stable")
-    new = np.append(True, (bits[order[1:]] != bits[order[:-1]]).any(axis=1))
-    which = np.empty(len(rows), int)
-    which[order] = np.cumsum(new) - 1
-    return order[new], which
+@lru_cache(maxsize=4)
+def _skin(geometry: Geometry) -> silhouette.Skin:
+    return silhouette.skin(geometry)
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:

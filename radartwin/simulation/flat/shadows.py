@@ -15,7 +15,7 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import GRAZING_M, NUDGE, distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.field import GRAZING_M, distance, dot, moved, toward, vector
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.geometry import Geometry
@@ -145,7 +145,7 @@ def _halved(group: np.ndarray, likeness: np.ndarray) -> list[np.ndarray]:
 
 
 @innermost
-def _is_near(centre: Vector, radius: float, source: Vector, way: Vector, low: float, high: float, total: float, excess: float) -> bool:
+def near(centre: Vector, radius: float, source: Vector, way: Vector, low: float, high: float, total: float, excess: float) -> bool:
     """Return whether a ball can reach into the ellipsoid about a path of the length `total` and its part from `low` to `high`.
 
     On the surface of the ellipsoid, the path is longer by `excess`.
@@ -220,7 +220,7 @@ def waves(
     for c in range(len(outlines.radius)):
         if not _has_silhouette(outlines, c, source):
             continue
-        if not _is_near(vector(outlines.centre, c), outlines.radius[c], source, way, low, high, total, excess):
+        if not near(vector(outlines.centre, c), outlines.radius[c], source, way, low, high, total, excess):
             continue
         at_a, at_b = _touches(outlines, c, start, normal_a), _touches(outlines, c, end, normal_b)
         for e in range(outlines.first[c], outlines.first[c + 1]):
@@ -284,95 +284,3 @@ def _side(outlines: Outlines, e: int, start: Point, end: Point) -> float:
     if dot(source, up) >= 0:
         return 1.0 if not above and turned < 0 else -1.0
     return 1.0 if (above and turned > 0) or (not above and dot(receiver, vector(outlines.other, e)) < 0) else -1.0
-
-
-@compiled
-def cast(
-    begin: int, stop: int, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, sensor: np.ndarray, points: np.ndarray,
-    mirrors: bool, wavenumber: float, out: np.ndarray,
-) -> None:  # fmt: skip
-    """Write the factors of the paths `begin` to `stop` - 1 to `out` (N,).
-
-    An edge wave of one line of a path goes on along its own ray, which the bodies beside the later lines shadow in turn. Waves of more than
-    one edge before the last line are the product of the factors.
-
-    The paths begin a little beside the sensor, because the factor of a line exactly over an edge is not defined.
-
-    Args:
-        outlines, tree, opaque: the bodies that cast shadows. sensor: (N, 3) first and last point of each path. points: (N, V, 3) the points
-            between, nan beyond the last.
-        mirrors: whether these points are mirror points. A path over mirrors goes on as from the sensor's image, at any other point the
-            wave starts anew.
-    """
-    edges, longest = len(outlines.length), points.shape[1] + 2
-    part, place = np.empty(edges, np.complex128), np.empty((edges, 3))
-    other, unused = np.empty(edges, np.complex128), np.empty((edges, 3))
-    met, ray = np.empty((longest, 3)), np.empty((longest, 3))
-    none = np.zeros(3)
-    normal, length, factors = np.zeros((longest, 3)), np.zeros(longest), np.empty(longest, np.complex128)
-    for n in range(begin, stop):
-        last = 1
-        met[0] = sensor[n] + NUDGE / wavenumber
-        while last <= points.shape[1] and not math.isnan(points[n, last - 1, 0]):
-            met[last] = points[n, last - 1]
-            last += 1
-        met[last] = met[0]
-        for i in range(last):
-            length[i] = norm(met[i + 1] - met[i])
-        if not mirrors:
-            out[n] = 1
-            for i in range(last):
-                out[n] *= factor(outlines, tree, opaque, met[i], met[i + 1], 0.0, 0.0, none, none, wavenumber, -1, -1, other, unused)
-            continue
-        for i in range(1, last):
-            normal[i] = (met[i + 1] - met[i]) / length[i] - (met[i] - met[i - 1]) / length[i - 1]
-            normal[i] /= max(norm(normal[i]), 1e-12)
-        total = 1 + 0j  # factor of the lines i to `last`, from the last line to the first
-        for i in range(last - 1, -1, -1):
-            before, after = length[:i].sum(), length[i + 1 : last].sum()
-            clear, count = waves(
-                outlines, tree, opaque, met[i], met[i + 1], before, after, normal[i] if i else none,
-                normal[i + 1] if i + 1 < last else none, wavenumber, -1, -1, part, place,
-            )  # fmt: skip
-            factors[i] = total
-            total = clear * total
-            for e in range(count):
-                onwards = factors[i]
-                if i + 1 < last and abs(part[e]) > SEEN:
-                    onwards = _onwards(
-                        outlines, tree, opaque, met, normal, i, last, place[e], after, wavenumber, ray, other, unused
-                    )  # fmt: skip
-                total += part[e] * onwards
-        out[n] = total
-
-
-@compiled
-def _onwards(
-    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, met: np.ndarray, normal: np.ndarray, i: int, last: int, start: np.ndarray,
-    after: float, wavenumber: float, ray: np.ndarray, part: np.ndarray, place: np.ndarray,
-) -> complex:  # fmt: skip
-    """Return the product of the factors of the lines after line `i` for a ray from `start` beside this line over the same mirrors."""
-    way = met[i + 1] - met[i]
-    target = met[i + 1] + after / norm(way) * way
-    rest = norm(target - start)
-    way = (target - start) / rest
-    ray[i] = start
-    gone, total = 0.0, 1 + 0j
-    for j in range(i + 1, last + 1):
-        if j == last:
-            ray[j] = met[j]
-        else:
-            toward = dot(way, normal[j])
-            if toward >= -1e-9:
-                return total
-            step = max(dot(met[j] - ray[j - 1], normal[j]) / toward, 0.0)
-            ray[j] = ray[j - 1] + step * way
-            way = way - 2 * toward * normal[j]
-        step = norm(ray[j] - ray[j - 1])
-        if j > i + 1:
-            total *= factor(
-                outlines, tree, opaque, ray[j - 1], ray[j], gone, max(rest - gone - step, 0.0) if j < last else 0.0, normal[j - 1],
-                normal[j] if j < last else np.zeros(3), wavenumber, -1, -1, part, place,
-            )  # fmt: skip
-        gone += step
-    return total

@@ -1,0 +1,615 @@
+"""The outline of a body as seen from a point, and the shadow that it casts on the lines of paths, as factors of the field.
+
+The outline is a set of closed polygons around everything that the body hides from the point. Overlapping parts of the body count once, and
+a hole is a polygon of its own. Horizontal rows divide the view of the body. In each row, the edges at which the body begins or ends give
+the intervals that it covers. The ends of the intervals of successive rows form the polygons, whose points lie on the body. Points that
+move a polygon by less than a tolerance are left out, so that the number of its edges does not depend on the facets of the mesh.
+
+The factor of a line is 1 where it is clear and 0 where the body blocks it, plus the edge waves (`kirchhoff`) of the outline. A line that
+ends at the sensor uses the outline as seen from the sensor, in both directions, so that its factor is reciprocal. Any other line of a path
+uses the outline as seen from its nearer end, which is an image of the sensor or a point of diffraction. Transmission is not part of
+the factor.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+
+from radartwin.compiled import compiled, innermost, shared_out
+from radartwin.simulation.flat.field import NUDGE, distance, dot, moved, norm, toward
+from radartwin.simulation.flat.kirchhoff import edge_part
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, build, crossed
+from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.pruning import TARGET_ERROR
+
+TOLERANCE = TARGET_ERROR  # of an outline, in units of the square root of wavelength times distance; about the error of a factor
+MAX_ROWS = 512
+FEW = 64  # an outline of at most this many edges of the mesh has a row at each of their ends too
+MAX_INTERVALS = 8  # largest number of intervals of a row
+MAX_SEGMENTS = 192  # largest number of edges of an outline; an outline that needs more gets a larger tolerance
+CLIP = 0.02  # points nearer than this share of the distance to the body, or behind the viewer, are moved in front of the viewer
+
+
+class Skin(NamedTuple):
+    """Hold the surface of a body with V vertices, F faces and E edges.
+
+    Attributes:
+        vertex: (V, 3) metres. corner, normal: (F, 3) a corner and the normal of each face. sheet: (F,) whether a face belongs to an open
+            mesh, which hides from both sides.
+        ends: (E, 2) vertices of each edge. faces: (E, 2) its faces; -1: none. third: (E, 2) the other vertex of each of these faces.
+        centre: (3,) of a ball around the body. radius: (1,) of this ball.
+        tree: triangles of the body. opaque: (surfaces,) true.
+    """
+
+    vertex: np.ndarray
+    corner: np.ndarray
+    normal: np.ndarray
+    sheet: np.ndarray
+    ends: np.ndarray
+    faces: np.ndarray
+    third: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+    tree: Hierarchy
+    opaque: np.ndarray
+
+
+def skin(geometry: Geometry) -> Skin:
+    """Prepare the triangles of a geometry."""
+    mesh = trimesh.Trimesh(geometry.corners.reshape(-1, 3), np.arange(3 * len(geometry.corners)).reshape(-1, 3), process=False)
+    mesh.merge_vertices(digits_vertex=7)
+    triangles, vertex = np.asarray(mesh.faces, np.int64), np.ascontiguousarray(mesh.vertices, float)
+    normal = np.cross(*np.diff(geometry.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3)
+    ends = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    third = np.concatenate([triangles[:, 2], triangles[:, 0], triangles[:, 1]])
+    face = np.tile(np.arange(len(triangles)), 3)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ends, third, face = ends[order], third[order], face[order]
+    new = np.append(True, (ends[1:] != ends[:-1]).any(axis=1))
+    first = np.flatnonzero(new)
+    pair = np.diff(np.append(first, len(ends))) == 2
+    lone = np.ones(len(ends), bool)
+    lone[first[pair]] = lone[first[pair] + 1] = False
+    alone = np.flatnonzero(lone)  # an edge of one face, or of more than two, is the border of each of its faces
+    rows = np.concatenate([first[pair], alone])
+    other = np.concatenate([first[pair] + 1, np.full(len(alone), -1)])
+    faces, thirds = (np.stack([values[rows], np.where(other < 0, -1, values[other])], axis=1) for values in (face, third))
+    low, high = vertex.min(axis=0), vertex.max(axis=0)
+    centre = (low + high) / 2
+    radius = np.linalg.norm(vertex - centre, axis=1).max(keepdims=True)
+    return Skin(
+        vertex, np.ascontiguousarray(geometry.corners[:, 0]), normal, geometry.hollow_m <= 0, ends[rows], faces, thirds, centre, radius,
+        build(geometry.corners, geometry.surface), np.ones(int(geometry.surface.max(initial=0)) + 1, bool),
+    )  # fmt: skip
+
+
+@compiled
+def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) -> int:
+    """Write the outline of a body as seen from `viewer` (3,) to `out` (MAX_SEGMENTS, 2, 3). Returns its number of edges.
+
+    Each edge has a start a and an end b in metres. A line of sight to a point q passes on the body's side of the edge if the triple product
+    of a, b and q, all relative to the viewer, is positive.
+    """
+    away = distance(body.centre, viewer)
+    if away < 1e-6:
+        return 0
+    frame = _frame(toward(viewer, body.centre, away))
+    seen = _projected(body, viewer, frame, away)
+    edges, steps = _borders(body, viewer, seen)
+    if not len(edges):
+        return 0
+    tolerance = TOLERANCE * math.sqrt(2 * math.pi / wavenumber * away)
+    few = len(edges) <= FEW
+    while True:
+        rows = _rows(body, edges, seen, 4 * tolerance, few)
+        left, right, count = _intervals(body, edges, steps, seen, rows)
+        found = _polygons(rows, left, right, count, tolerance, viewer, frame, away, out)
+        if found >= 0:
+            return found
+        tolerance, few = 2 * tolerance, False
+
+
+@compiled
+def _frame(view: Point) -> np.ndarray:
+    """Return the axes (3, 3) of a picture: to the right, up, and the direction of view (3,)."""
+    frame = np.zeros((3, 3))
+    upwards = 0 if abs(view[2]) > 0.9 else 2
+    frame[1, upwards] = 1.0
+    for k in range(3):
+        frame[2, k] = view[k]
+    frame[1] -= dot(frame[1], frame[2]) * frame[2]
+    frame[1] /= norm(frame[1])
+    frame[0] = np.cross(frame[1], frame[2])
+    return frame
+
+
+@compiled
+def _projected(body: Skin, viewer: np.ndarray, frame: np.ndarray, away: float) -> np.ndarray:
+    """Return the vertices (V, 3) in the picture: to the right and up in metres at the distance `away`, and the depth in metres."""
+    out = np.empty(body.vertex.shape)
+    for i in range(len(out)):
+        x, y, z = body.vertex[i, 0] - viewer[0], body.vertex[i, 1] - viewer[1], body.vertex[i, 2] - viewer[2]
+        depth = max(frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z, CLIP * away)
+        out[i, 0] = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) * away / depth
+        out[i, 1] = (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) * away / depth
+        out[i, 2] = depth
+    return out
+
+
+@compiled
+def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the edges (N,) at which the number of layers changes that hide what is behind, and the change (N,) to the right.
+
+    The faces of a closed mesh that look at the viewer are layers, and all faces of an open mesh.
+    """
+    front = np.empty(len(body.corner), np.bool_)
+    for f in range(len(front)):
+        side = 0.0
+        for k in range(3):
+            side += (viewer[k] - body.corner[f, k]) * body.normal[f, k]
+        front[f] = side > 0
+    edges, steps = np.empty(len(body.ends), np.int64), np.empty(len(body.ends), np.int64)
+    count = 0
+    for e in range(len(body.ends)):
+        if body.faces[e, 1] >= 0 and front[body.faces[e, 0]] == front[body.faces[e, 1]]:
+            continue
+        low, high = body.ends[e, 0], body.ends[e, 1]
+        if seen[low, 1] > seen[high, 1]:
+            low, high = high, low
+        step = 0
+        for k in range(2):
+            f = body.faces[e, k]
+            if f >= 0 and (front[f] or body.sheet[f]):
+                third = body.third[e, k]
+                across = (seen[high, 0] - seen[low, 0]) * (seen[third, 1] - seen[low, 1])
+                across -= (seen[high, 1] - seen[low, 1]) * (seen[third, 0] - seen[low, 0])
+                step += 1 if across < 0 else -1
+        if step:
+            edges[count], steps[count] = e, step
+            count += 1
+    return edges[:count], steps[:count]
+
+
+@compiled
+def _rows(body: Skin, edges: np.ndarray, seen: np.ndarray, spacing: float, at_ends: bool) -> np.ndarray:
+    """Return the increasing heights of the rows of the picture, beside the ends of the edges too if `at_ends`."""
+    low, high = np.inf, -np.inf
+    for e in edges:
+        for k in range(2):
+            low, high = min(low, seen[body.ends[e, k], 1]), max(high, seen[body.ends[e, k], 1])
+    aside = 1e-6 * (high - low)
+    count = int(min(MAX_ROWS, math.ceil((high - low) / spacing) + 1))
+    rows = np.linspace(low + aside, high - aside, max(count, 2))
+    if not at_ends:
+        return rows
+    more = np.empty(4 * len(edges))
+    for i in range(len(edges)):
+        for k in range(2):
+            at = seen[body.ends[edges[i], k], 1]
+            more[4 * i + 2 * k], more[4 * i + 2 * k + 1] = max(at - aside, low + aside), min(at + aside, high - aside)
+    return np.unique(np.concatenate((rows, more)))
+
+
+@compiled
+def _intervals(
+    body: Skin, edges: np.ndarray, steps: np.ndarray, seen: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the left and right ends (R, MAX_INTERVALS, 2) of the intervals that the body covers in each row, and their number (R,).
+
+    An end has a place to the right and a depth, in metres.
+    """
+    first = np.zeros(len(rows) + 1, np.int64)
+    spans = np.empty((len(edges), 2), np.int64)
+    for i in range(len(edges)):
+        a, b = seen[body.ends[edges[i], 0], 1], seen[body.ends[edges[i], 1], 1]
+        spans[i, 0], spans[i, 1] = np.searchsorted(rows, min(a, b)), np.searchsorted(rows, max(a, b))
+        first[spans[i, 0] + 1 : spans[i, 1] + 1] += 1
+    first = np.cumsum(first)
+    place, step, used = np.empty((first[-1], 2)), np.empty(first[-1], np.int64), np.zeros(len(rows), np.int64)
+    for i in range(len(edges)):
+        low, high = body.ends[edges[i], 0], body.ends[edges[i], 1]
+        for row in range(spans[i, 0], spans[i, 1]):
+            share = (rows[row] - seen[low, 1]) / (seen[high, 1] - seen[low, 1])
+            at = seen[low, 0] + share * (seen[high, 0] - seen[low, 0])
+            depth = seen[low, 2] + share * (seen[high, 2] - seen[low, 2])
+            n = first[row] + used[row]
+            while n > first[row] and place[n - 1, 0] > at:
+                place[n], step[n] = place[n - 1], step[n - 1]
+                n -= 1
+            place[n, 0], place[n, 1], step[n] = at, depth, steps[i]
+            used[row] += 1
+    left, right = np.empty((len(rows), MAX_INTERVALS, 2)), np.empty((len(rows), MAX_INTERVALS, 2))
+    count = np.zeros(len(rows), np.int64)
+    for row in range(len(rows)):
+        layers = 0
+        for n in range(first[row], first[row + 1]):
+            before, layers = layers, layers + step[n]
+            if before <= 0 < layers:
+                # The gap between two intervals closes where one ends at the place where the other begins.
+                joined = count[row] > 0 and place[n, 0] - right[row, count[row] - 1, 0] < 1e-9
+                if joined or count[row] == MAX_INTERVALS:
+                    count[row] -= 1
+                else:
+                    left[row, count[row]] = place[n]
+            elif layers <= 0 < before:
+                right[row, count[row]] = place[n]
+                count[row] += 1
+    return left, right, count
+
+
+@compiled
+def _polygons(
+    rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.ndarray, tolerance: float, viewer: np.ndarray, frame: np.ndarray,
+    away: float, out: np.ndarray,
+) -> int:  # fmt: skip
+    """Write the edges of the polygons around the intervals of all rows to `out`; -1 if they are too many."""
+    used, begin = 0, 0
+    chain, kept = np.empty((len(rows) + 2, 3)), np.empty(len(rows) + 2, np.int64)
+    while begin < len(rows):
+        stop = begin + 1  # the intervals of the rows `begin` to `stop` - 1 continue each other
+        while stop < len(rows) and _continue(left, right, count, stop):
+            stop += 1
+        bottom = rows[begin] if begin == 0 else 0.5 * (rows[begin] + rows[begin - 1])
+        top = rows[stop - 1] if stop == len(rows) else 0.5 * (rows[stop - 1] + rows[stop])
+        for k in range(count[begin]):
+            for side in range(2):
+                ends = right if side else left
+                n = 0
+                for row in range(begin - 1, stop + 1):
+                    inside = min(max(row, begin), stop - 1)
+                    chain[n, 0], chain[n, 2] = ends[inside, k, 0], ends[inside, k, 1]
+                    chain[n, 1] = bottom if row < begin else top if row == stop else rows[row]
+                    n += 1
+                points = _thinned(chain[:n], tolerance, kept)
+                if used + points + 1 > len(out):
+                    return -1
+                for i in range(1, points):  # the right side goes up, the left side down
+                    a, b = (kept[i - 1], kept[i]) if side else (kept[i], kept[i - 1])
+                    _place(out[used, 0], viewer, frame, away, chain[a])
+                    _place(out[used, 1], viewer, frame, away, chain[b])
+                    used += 1
+            for high in range(2):  # the bottom goes to the right, the top to the left
+                row, height = (stop - 1, top) if high else (begin, bottom)
+                for end in range(2):
+                    ends = right if end != high else left
+                    chain[0, 0], chain[0, 1], chain[0, 2] = ends[row, k, 0], height, ends[row, k, 1]
+                    _place(out[used, end], viewer, frame, away, chain[0])
+                used += 1
+                if used >= len(out):
+                    return -1
+        begin = stop
+    return used
+
+
+@innermost
+def _continue(left: np.ndarray, right: np.ndarray, count: np.ndarray, row: int) -> bool:
+    """Return whether each interval of a row overlaps the interval of the row before with the same number, and no other."""
+    if count[row] != count[row - 1]:
+        return False
+    for k in range(count[row]):
+        if left[row, k, 0] > right[row - 1, k, 0] or right[row, k, 0] < left[row - 1, k, 0]:
+            return False
+        if k and (left[row, k, 0] < right[row - 1, k - 1, 0] or right[row, k - 1, 0] > left[row - 1, k, 0]):
+            return False
+    return True
+
+
+@innermost
+def _thinned(chain: np.ndarray, tolerance: float, kept: np.ndarray) -> int:
+    """Write the indices of the points of a rising chain (N, 3) that a polyline within the tolerance needs to `kept`.
+
+    Returns the number of these points.
+    """
+    kept[0], count, anchor = 0, 1, 0
+    low, high = -math.inf, math.inf
+    for i in range(1, len(chain)):
+        across, up = chain[i, 0] - chain[anchor, 0], chain[i, 1] - chain[anchor, 1]
+        angle = math.atan2(up, across)
+        if i > anchor + 1 and not low <= angle <= high:
+            anchor = i - 1
+            kept[count] = anchor
+            count += 1
+            low, high = -math.inf, math.inf
+            across, up = chain[i, 0] - chain[anchor, 0], chain[i, 1] - chain[anchor, 1]
+            angle = math.atan2(up, across)
+        size = math.sqrt(across * across + up * up)
+        if size > tolerance:
+            spread = math.asin(tolerance / size)
+            low, high = max(low, angle - spread), min(high, angle + spread)
+    kept[count] = len(chain) - 1
+    return count + 1
+
+
+@innermost
+def _place(out: np.ndarray, viewer: np.ndarray, frame: np.ndarray, away: float, point: np.ndarray) -> None:
+    """Write the place (3,) in space of a point (to the right, up, depth) of the picture to `out`."""
+    for k in range(3):
+        out[k] = viewer[k] + point[2] * (frame[2, k] + (point[0] * frame[0, k] + point[1] * frame[1, k]) / away)
+
+
+def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float) -> np.ndarray:
+    """Return the factors (N,) of closed paths for exp(+j k L).
+
+    Args:
+        sensor: (N, 3) first and last point of each path. points: (N, P, 3) the points between, nan beyond the last.
+        mirrors: whether these points are mirror points. A path over mirrors goes on as from the sensor's image, at any other point the
+            wave starts anew.
+    """
+    out = np.ones(len(points), complex)
+    if not len(out):
+        return out
+    sensor, points = np.ascontiguousarray(sensor), np.ascontiguousarray(points)
+    ends, lengths = np.empty((*points.shape[:1], points.shape[1] + 2, 3)), np.zeros((len(points), points.shape[1] + 1))
+    beside = np.zeros(lengths.shape, bool)
+    shared_out(_find, len(out), body, sensor, points, mirrors, wavenumber, ends, lengths, beside)
+    path, line = np.nonzero(beside)
+    if not len(path):
+        return out
+    last = (lengths > 0).sum(axis=1)[path] - 1
+    start, end = ends[path, line], ends[path, line + 1]
+    if mirrors:
+        before = np.cumsum(lengths, axis=1)[path, line] - lengths[path, line]
+        after = lengths[path].sum(axis=1) - before - lengths[path, line]
+        way = (end - start) / lengths[path, line, None]
+        far = start - before[:, None] * way, end + after[:, None] * way
+    else:
+        far = start, end
+    nearer = np.linalg.norm(far[0] - body.centre, axis=1) <= np.linalg.norm(far[1] - body.centre, axis=1)
+    nearer = (line == 0) | ((line < last) & nearer)
+    viewer = np.where(nearer[:, None], *far)
+    from_sensor = (line == 0) | (line == last)
+    viewer[from_sensor] = sensor[path[from_sensor]]
+    viewer[~from_sensor] = _rounded(viewer[~from_sensor], body.centre)
+    chosen, view = distinct(viewer)
+    outlines, count = np.empty((len(chosen), MAX_SEGMENTS, 2, 3)), np.zeros(len(chosen), int)
+    shared_out(_outlines, len(chosen), body, viewer[chosen], wavenumber, outlines, count)
+    if mirrors:
+        which = np.full(beside.shape, -1)
+        which[path, line] = view
+        from_start = np.zeros(beside.shape, bool)
+        from_start[path, line] = nearer
+        some = np.unique(path)
+        values = np.empty(len(some), complex)
+        about = which[some], from_start[some], ends[some], lengths[some]
+        shared_out(_over_mirrors, len(some), body, outlines, count, *about, wavenumber, values)
+        out[some] = values
+        return out
+    # The first and the last line of many paths join the sensor to the same point.
+    ends = np.where(nearer[:, None], start, end), np.where(nearer[:, None], end, start)
+    kept, same = distinct(np.concatenate(ends, axis=1))
+    values = np.empty(len(kept), complex)
+    shared_out(_of_lines, len(kept), body, outlines, count, view[kept], ends[0][kept], ends[1][kept], wavenumber, values)
+    np.multiply.at(out, path, values[same])
+    return out
+
+
+def _rounded(viewer: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Return viewers (N, 3) that are moved by at most 1.4 % of their distance to the body, so that more lines share an outline.
+
+    The points of the outline stay on the body, so that they change only by the body's depth times the change of direction.
+    """
+    away = viewer - centre
+    step = 2.0 ** np.floor(np.log2(np.maximum(np.linalg.norm(away, axis=1), 1e-6)))[:, None] / 64
+    return centre + np.round(away / step) * step
+
+
+@compiled
+def _find(
+    low: int, high: int, body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float, ends: np.ndarray,
+    lengths: np.ndarray, beside: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the ends (N, P + 2, 3) and lengths (N, P + 1) of the lines of the paths `low` to `high` - 1.
+
+    `beside` (N, P + 1) receives which lines the body may change.
+    The paths begin a little beside the sensor, because the factor of a line exactly over an edge is not defined.
+    """
+    excess = math.pi * REACH * REACH / wavenumber
+    for n in range(low, high):
+        last = 1
+        ends[n, 0] = sensor[n] + NUDGE / wavenumber
+        while last <= points.shape[1] and not math.isnan(points[n, last - 1, 0]):
+            ends[n, last] = points[n, last - 1]
+            last += 1
+        ends[n, last] = ends[n, 0]
+        whole = 0.0
+        for i in range(last):
+            lengths[n, i] = distance(ends[n, i], ends[n, i + 1])
+            whole += lengths[n, i]
+        before = 0.0
+        for i in range(last):
+            size = lengths[n, i]
+            if size > 1e-9:
+                way = toward(ends[n, i], ends[n, i + 1], size)
+                source = moved(ends[n, i], way, -before)
+                total = whole if mirrors else size
+                least, most = before - BEYOND_M - excess, before + size + BEYOND_M + excess
+                beside[n, i] = near(body.centre, body.radius[0], source, way, least, most, total, excess)
+            if mirrors:
+                before += size
+
+
+@compiled
+def _outlines(low: int, high: int, body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray, count: np.ndarray) -> None:
+    for n in range(low, high):
+        count[n] = outline(body, viewer[n], wavenumber, out[n])
+
+
+@compiled
+def _waves(
+    body: Skin, edges: np.ndarray, from_start: bool, start: np.ndarray, end: np.ndarray, before: float, after: float,
+    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, part: np.ndarray, place: np.ndarray,
+) -> tuple[float, int]:  # fmt: skip
+    """Return 1 if a line is clear and 0 if the body blocks it, and the number of edge waves of an outline for exp(+j k L).
+
+    Args:
+        edges: (N, 2, 3) of the outline as seen from the source, if `from_start`, or from the receiver of the line.
+        start, end: (3,) ends of the line. before, after: lengths in metres of the path from its source to `start` and from `end` to its
+            receiver, over mirrors at the ends.
+        normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
+            it is no edge of the body with its image.
+        part: (N,) receives the edge waves relative to the undisturbed path. place: (N, 3) receives the points at which they start.
+    """
+    length = distance(start, end)
+    way = toward(start, end, length)
+    source, receiver = moved(start, way, -before), moved(end, way, after)
+    viewer, sign = (source, 1.0) if from_start else (receiver, -1.0)
+    frame = _frame((sign * way[0], sign * way[1], sign * way[2]))
+    total = before + length + after
+    layers, count = 0, 0
+    for e in range(len(edges)):
+        x, y, z = edges[e, 0, 0] - viewer[0], edges[e, 0, 1] - viewer[1], edges[e, 0, 2] - viewer[2]
+        depth = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
+        a_0 = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) / depth
+        b_0 = (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) / depth
+        x, y, z = edges[e, 1, 0] - viewer[0], edges[e, 1, 1] - viewer[1], edges[e, 1, 2] - viewer[2]
+        far = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
+        if depth <= 0 or far <= 0 or depth >= total or far >= total:
+            continue
+        a_1 = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) / far
+        b_1 = (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) / far
+        side = a_0 * b_1 - a_1 * b_0  # positive if the line passes on the body's side of the edge
+        if (b_0 <= 0) != (b_1 <= 0) and (side > 0) == (b_1 > b_0):
+            layers += 1 if b_1 > b_0 else -1
+        if _lies_in(edges[e], start, normal_a) or _lies_in(edges[e], end, normal_b):
+            continue
+        size = distance(edges[e, 0], edges[e, 1])
+        if size < 1e-9:
+            continue
+        along = toward(edges[e, 0], edges[e, 1], size)
+        value, at = edge_part(edges[e, 0], along, size, source, receiver, wavenumber, REACH)
+        if value == 0:
+            continue
+        x_at = moved(edges[e, 0], along, min(max(at, 0.0), size))
+        reached = dot(x_at, way) - dot(start, way)
+        if (before > 0 and reached < -BEYOND_M) or (after > 0 and reached > length + BEYOND_M):
+            continue  # the path has left the line at a mirror
+        part[count] = value if side > 0 else -value
+        place[count, 0], place[count, 1], place[count, 2] = x_at
+        count += 1
+    middle = dot(body.centre, way) - dot(start, way)
+    blocked = layers > 0
+    if middle < body.radius[0] or middle > length - body.radius[0]:  # a part of the body may be beyond an end of the line
+        blocked = crossed(body.tree, start, end, body.opaque, np.empty(MAX_PANES, np.int64)) < 0
+    return (0.0 if blocked else 1.0), count
+
+
+@innermost
+def _lies_in(edge: np.ndarray, point: np.ndarray, normal: np.ndarray) -> bool:
+    """Return whether an edge (2, 3) lies in the plane of a mirror with a point and a normal; False for a normal of zero."""
+    first, second, size = 0.0, 0.0, 0.0
+    for k in range(3):
+        first += (edge[0, k] - point[k]) * normal[k]
+        second += (edge[1, k] - point[k]) * normal[k]
+        size += abs(normal[k])
+    return size > 0 and abs(first) < IN_PLANE_M and abs(second) < IN_PLANE_M
+
+
+@compiled
+def _of_lines(
+    low: int, high: int, body: Skin, outlines: np.ndarray, count: np.ndarray, view: np.ndarray, start: np.ndarray, end: np.ndarray,
+    wavenumber: float, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the factors of the lines `low` to `high` - 1 to `out` (N,). view: (N,) outline of each line as seen from its start."""
+    part, place, none = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3)), np.zeros(3)
+    for n in range(low, high):
+        edges = outlines[view[n], : count[view[n]]]
+        clear, waves = _waves(body, edges, True, start[n], end[n], 0.0, 0.0, none, none, wavenumber, part, place)
+        out[n] = clear + part[:waves].sum()
+
+
+@compiled
+def _over_mirrors(
+    low: int, high: int, body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray,
+    ends: np.ndarray, lengths: np.ndarray, wavenumber: float, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the factors of the paths `low` to `high` - 1 over mirrors to `out` (N,). view: (N, P + 1) outline of each line; -1: none.
+
+    from_start: (N, P + 1) whether the outline is seen from the source of the line.
+
+    An edge wave of one line of a path goes on along its own ray, which the body beside the later lines shadows in turn. Waves of more than
+    one edge before the last line are the product of the factors.
+    """
+    longest = lengths.shape[1] + 1
+    part, place = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
+    other, unused = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
+    normal, factor, ray = np.zeros((longest, 3)), np.empty(longest, np.complex128), np.empty((longest, 3))
+    for n in range(low, high):
+        last = 0
+        while last < lengths.shape[1] and lengths[n, last] > 0:
+            last += 1
+        met, length = ends[n], lengths[n]
+        normal[0], normal[last] = 0, 0
+        for i in range(1, last):
+            normal[i] = (met[i + 1] - met[i]) / length[i] - (met[i] - met[i - 1]) / length[i - 1]
+            normal[i] /= max(norm(normal[i]), 1e-12)
+        total = 1 + 0j  # factor of the lines i to `last`, from the last line to the first
+        for i in range(last - 1, -1, -1):
+            factor[i] = total
+            if view[n, i] < 0:
+                continue
+            before, after = length[:i].sum(), length[i + 1 : last].sum()
+            edges = outlines[view[n, i], : number[view[n, i]]]
+            clear, waves = _waves(
+                body, edges, from_start[n, i], met[i], met[i + 1], before, after, normal[i], normal[i + 1], wavenumber, part, place
+            )  # fmt: skip
+            total = clear * total
+            for e in range(waves):
+                onwards = factor[i]
+                if i + 1 < last and abs(part[e]) > SEEN:
+                    onwards = _onwards(
+                        body, outlines, number, view[n], from_start[n], met, normal, i, last, place[e], after, wavenumber, ray, other,
+                        unused,
+                    )  # fmt: skip
+                total += part[e] * onwards
+        out[n] = total
+
+
+@compiled
+def _onwards(
+    body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray, met: np.ndarray,
+    normal: np.ndarray, i: int, last: int, start: np.ndarray, after: float, wavenumber: float, ray: np.ndarray, part: np.ndarray,
+    place: np.ndarray,
+) -> complex:  # fmt: skip
+    """Return the product of the factors of the lines after line `i` for a ray from `start` beside this line over the same mirrors."""
+    way = met[i + 1] - met[i]
+    target = met[i + 1] + after / norm(way) * way
+    rest = norm(target - start)
+    way = (target - start) / rest
+    ray[i] = start
+    gone, total = 0.0, 1 + 0j
+    for j in range(i + 1, last + 1):
+        if j == last:
+            ray[j] = met[j]
+        else:
+            onto = dot(way, normal[j])
+            if onto >= -1e-9:
+                return total
+            step = max(dot(met[j] - ray[j - 1], normal[j]) / onto, 0.0)
+            ray[j] = ray[j - 1] + step * way
+            way = way - 2 * onto * normal[j]
+        step = norm(ray[j] - ray[j - 1])
+        if j > i + 1 and view[j - 1] >= 0 and step > 1e-9:
+            edges = outlines[view[j - 1], : number[view[j - 1]]]
+            left = max(rest - gone - step, 0.0) if j < last else 0.0
+            clear, waves = _waves(
+                body, edges, from_start[j - 1], ray[j - 1], ray[j], gone, left, normal[j - 1], normal[j], wavenumber, part, place
+            )  # fmt: skip
+            total *= clear + part[:waves].sum()
+        gone += step
+    return total
+
+
+def distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return indices of rows (N, K) among which each row occurs, and for each row its place (N,) among these indices.
+
+    The rows are sorted by a hash, because sorting whole rows is slow.
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    order = np.argsort(bits @ np.random.default_rng(0).integers(1, 2**64, bits.shape[1], np.uint64, endpoint=False), kind="stable")
+    new = np.append(True, (bits[order[1:]] != bits[order[:-1]]).any(axis=1))
+    which = np.empty(len(rows), int)
+    which[order] = np.cumsum(new) - 1
+    return order[new], which
