@@ -119,7 +119,12 @@ edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) +
 
 simulation/flat/shadows: physics/test_shadows
 waves | _side(outlines, e, source, receiver) * value | -_side(outlines, e, source, receiver) * value | edge waves have the wrong sign
-cast | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
+
+simulation/flat/silhouette: physics/test_silhouette
+_find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
+_borders | 1 if across < 0 else -1 | 1 if across > 0 else -1 | left and right ends of intervals are swapped
+_waves | value if side > 0 else -value | -value if side > 0 else value | edge waves have the wrong sign
+_over_mirrors | part[e] * onwards | part[e] | later lines do not shadow the edge waves of earlier lines
 
 simulation/flat/legs: physics/test_shadows
 _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors

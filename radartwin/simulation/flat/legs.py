@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from radartwin.compiled import compiled, each, shared_out
+from radartwin.compiled import compiled, each, fixed, shared_out
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import (
     NUDGE,
@@ -87,33 +87,52 @@ class Legs:
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
         """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
         code = place * len(self.order) + leg
-        order = np.argsort(code, kind="stable")
-        for mine in np.split(order, np.flatnonzero(np.diff(code[order])) + 1) if len(code) else ():
-            u, g = int(place[mine[0]]), int(leg[mine[0]])
-            values = self.carried.get((u, g))
-            if values is None:
-                amplitude[mine] = 0
-            else:
-                _weigh(values, (point[mine] - self.low[u]) / self.size, mine, amplitude)
+        used = np.flatnonzero(np.bincount(code))
+        number = np.zeros(used[-1] + 1 if len(used) else 0, int)
+        number[used] = np.arange(len(used))
+        fields = [self.carried.get(divmod(int(one), len(self.order))) for one in used]
+        side = np.array([0 if field is None else len(field) for field in fields], int)
+        first = np.cumsum([0, *side[:-1] ** 3])
+        values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
+        arguments = fixed(values.astype(complex)), first, side, number[code], self.low, self.size, place, np.ascontiguousarray(point)
+        shared_out(_weigh, len(amplitude), *arguments, amplitude, grain=1000)
 
 
 @compiled
-def _weigh(values: np.ndarray, x: np.ndarray, rows: np.ndarray, amplitude: np.ndarray) -> None:
-    """Multiply rows of `amplitude` (N, Q) by values (n, n, n, Q) on the unit cube, interpolated linearly at x (rows, 3)."""
-    side = values.shape[0]
-    low, share = np.zeros(3, np.int64), np.zeros(3)
-    for i in range(len(rows)):
+def _weigh(
+    begin: int, end: int, values: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray, size: float,
+    place: np.ndarray, point: np.ndarray, amplitude: np.ndarray,
+) -> None:  # fmt: skip
+    """Multiply the rows `begin` to `end` - 1 of `amplitude` (N, Q) by the fields of M legs, interpolated linearly at points (N, 3).
+
+    Args:
+        values: (K, Q) fields on the grids (side, side, side) of all legs, one after another. first, sides: (M,) first row and side of each;
+            a leg of side 0 has no field. number: (N,) leg of each row.
+        low, size: (U, 3) lowest corner and edge length of the cubes. place: (N,) cube of each row.
+    """
+    corners, weights = np.empty(8, np.int64), np.empty(8)
+    start, share = np.zeros(3, np.int64), np.zeros(3)
+    for i in range(begin, end):
+        side = sides[number[i]]
+        if side == 0:
+            amplitude[i] = 0
+            continue
         for k in range(3):
-            place = min(max(x[i, k], 0.0), 1.0) * (side - 1)
-            low[k] = min(int(place), side - 2)
-            share[k] = place - low[k]
-        for q in range(values.shape[3]):
+            x = (point[i, k] - low[place[i], k]) / size
+            at = min(max(x, 0.0), 1.0) * (side - 1)
+            start[k] = min(int(at), side - 2)
+            share[k] = at - start[k]
+        for corner in range(8):
+            a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
+            weights[corner] = (
+                (share[0] if a else 1 - share[0]) * (share[1] if b else 1 - share[1]) * (share[2] if c else 1 - share[2])
+            )  # fmt: skip
+            corners[corner] = first[number[i]] + ((start[0] + a) * side + start[1] + b) * side + start[2] + c
+        for q in range(values.shape[1]):
             total = 0j
             for corner in range(8):
-                a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
-                weight = (share[0] if a else 1 - share[0]) * (share[1] if b else 1 - share[1]) * (share[2] if c else 1 - share[2])
-                total += weight * values[low[0] + a, low[1] + b, low[2] + c, q]
-            amplitude[rows[i], q] *= total
+                total += weights[corner] * values[corners[corner], q]
+            amplitude[i, q] *= total
 
 
 def find(
