@@ -98,7 +98,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
         # drives keep 1.0: interpolation along the track (radartwin/simulation/drives.py) has a larger error than finer tubes remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
-        coupled_rays_per_wavelength2=0.5,
+        coupled_rays_per_wavelength2=0.5 if fine else 1.0,  # docs/decisions/017-run-time-of-tables.md has the errors
         variant=config.simulator.variant,
     )
     hardware = Hardware(board=case.draw).scaled(gaps.hardware)

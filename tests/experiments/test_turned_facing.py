@@ -11,6 +11,7 @@ import pytest
 from experiments.campaign import truth
 from experiments.campaign.cases import Case
 from radartwin.config.compose import compose
+from radartwin.simulation.aspects import Aspects
 
 COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
@@ -21,18 +22,20 @@ def simulated(monkeypatch):
     target.
     """
 
-    def seen(case, place, root, there):
+    def seen(case, place, root, there, shadow):
         poses = there.motion[case.object]
         encoded = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]
         return np.tile(encoded[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
 
     def simulate(case, config, traced=False):
         if traced:
-            monkeypatch.setattr(truth, "aspects", lambda *some: 10**9)
+            for few in ("aspects", "shadows"):
+                monkeypatch.setattr(truth, few, lambda *some: 10**9)
         made: Any = truth.record(case, config)
         return (made.iq if traced else made.aspects.at(made.angles))[:, :, 0, 0, 0]
 
     monkeypatch.setattr(truth, "_seen", seen)
+    monkeypatch.setattr(truth._Turning, "shadow", lambda turning: Aspects(np.zeros((64, 1, 1, 1), np.complex64)))
     for slow in ("_creep", "_person"):
         monkeypatch.setattr(truth, slow, lambda *some: None)
     monkeypatch.setattr(truth, "Recording", lambda iq, *some, **more: SimpleNamespace(iq=iq))

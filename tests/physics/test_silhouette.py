@@ -176,10 +176,52 @@ def test_bodies_behind_either_end_hide_nothing():
     assert one_way(aside, (0, 0.01, 0.02), (2, 0.01, 0.02)) == pytest.approx(1, abs=1e-6)
 
 
-def test_outline_of_many_parts_fits_into_the_limit():
-    """A fence of 60 bars needs more edges than MAX_SEGMENTS at the tolerance, so it gets a larger one."""
-    bars = [objects.box([-0.002, y, -0.1], [0.002, y + 0.002, 0.1 + 1e-3 * i]) for i, y in enumerate(np.arange(-0.3, 0.3, 0.01))]
-    assert 0 < len(outline(skin(*bars), (-1, 0, 0))) <= silhouette.MAX_SEGMENTS
+@pytest.mark.parametrize("bars", [20, 60])
+def test_outline_of_a_fence_has_the_area_of_its_bars(bars):
+    """More bars than MAX_INTERVALS hide at least as much as their own area, and at most as much as the closed gaps beside them."""
+    fence = [objects.box([-0.002, y, -0.1], [0.002, y + 0.002, 0.1]) for y in 0.01 * (np.arange(bars) - bars / 2)]
+    exact = bars * 0.002 * 0.2
+    assert 0.95 * exact < area(skin(*fence), 2.0) < (1.2 * exact if bars < silhouette.MAX_INTERVALS else 0.2 * 0.01 * bars)
+    assert len(outline(skin(*fence), (-2, 0, 0))) <= silhouette.MAX_SEGMENTS
+
+
+def test_outline_is_whole_if_a_face_is_seen_edge_on():
+    """The viewer is in the plane of a side of a turned box, so that rounding decides whether it sees this side."""
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        size, yaw = rng.uniform(0.05, 0.3, 3), rng.uniform(0, 2 * np.pi)
+        box = trimesh.creation.box(size)
+        box.apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
+        turn = trimesh.transformations.rotation_matrix(yaw, [0, 0, 1])[:3, :3]
+        viewer = turn @ [-1.5, size[1] / 2, 0.1]
+        aside = turn @ [-1.5, size[1] / 2 + 1e-4, 0.1]
+        found = [len(outline(skin(box), place)) for place in (viewer, aside)]
+        assert min(found) > 0
+        shadows = [one_way(skin(box), place, turn @ [1.0, 0.0, 0.0]) for place in (viewer, aside)]
+        assert shadows[0] == pytest.approx(shadows[1], abs=0.02)
+
+
+def test_open_meshes_with_opposite_windings_have_one_outline():
+    """Two triangles of separate surfaces share an edge, along which they are folded."""
+    corners = np.array([[0, 0, -0.1], [0, 0, 0.1], [0.1, 0.15, 0], [-0.1, 0.15, 0]], float)
+    areas = [area(skin(trimesh.Trimesh(corners, [[0, 1, 2]]), trimesh.Trimesh(corners, [way])), 2.0) for way in ([0, 1, 3], [1, 0, 3])]
+    assert areas[0] == pytest.approx(areas[1], rel=1e-6)
+    assert areas[0] > 0.01
+
+
+def test_shadow_is_continuous_where_an_edge_ends_behind_the_sensor():
+    """The lines pass close to the vertical edge of a wide box. The far ends of the box are behind the sensor."""
+    body = skin(objects.box([-0.2, 0.3, -0.5], [0.2, 0.4, 0.5]))
+    values = [one_way(body, (0, 0, 0), (-1.04 + step, 1.51, -1.77)) for step in np.linspace(-0.1, 0.1, 41)]
+    assert np.abs(np.diff(np.square(values))).max() < 0.15
+    assert max(np.abs(values)) > 0.5 > min(np.abs(values))
+
+
+def test_parts_behind_the_sensor_hide_nothing():
+    front, behind = objects.box([1.0, -0.1, -0.1], [1.01, 0.1, 0.1]), objects.box([-0.71, -0.1, -0.1], [-0.7, 0.1, 0.1])
+    alone, both = (one_way(skin(*meshes), (0, 0, 0), (2, 0.2, 0)) for meshes in ((front,), (front, behind)))
+    assert both == pytest.approx(alone, abs=1e-6)
+    assert one_way(skin(front, behind), (0, 0, 0), (0.05, 0.02, 1.5)) == pytest.approx(1, abs=0.02)
 
 
 @pytest.mark.parametrize("axis", [1, 2])

@@ -80,7 +80,7 @@ def test_antennas_deviate_only_in_the_truth(base, strength, monkeypatch):
     """The radar that the truth simulates is the nominal radar at strength 0. The recording always holds the nominal radar."""
     places = []
 
-    def moved(case, place, seed, root):
+    def moved(case, place, seed, root, shadow):
         places.append(place)
         return np.zeros((1, *frame_shape(place.radar)), np.complex64)
 

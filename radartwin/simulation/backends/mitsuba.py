@@ -4,7 +4,7 @@
 - In a room that is not flat, the simulator traces ray tubes (`tube_paths`). If the setting `rays` is given, it does so in every room.
 - In a room of flat surfaces, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses
   in a few batches. It traces direct paths and paths that also reflect at flat faces (`coupling`).
-- Objects cast shadows on the room's paths and on each other (`flat.shadows`).
+- Objects cast shadows on the room's paths (`flat.silhouette`) and on each other (`flat.shadows`).
 - Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surface (`diffuse`).
 
 If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. It does not model paths

@@ -1,10 +1,11 @@
 """The static surfaces of a scene, prepared for tracing: which faces reflect as flat faces, which are traced by tubes, and what hides.
 
 Large flat surfaces form a room of flat faces, whose paths reflect and are diffracted at edges. Objects up to OBJECT_EXTENT_M, thin bodies,
-and surfaces that are curved, are traced by physical optics on their own. On paths of the room, they act as obstacles whose outlines cast
-smooth shadows. A room whose large surfaces are not flat is traced by tubes as a whole.
+and surfaces that are curved, are traced by physical optics on their own. On paths of the room, those that block act as obstacles whose
+outlines cast smooth shadows. A room whose large surfaces are not flat is traced by tubes as a whole.
 """
 
+import atexit
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -194,7 +195,7 @@ def shadows_of_mover(
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
         levels: (N,) of the N paths of each part (`pruning.level`).
-        geometry: triangles of the body in its own frame. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
+        geometry: triangles of the body in its own frame; all of them block, also those of a material that transmits. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
         wavenumber: rad/m.
     """
     body = _skin(geometry)
@@ -219,6 +220,9 @@ def shadows_of_mover(
 @lru_cache(maxsize=4)
 def _skin(geometry: Geometry) -> silhouette.Skin:
     return silhouette.skin(geometry)
+
+
+atexit.register(_skin.cache_clear)  # Mitsuba scenes of cached geometries must be freed before Mitsuba is unloaded
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:

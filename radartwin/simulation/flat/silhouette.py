@@ -28,29 +28,30 @@ from radartwin.simulation.pruning import TARGET_ERROR
 TOLERANCE = TARGET_ERROR  # of an outline, in units of the square root of wavelength times distance; about the error of a factor
 MAX_ROWS = 512
 FEW = 64  # an outline of at most this many edges of the mesh has a row at each of their ends too
-MAX_INTERVALS = 8  # largest number of intervals of a row
+MAX_INTERVALS = 32  # largest number of intervals of a row; a row with more closes its narrowest gaps
 MAX_SEGMENTS = 192  # largest number of edges of an outline; an outline that needs more gets a larger tolerance
-CLIP = 0.02  # points nearer than this share of the distance to the body, or behind the viewer, are moved in front of the viewer
+CLIP = 0.02  # faces with a corner nearer than this share of the distance to the body, or behind the viewer, hide nothing
 
 
 class Skin(NamedTuple):
     """Hold the surface of a body with V vertices, F faces and E edges.
 
     Attributes:
-        vertex: (V, 3) metres. corner, normal: (F, 3) a corner and the normal of each face. sheet: (F,) whether a face belongs to an open
-            mesh, which hides from both sides.
-        ends: (E, 2) vertices of each edge. faces: (E, 2) its faces; -1: none. third: (E, 2) the other vertex of each of these faces.
+        vertex: (V, 3) metres. corners: (F, 3) vertices of each face. normal: (F, 3). sheet: (F,) whether a face belongs to an open mesh,
+            which hides from both sides.
+        ends: (E, 2) vertices of each edge. faces: (E, 2) its faces; -1: none. forward: (E, 2) whether the order of the corners of each of
+            these faces runs along the edge.
         centre: (3,) of a ball around the body. radius: (1,) of this ball.
         tree: triangles of the body. opaque: (surfaces,) true.
     """
 
     vertex: np.ndarray
-    corner: np.ndarray
+    corners: np.ndarray
     normal: np.ndarray
     sheet: np.ndarray
     ends: np.ndarray
     faces: np.ndarray
-    third: np.ndarray
+    forward: np.ndarray
     centre: np.ndarray
     radius: np.ndarray
     tree: Hierarchy
@@ -63,11 +64,10 @@ def skin(geometry: Geometry) -> Skin:
     mesh.merge_vertices(digits_vertex=7)
     triangles, vertex = np.asarray(mesh.faces, np.int64), np.ascontiguousarray(mesh.vertices, float)
     normal = np.cross(*np.diff(geometry.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3)
-    ends = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    third = np.concatenate([triangles[:, 2], triangles[:, 0], triangles[:, 1]])
-    face = np.tile(np.arange(len(triangles)), 3)
+    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    ends, forward, face = np.sort(sides, axis=1), sides[:, 0] < sides[:, 1], np.tile(np.arange(len(triangles)), 3)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
-    ends, third, face = ends[order], third[order], face[order]
+    ends, forward, face = ends[order], forward[order], face[order]
     new = np.append(True, (ends[1:] != ends[:-1]).any(axis=1))
     first = np.flatnonzero(new)
     pair = np.diff(np.append(first, len(ends))) == 2
@@ -76,12 +76,13 @@ def skin(geometry: Geometry) -> Skin:
     alone = np.flatnonzero(lone)  # an edge of one face, or of more than two, is the border of each of its faces
     rows = np.concatenate([first[pair], alone])
     other = np.concatenate([first[pair] + 1, np.full(len(alone), -1)])
-    faces, thirds = (np.stack([values[rows], np.where(other < 0, -1, values[other])], axis=1) for values in (face, third))
+    faces = np.stack([face[rows], np.where(other < 0, -1, face[other])], axis=1)
+    ways = np.stack([forward[rows], forward[other]], axis=1)
     low, high = vertex.min(axis=0), vertex.max(axis=0)
     centre = (low + high) / 2
     radius = np.linalg.norm(vertex - centre, axis=1).max(keepdims=True)
     return Skin(
-        vertex, np.ascontiguousarray(geometry.corners[:, 0]), normal, geometry.hollow_m <= 0, ends[rows], faces, thirds, centre, radius,
+        vertex, triangles, normal, geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius,
         build(geometry.corners, geometry.surface), np.ones(int(geometry.surface.max(initial=0)) + 1, bool),
     )  # fmt: skip
 
@@ -141,32 +142,33 @@ def _projected(body: Skin, viewer: np.ndarray, frame: np.ndarray, away: float) -
 
 @compiled
 def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the edges (N,) at which the number of layers changes that hide what is behind, and the change (N,) to the right.
+    """Return the edges (N,) at which the number of layers changes, and the change (N,) to the right.
 
-    The faces of a closed mesh that look at the viewer are layers, and all faces of an open mesh.
+    A layer is a face that hides what is behind: one that looks at the viewer if its mesh is closed, and any face of an open mesh.
     """
-    front = np.empty(len(body.corner), np.bool_)
-    for f in range(len(front)):
+    layer, positive = np.empty(len(body.corners), np.bool_), np.empty(len(body.corners), np.bool_)
+    nearest = CLIP * distance(body.centre, viewer)
+    for f in range(len(layer)):
+        a, b, c = body.corners[f]
+        # The corners of all edges of a face have the same order, so that the changes of a row cancel even for a face seen edge-on.
+        positive[f] = (seen[b, 0] - seen[a, 0]) * (seen[c, 1] - seen[a, 1]) > (seen[b, 1] - seen[a, 1]) * (seen[c, 0] - seen[a, 0])
         side = 0.0
         for k in range(3):
-            side += (viewer[k] - body.corner[f, k]) * body.normal[f, k]
-        front[f] = side > 0
+            side += (viewer[k] - body.vertex[a, k]) * body.normal[f, k]
+        layer[f] = (side > 0 or body.sheet[f]) and min(seen[a, 2], seen[b, 2], seen[c, 2]) > nearest
     edges, steps = np.empty(len(body.ends), np.int64), np.empty(len(body.ends), np.int64)
     count = 0
     for e in range(len(body.ends)):
-        if body.faces[e, 1] >= 0 and front[body.faces[e, 0]] == front[body.faces[e, 1]]:
+        one, other = body.faces[e]
+        if not layer[one] and (other < 0 or not layer[other]):
             continue
-        low, high = body.ends[e, 0], body.ends[e, 1]
-        if seen[low, 1] > seen[high, 1]:
-            low, high = high, low
+        rises = seen[body.ends[e, 0], 1] <= seen[body.ends[e, 1], 1]
         step = 0
         for k in range(2):
             f = body.faces[e, k]
-            if f >= 0 and (front[f] or body.sheet[f]):
-                third = body.third[e, k]
-                across = (seen[high, 0] - seen[low, 0]) * (seen[third, 1] - seen[low, 1])
-                across -= (seen[high, 1] - seen[low, 1]) * (seen[third, 0] - seen[low, 0])
-                step += 1 if across < 0 else -1
+            if f >= 0 and layer[f]:
+                left = (body.forward[e, k] == rises) == positive[f]  # the face is on the left of the rising edge
+                step += -1 if left else 1
         if step:
             edges[count], steps[count] = e, step
             count += 1
@@ -230,14 +232,30 @@ def _intervals(
             if before <= 0 < layers:
                 # The gap between two intervals closes where one ends at the place where the other begins.
                 joined = count[row] > 0 and place[n, 0] - right[row, count[row] - 1, 0] < 1e-9
-                if joined or count[row] == MAX_INTERVALS:
+                if joined:
                     count[row] -= 1
-                else:
-                    left[row, count[row]] = place[n]
+                    continue
+                if count[row] == MAX_INTERVALS:
+                    _close(left[row], right[row])
+                    count[row] -= 1
+                left[row, count[row]] = place[n]
             elif layers <= 0 < before:
                 right[row, count[row]] = place[n]
                 count[row] += 1
     return left, right, count
+
+
+@innermost
+def _close(left: np.ndarray, right: np.ndarray) -> None:
+    """Close the narrowest gap between the intervals (N, 2) of a row, so that the last interval is free."""
+    narrowest = 0
+    for k in range(1, len(left) - 1):
+        if left[k + 1, 0] - right[k, 0] < left[narrowest + 1, 0] - right[narrowest, 0]:
+            narrowest = k
+    for k in range(narrowest, len(left) - 1):
+        right[k, 0], right[k, 1] = right[k + 1, 0], right[k + 1, 1]
+        if k > narrowest:
+            left[k, 0], left[k, 1] = left[k + 1, 0], left[k + 1, 1]
 
 
 @compiled
@@ -461,15 +479,13 @@ def _waves(
     layers, count = 0, 0
     for e in range(len(edges)):
         x, y, z = edges[e, 0, 0] - viewer[0], edges[e, 0, 1] - viewer[1], edges[e, 0, 2] - viewer[2]
-        depth = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
-        a_0 = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) / depth
-        b_0 = (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) / depth
+        near_m = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
+        a_0, b_0 = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z, frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
         x, y, z = edges[e, 1, 0] - viewer[0], edges[e, 1, 1] - viewer[1], edges[e, 1, 2] - viewer[2]
-        far = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
-        if depth <= 0 or far <= 0 or depth >= total or far >= total:
+        far_m = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
+        a_1, b_1 = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z, frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
+        if max(near_m, far_m) <= 0 or min(near_m, far_m) >= total:
             continue
-        a_1 = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) / far
-        b_1 = (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) / far
         side = a_0 * b_1 - a_1 * b_0  # positive if the line passes on the body's side of the edge
         if (b_0 <= 0) != (b_1 <= 0) and (side > 0) == (b_1 > b_0):
             layers += 1 if b_1 > b_0 else -1
