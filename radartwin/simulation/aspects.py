@@ -36,8 +36,8 @@ ASPECTS = 1024  # default number of aspects per revolution
 MIN_ASPECTS = 512
 NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with dents and a seam
 # Aspects of the shadow that a target casts on the paths of the room, for a body of revolution and for another target. The shadow changes
-# slowly, because a wave that passes the edge of the outline is hardly deflected. Error relative to the part of the whole signal that changes
-# with the angle: 0.002 (can as made, 64 aspects), 0.004 (bottle and corner reflector) and 0.013 (mug, all three at 128 aspects).
+# slowly, because a wave that passes the edge of the outline is hardly deflected. Error relative to the part of the signal that changes with
+# the angle: 0.002 (can as made, 64 aspects), 0.004 (bottle and corner reflector) and 0.013 (mug, all three at 128 aspects).
 SHADOW_ROUND, SHADOW_ASPECTS = 64, 128
 TAPS = 8  # number of aspects from which one chirp is interpolated
 HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects

@@ -195,7 +195,8 @@ def shadows_of_mover(
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
         levels: (N,) of the N paths of each part (`pruning.level`).
-        geometry: triangles of the body in its own frame; all of them block, also those of a material that transmits. sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
+        geometry: triangles of the body in its own frame. All of them block, also those of a material that transmits.
+        sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
         wavenumber: rad/m.
     """
     body = _skin(geometry)
