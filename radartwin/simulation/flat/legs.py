@@ -94,17 +94,8 @@ class Legs:
         side = np.array([0 if field is None else len(field) for field in fields], int)
         first = np.cumsum([0, *side[:-1] ** 3])
         values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
-        arguments = (
-            fixed(values.astype(complex, copy=False)),
-            first,
-            side,
-            number[code],
-            self.low,
-            self.size,
-            place,
-            np.ascontiguousarray(point),
-        )
-        shared_out(_weigh, len(amplitude), *arguments, amplitude, grain=1000)
+        grids = fixed(values.astype(complex, copy=False)), first, side, number[code], self.low, self.size
+        shared_out(_weigh, len(amplitude), *grids, place, np.ascontiguousarray(point), amplitude, grain=1000)
 
 
 @compiled
