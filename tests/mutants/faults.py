@@ -122,7 +122,7 @@ waves | _side(outlines, e, source, receiver) * value | -_side(outlines, e, sourc
 
 simulation/flat/silhouette: physics/test_silhouette
 _find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
-_borders | 1 if across < 0 else -1 | 1 if across > 0 else -1 | left and right ends of intervals are swapped
+_borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped
 _waves | value if side > 0 else -value | -value if side > 0 else value | edge waves have the wrong sign
 _over_mirrors | part[e] * onwards | part[e] | later lines do not shadow the edge waves of earlier lines
 
