@@ -118,7 +118,7 @@ _tail | complex(-im, re) | complex(im, -re) | the edge wave has the wrong sign
 edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) + z_r * math.sqrt(h_r) | the point of least excess is wrong
 
 simulation/flat/shadows: physics/test_shadows
-waves | _side(outlines, e, source, receiver) * value | -_side(outlines, e, source, receiver) * value | edge waves have the wrong sign
+factor | _side(outlines, e, source, receiver) * value | -_side(outlines, e, source, receiver) * value | edge waves have the wrong sign
 
 simulation/flat/silhouette: physics/test_silhouette
 _find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor

@@ -84,8 +84,7 @@ def shadow(mesh, source, receiver):
     body = geometry.build([mesh])
     outlines, tree = shadows.of_mesh(body), obstacles.build(body.corners, body.surface)
     ends = np.array(source, float) + legs.NUDGE / K, np.array(receiver, float)
-    out = np.empty(len(outlines.length), complex), np.empty((len(outlines.length), 3))
-    return shadows.factor(outlines, tree, np.ones(1, bool), *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1, *out)
+    return shadows.factor(outlines, tree, np.ones(1, bool), *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1)
 
 
 def half_plane(excess):

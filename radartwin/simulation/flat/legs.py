@@ -295,7 +295,6 @@ def _evaluate(
     longest, q = chains.shape[1], tables.te.shape[2]
     images, met = np.empty((longest + 1, 3)), np.empty((longest + 2, 3))
     none, found, field = np.zeros(3), np.empty(MAX_PANES, np.int64), np.empty((q, 3), np.complex128)
-    part, at_edge = np.empty(len(outlines.length), np.complex128), np.empty((len(outlines.length), 3))
     for n in range(begin, stop):
         m = 0
         while m < longest and chains[which[n], m] >= 0:
@@ -339,7 +338,7 @@ def _evaluate(
             total *= factor(
                 outlines, tree, opaque, met[i], met[i + 1], before, rest - before - step if i < m else 0.0,
                 faces.normal[chain[i - 1]] if i else none, faces.normal[chain[i]] if i < m else none, wavenumber,
-                chain[0] if m else -1, chain[m - 1] if m else -1, part, at_edge,
+                chain[0] if m else -1, chain[m - 1] if m else -1,
             )  # fmt: skip
             before += step
             if abs(total) < MIRRORED:

@@ -191,11 +191,11 @@ def _lies_in(outlines: Outlines, e: int, point: np.ndarray, normal: np.ndarray) 
 
 
 @compiled
-def waves(
+def factor(
     outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
-    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
-) -> tuple[float, int]:  # fmt: skip
-    """Return 1 if a line is clear and 0 if a body blocks it, and the number of edge waves that bodies add to it, for exp(+j k L).
+    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, mirror_a: int, mirror_b: int,
+) -> complex:  # fmt: skip
+    """Return the factor of a line for exp(+j k L): 1 if it is clear and 0 if a body blocks it, plus the edge waves of all bodies.
 
     Args:
         outlines, tree: edges and triangles of all bodies. opaque: (surfaces,) whether a surface blocks.
@@ -204,19 +204,17 @@ def waves(
         normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
             it is no edge of the body with its image.
         mirror_a, mirror_b: mirrors of the path, or -1; their own edges do not count.
-        part: (E,) receives the edge waves relative to the undisturbed path. place: (E, 3) receives the points at which they start.
     """
     found = np.empty(MAX_PANES, np.int64)
-    clear = 1.0 if crossed(tree, start, end, opaque, found) >= 0 else 0.0
+    whole = 1 + 0j if crossed(tree, start, end, opaque, found) >= 0 else 0j
     length = distance(start, end)
     if length < 1e-9:
-        return clear, 0
+        return whole
     way = toward(start, end, length)
     source, receiver = moved(start, way, -before), moved(end, way, after)
     total, excess = before + length + after, math.pi * REACH * REACH / wavenumber  # REACH across and along the edge
     low, high = before - BEYOND_M - excess, before + length + BEYOND_M + excess
     others = opaque.copy()
-    count = 0
     for c in range(len(outlines.radius)):
         if not _has_silhouette(outlines, c, source):
             continue
@@ -248,20 +246,8 @@ def waves(
                 others[outlines.surface[c]] = opaque[outlines.surface[c]]
                 if hidden:
                     continue
-            part[count] = _side(outlines, e, source, receiver) * value
-            place[count, 0], place[count, 1], place[count, 2] = x
-            count += 1
-    return clear, count
-
-
-@compiled
-def factor(
-    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
-    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, mirror_a: int, mirror_b: int, part: np.ndarray, place: np.ndarray,
-) -> complex:  # fmt: skip
-    """Return the factor of a line for exp(+j k L); the arguments are those of `waves`."""
-    clear, count = waves(outlines, tree, opaque, start, end, before, after, normal_a, normal_b, wavenumber, mirror_a, mirror_b, part, place)
-    return clear + part[:count].sum()
+            whole += _side(outlines, e, source, receiver) * value
+    return whole
 
 
 @innermost
