@@ -3,11 +3,11 @@
 A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. Each gap is switched on alone at
 strength 1. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
 
-A table row shows one random draw of the gap (set by measured.gap and seed), not a mean over several draws. Roughness takes power from the
-specular reflection, and this power returns as diffuse scatter, so a rougher room can become brighter. The turntable's motor and gear are
-clutter inside the target gate. In the rows of the geometry gap, the simulated scan contains the room's clutter, but the virtual
-measurements do not. The quick profile needs 270 core-seconds to simulate the recordings, and 150 core-seconds more if the scans of both
-rooms are not in the store.
+A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The draws of the solver gap
+are equal, so it has one. Roughness takes power from the specular reflection, and this power returns as diffuse scatter, so a rougher room
+can become brighter. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the simulated scan
+contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate the recordings, and
+150 core-seconds more if the scans of both rooms are not in the store.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ TABLE = Table(
     "gap on and gives the change of the features, beside a prediction from physics that was written before the first run. "
     "Changes of the complex signal are given in the target gate, and in the room more than half a metre from the target. "
     "The geometry gap changes the twin; all other gaps change the testbed. The cases are three objects on the lab's "
-    "turntable and one drive in the squash court. Intervals are bootstraps over objects.",
+    "turntable and one drive in the squash court. The column 'source' says where the size of a gap at strength 1 comes from. Intervals "
+    "are bootstraps over draws and objects.",
 )
 
 LOWEST_SHOWN_DB = -80.0  # lower end of the figure's axis
@@ -52,7 +53,8 @@ CHANGE = " change (dB)"  # ending of the names of features that are signal ratio
 SHOWN = ("turntable", "drive")  # groups of cases that have a row for every feature
 # Cases and numbers of revolutions for which frames are interpolated (`aspects` in experiments/campaign/truth.py)
 INTERPOLATED = {"quick": ((METAL[1], 6),), "paper": ((METAL[1], 6), (FILLED[0], 43))}
-Moves = dict[tuple[str, float], dict[Case, dict[str, float]]]  # [gap, strength][case][feature]: change of the feature
+DRAWS = {"quick": 1, "paper": 3}
+Moves = dict[tuple[str, float], list[dict[Case, dict[str, float]]]]  # [gap, strength][draw][case][feature]: change of the feature
 Keys = dict[tuple[str, float], list[str]]
 
 
@@ -62,22 +64,26 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """
     check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
-    steps = [(gap, s) for gap in GAPS for s in strengths if gap != "solver" or s == 1]  # the solver gap is only on or off
+    # the solver gap is only on or off, and nothing about it is drawn
+    steps = [
+        (gap, s, draw) for gap in GAPS for s in strengths for draw in range(DRAWS.get(config.profile.name, 1))
+        if gap != "solver" or (s, draw) == (1, 0)
+    ]  # fmt: skip
 
-    def recorded(domain: str, gap: str | None = None, strength: float = 1.0) -> dict[Case, Reading]:
-        alone = case_set.alone(config, gap, strength)
+    def recorded(domain: str, gap: str | None = None, strength: float = 1.0, draw: int = 0) -> dict[Case, Reading]:
+        alone = case_set.alone(config, gap, strength, draw=draw)
         return {case: case_set.recorded(alone, store, progress, domain, case) for case in CASES}
 
     base, exact = recorded("measured"), recorded("twin")
     moves: Moves = {}
     keys: Keys = {}
-    for gap, strength in progress.over(steps, "gaps"):
+    for gap, strength, draw in progress.over(steps, "gaps"):
         domain, reference = ("twin", exact) if gap == "geometry" else ("measured", base)
-        found = recorded(domain, gap, strength)
-        moves[gap, strength] = {case: _moved(gap, found[case], reference[case]) for case in CASES}
-        keys[gap, strength] = [one.key for one in (*found.values(), *reference.values())]
+        found = recorded(domain, gap, strength, draw)
+        moves.setdefault((gap, strength), []).append({case: _moved(gap, found[case], reference[case]) for case in CASES})
+        keys.setdefault((gap, strength), []).extend(one.key for one in (*found.values(), *reference.values()))
     rows = RowList(config)
-    _add_agreement(rows, base, exact, moves["solver", 1.0])
+    _add_agreement(rows, base, exact, moves["solver", 1.0][0])
     for case, turns in INTERPOLATED.get(config.profile.name, ()):
         blended = case_set.recorded(case_set.alone(config, turns=turns), store, progress, "measured", case, case_set.FRAMES)
         _add_interpolated(rows, case, base[case], blended)
@@ -116,44 +122,52 @@ def _add_agreement(
         for feature in ("target change (dB)", "room change (dB)"):
             own = solver[case][feature]
             claim = Claim(f"less than the solver's own error, {own:.1f} dB", below=own, least=1)
-            _add(rows, ("none", 0.0, case.name), feature, [found[feature]], keys, claim)
+            _add(rows, ("none", 0.0, case.name), feature, [[found[feature]]], keys, claim)
         difference = case_set.profile_difference_db(exact[case], base[case])
-        _add(rows, ("none", 0.0, case.name), "mean range profile, rms difference (dB)", [difference], keys)
+        _add(rows, ("none", 0.0, case.name), "mean range profile, rms difference (dB)", [[difference]], keys)
 
 
 def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Reading) -> None:
     """Add the difference between a turntable revolution interpolated from traced angles and the revolution with every frame traced."""
     change = case_set.change_db(blended, traced, traced.target)
     claim = Claim("aspects stand for every frame", below=-20.0, least=1)
-    _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [change], [traced.key, blended.key], claim)
+    _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [[change]], [traced.key, blended.key], claim)
 
 
-def add_rows(rows: RowList, step: tuple[str, float], moves: Mapping[Case, dict[str, float]], keys: list[str]) -> None:
-    """Add the rows of one gap at one strength: every feature for the case groups in SHOWN, and only the predicted features for others."""
+def add_rows(rows: RowList, step: tuple[str, float], moves: Sequence[Mapping[Case, dict[str, float]]], keys: list[str]) -> None:
+    """Add the rows of one gap at one strength: every feature for the case groups in SHOWN, and only the predicted features for others.
+
+    `moves` holds for each draw the changes of the features of each case.
+    """
     claims = {(group, feature): claim for group, feature, claim in expected(*step)}
-    wanted = [(group, feature) for group in SHOWN for feature in moves[GROUPS[group][0]]]
+    wanted = [(group, feature) for group in SHOWN for feature in moves[0][GROUPS[group][0]]]
     wanted += [key for key in claims if key not in wanted]
     for group, feature in wanted:
-        values = [moves[case][feature] for case in GROUPS[group]]
+        values = [[one[case][feature] for case in GROUPS[group]] for one in moves]
         if np.isfinite(values).all():
             _add(rows, (*step, group), feature, values, keys, claims.get((group, feature), NONE))
 
 
-def _add(rows: RowList, where: tuple[str, float, str], metric: str, values: list[float], keys: list[str], claim: Claim = NONE) -> None:
-    """Add one table row for a gap at a strength and a group of cases. Ratios of signals are averaged as amplitudes, because a mean of
-    decibels has no meaning.
+def _add(
+    rows: RowList, where: tuple[str, float, str], metric: str, values: Sequence[Sequence[float]], keys: list[str], claim: Claim = NONE
+) -> None:
+    """Add one table row for a gap at a strength and a group of cases; `values` holds the values of the cases for each draw. Ratios of
+    signals are averaged as amplitudes, because a mean of decibels has no meaning.
     """
     config, ratios = rows.config, metric.endswith(CHANGE)
     samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
-    found = statistics.mean(samples, config.profile.resamples, config.seed)
+    each = [statistics.mean(one, config.profile.resamples, config.seed) for one in samples]
+    found = statistics.over_draws(each, config.profile.resamples, config.seed)
     if ratios:
-        value, low, high = (20 * float(np.log10(one)) for one in (found.value, found.low, found.high))
+        value, low, high = (case_set.decibels(max(one, 0.0) ** 2) for one in (found.value, found.low, found.high))
         found = Estimate(value, low, high, found.n)
-    rows.add(dict(zip(("gap", "strength", "cases"), where, strict=True)), metric, found, keys, claim)
+    source = config.measured.gap.sources().get(where[0], "")
+    row = rows.add({**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}, metric, found, keys, claim)
+    row["draws"] = len(values)
 
 
-def _mean(moves: Mapping[Case, dict[str, float]], group: str, feature: str) -> float:
-    return 20 * float(np.log10(np.mean([10 ** (moves[case][feature] / 20) for case in GROUPS[group]])))
+def _mean(moves: Sequence[Mapping[Case, dict[str, float]]], group: str, feature: str) -> float:
+    return 20 * float(np.log10(np.mean([10 ** (one[case][feature] / 20) for one in moves for case in GROUPS[group]])))
 
 
 def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
-from radartwin.config.checks import check_fields, check_selector, choice, not_negative, path_name, positive, url
+from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
 from radartwin.features.families import families
+
+MOST_STRENGTH = 4.0  # at larger strengths, drawn permittivities, thicknesses and shapes can no longer be built
+
+
+def gap(source: str) -> Any:
+    """Define the strength of a gap, from 0 to MOST_STRENGTH.
+
+    `source` names the publication or data sheet that gives the size at strength 1, or says that the size is an order of magnitude.
+    """
+    strength = number(1.0, lambda value: 0 <= value <= MOST_STRENGTH, f"from 0 to {MOST_STRENGTH:g}")
+    return field(default=strength.default, metadata={**strength.metadata, "source": source})
 
 
 @dataclass
@@ -16,26 +28,48 @@ class GapConfig:
     """Strength of each error source that the virtual measurements (simulated stand-in for real measurements) have and the simulation under
     test does not have.
 
-    Strength 0 switches the error source off. At strength 1, the error has the size that a publication or data sheet gives, and at strength
-    2 twice this size. The module named beside a field states the size of the error at strength 1 and the published source of this size.
+    Strength 0 switches the error source off. At strength 1, the error has the size that its source gives, and at strength 2 twice this
+    size. The module named beside a field states the size of the error at strength 1 in full. A field without a source raises ConfigError.
     """
 
-    geometry: float = not_negative(1.0)  # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)
-    materials: float = not_negative(1.0)  # errors of layer thickness and permittivity (radartwin/testbed/variation.py)
-    roughness: float = not_negative(1.0)  # errors of the height of surface roughness (radartwin/testbed/variation.py)
-    contents: float = not_negative(1.0)  # errors of the liquids and fill levels in vessels (radartwin/testbed/variation.py)
-    object_shape: float = not_negative(1.0)  # errors of the target's shape (radartwin/testbed/object_shape.py)
-    object_material: float = not_negative(1.0)  # errors of the target's walls and permittivity (radartwin/testbed/variation.py)
-    person: float = not_negative(1.0)  # a person who stands in the room (radartwin/testbed/bystander.py)
-    clutter: float = not_negative(1.0)  # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
-    antenna: float = not_negative(1.0)  # errors of the antenna patterns (radartwin/radar/antenna_errors.py)
-    hardware: float = not_negative(1.0)  # errors of the radar hardware (radartwin/radar/hardware.py)
-    trajectory: float = not_negative(1.0)  # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
-    placement: float = not_negative(1.0)  # errors of the target's position (radartwin/testbed/motion_errors.py)
-    solver: float = not_negative(1.0)  # above 0: the testbed traces more rays and one more reflection (radartwin/testbed/testbed.py)
+    # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)
+    geometry: float = gap("phone LiDAR: Luetzenburg 2021, Teo 2023, Kim 2022, and 24 frames of a real scan")
+    # errors of layer thickness and permittivity (radartwin/testbed/variation.py)
+    materials: float = gap("EN 520; spread between rows of ITU-R P.2040-4")
+    # errors of the height of surface roughness (radartwin/testbed/variation.py)
+    roughness: float = gap("spread of published heights; EN 572-2 and EN 14411 for glass and glaze")
+    # errors of the liquids and fill levels in vessels (radartwin/testbed/variation.py)
+    contents: float = gap("uncertainty of the recipes of liquids; empty space: order of magnitude")
+    # errors of the target's shape (radartwin/testbed/object_shape.py)
+    object_shape: float = gap("cans: tolerances of Can Manufacturers Institute and Hudson Technologies; others: order of magnitude")
+    # errors of the target's walls and permittivity (radartwin/testbed/variation.py)
+    object_material: float = gap("as materials")
+    # a person who stands in the room (radartwin/testbed/bystander.py)
+    person: float = gap("sway: Abrahamova 2008, order of magnitude; body measures")
+    # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
+    clutter: float = gap("ordinary equipment: order of magnitude; drift: thermal expansion")
+    # errors of the antenna patterns (radartwin/radar/antenna_errors.py)
+    antenna: float = gap("side lobes: Wang 2018; back lobe and ripple: diffraction at an edge, order of magnitude")
+    # errors of the radar hardware (radartwin/radar/hardware.py)
+    hardware: float = gap("data sheets AWR1243, IWR1443 and AWR2944P; two public captures")
+    # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
+    trajectory: float = gap("odometry: Borenstein 1996; turntable and rail: order of magnitude")
+    # errors of the target's position (radartwin/testbed/motion_errors.py)
+    placement: float = gap("a tape read to half a centimetre: order of magnitude")
+    # above 0: the testbed traces more rays and one more reflection (radartwin/testbed/testbed.py)
+    solver: float = gap("convergence of the tracer")
 
     def __post_init__(self) -> None:
+        for entry in fields(self):
+            if not entry.metadata.get("source"):
+                raise ConfigError(
+                    f"measured.gap.{entry.name} has no source; state it in radartwin/config/study.py before any table is scored"
+                )
         check_fields(self, "measured.gap")
+
+    def sources(self) -> dict[str, str]:
+        """Return the source of the size of each gap at strength 1."""
+        return {entry.name: entry.metadata["source"] for entry in fields(self)}
 
 
 @dataclass

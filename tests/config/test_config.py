@@ -34,7 +34,7 @@ MISTAKES = {
     "null for a setting": (["simulator.max_bounces=null"], ("simulator.max_bounces", "not Optional")),
     "zero for a positive number": (["simulator.max_bounces=0"], ("simulator.max_bounces=0", "above zero")),
     "unknown word": (["simulator.variant=gpu"], ("simulator.variant=gpu", "auto", "llvm", "cuda")),
-    "negative gap": (["measured.gap.clutter=-1"], ("measured.gap.clutter=-1", "zero")),
+    "negative gap": (["measured.gap.clutter=-1"], ("measured.gap.clutter=-1", "from 0 to 4")),
     "unreadable override": (["scene=["], ("scene=[",)),
     "several values without -m": (["scene=lab,empty"], ("scene=lab,empty", "-m")),
     "interpolation of an unknown key": (["scene.path=${nowhere}", "scene=scan"], ("scene.path", "nowhere")),

@@ -4,7 +4,7 @@ that it should change.
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from experiments.gaps import case_set, claims, gaps
 from experiments.scans import virtual_scan
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
+from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
 from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.io.progress import Progress
@@ -126,11 +127,46 @@ def test_a_claim_holds_or_fails_by_the_measured_change(tmp_path: Path) -> None:
         moved = still | {"target brightness (dB)": level}
         moves = {case: {name: value + 1e-3 * k for name, value in moved.items()} for k, case in enumerate(case_set.CASES)}
         rows = RowList(config(tmp_path))
-        gaps.add_rows(rows, ("hardware", 1.0), moves, ["key"])
+        gaps.add_rows(rows, ("hardware", 1.0), [moves], ["key"])
         found = {(row["cases"], row["metric"]): row["verdict"] for row in rows}
         assert found["turntable, metal", "target brightness (dB)"] == verdict
         assert found["turntable", "noise floor (dB)"] == "holds"
         assert found["drive", "room change (dB)"] == "untestable"  # the table makes no claim about this feature
+        assert {row["source"] for row in rows} == {"data sheets AWR1243, IWR1443 and AWR2944P; two public captures"}
+
+
+def test_an_interval_contains_the_spread_between_draws(tmp_path: Path) -> None:
+    """The three objects of a draw change by the same value, so that all width of the interval comes from the draws."""
+    base = reading(STEADY)
+    still = case_set.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
+    draws = [dict.fromkeys(case_set.CASES, still | {"target brightness (dB)": level}) for level in (-7.0, -8.0, -9.0)]
+    for some, width in ((draws[:1], 0.0), (draws, 1.0)):
+        rows = RowList(config(tmp_path))
+        gaps.add_rows(rows, ("hardware", 1.0), some, ["key"])
+        row = next(one for one in rows if (one["cases"], one["metric"]) == ("turntable, metal", "target brightness (dB)"))
+        assert row["draws"] == len(some)
+        assert row["value"] == pytest.approx(np.mean([-7.0, -8.0, -9.0][: len(some)]))
+        assert (row["high"] - row["low"] > width) == (len(some) > 1)
+
+
+def test_draws_of_a_gap_have_their_own_seed(tmp_path: Path) -> None:
+    seeds = {case_set.alone(config(tmp_path), "clutter", draw=draw).seed for draw in range(3)}
+    assert len(seeds) == 3
+
+
+def test_a_strength_beyond_its_range_is_refused(tmp_path: Path) -> None:
+    for value in ("-1", "4.5", "nan"):
+        with pytest.raises(ConfigError, match=r"measured\.gap\.clutter=\S+ must be from 0 to 4"):
+            compose([f"measured.gap.clutter={value}", f"output={tmp_path}"])
+
+
+def test_a_gap_without_a_source_is_refused() -> None:
+    @dataclass
+    class Extended(GapConfig):
+        weather: float = 1.0
+
+    with pytest.raises(ConfigError, match=r"measured\.gap\.weather has no source"):
+        Extended()
 
 
 def test_both_domains_agree_with_every_gap_off(tmp_path: Path) -> None:
