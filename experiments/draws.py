@@ -7,7 +7,7 @@ the same for all draws.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +22,8 @@ from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store
 
-UNKNOWN = "contents unknown"
+UNKNOWN, EXACT = "contents unknown", "objects of the catalogue"
+OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that change the target
 AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns of a row whose values depend on the draw
 
 
@@ -48,12 +49,37 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
     result = scored_of(config)
     if not config.profile.unknown_contents or config.contents != "filled":
         return result
-    other, rows = scored_of(replace(config, contents="unknown")), list(result.rows)
+    return _beside(result, scored_of(replace(config, contents="unknown")), {"twin": UNKNOWN})
+
+
+def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], kept: Callable[[Row], bool] = lambda row: True) -> Result:
+    """Return the result of a table, with further rows for a testbed whose objects equal the catalogue.
+
+    The column `truth` of these rows says "objects of the catalogue", and they state no claim. They belong to one draw of the testbed
+    without the gaps OBJECT_GAPS. Only a profile with `exact_objects` has these rows, and a recording set has none.
+
+    Args:
+        scored_of: function that returns the result of the table for a configuration.
+        kept: function that tells whether a row of the other testbed is kept.
+    """
+    result = scored_of(config)
+    if not config.profile.exact_objects or config.measured.provider != "testbed":
+        return result
+    gap = replace(config.measured.gap, **dict.fromkeys(OBJECT_GAPS, 0.0))
+    exact = replace(config, measured=replace(config.measured, gap=gap, draw=config.measured.draw or 0))
+    other = scored_of(exact)
+    rows = [row for row in other.rows if isinstance(row, Row) and kept(row)]
+    return _beside(result, replace(other, rows=rows), {"truth": EXACT})
+
+
+def _beside(result: Result, other: Result, column: Mapping[str, str]) -> Result:
+    """Return a result with the rows of another one that differ, without their claims. `column` is added to each of them."""
+    rows = list(result.rows)
     ours = {(row["metric"], *row.case.items()): row["value"] for row in rows if isinstance(row, Row)}
     for row in other.rows:
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
         if row["value"] != ours.get((row["metric"], *row.case.items())):  # rows of measurements alone are equal
-            rows.append(replace(row, case={**row.case, "twin": UNKNOWN}, claim=Claim(paper=row.claim.paper)))
+            rows.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
             rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` replaced the p value of the estimate
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))
 

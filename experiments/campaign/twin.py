@@ -28,7 +28,6 @@ from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
 from radartwin.features.families import SETS
 from radartwin.label.sources import material_source, without_fragments
-from radartwin.materials import half_space
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import with_other_reflectors
@@ -86,7 +85,7 @@ def record(
     """
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
-    stand = _stand(stand_top(nominal).tobytes(), materials.source in ("true", "random"))
+    stand = _stand(stand_top(nominal).tobytes())
     target = list(with_other_reflectors()[case.object].surfaces(contents=config.contents))
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
     simulator = config.simulator
@@ -119,16 +118,11 @@ def noisy(clean: Recording, case: Case, config: Config) -> Recording:
 
 
 @functools.lru_cache(maxsize=4)
-def _stand(top: bytes, layered: bool) -> Scene:
-    """Return the target's stand whose top has the bytes `top` (3,).
-
-    Only the material sources "true" and "random" know the layers of the stand. Without `layered`, each material is a half-space of its
-    outermost layer.
+def _stand(top: bytes) -> Scene:
+    """Return the target's stand whose top has the bytes `top` (3,). As for the target, its materials do not come from the material source,
+    because who places a target on a stand knows both.
     """
-    scene = rooms.support(np.frombuffer(top))
-    if layered:
-        return scene
-    return Scene((s.replaced(material=half_space(s.material)) for s in scene), scene.provenance)
+    return rooms.support(np.frombuffer(top))
 
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:

@@ -7,6 +7,10 @@ recording that is classified, so the remaining revolutions of the same object ar
 simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal
 distance 95.3 % with encoder and 90.3 % with raw features. This table adds two parts that the paper does not have: accuracy against the
 number of labelled recordings, and controls with shuffled class labels and shuffled domains.
+
+In the paper, each distance has about four objects and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
+rows with the layout "as in the paper" have recordings of this layout, of one draw of the testbed (profile.layout_turns). In all other
+rows, every object is recorded at every distance.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import Case
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.figures import bars, confusions, label_curve
@@ -59,7 +64,8 @@ TABLE = Table(
     "physics as our tracer, so the comparison favours our tracer. Labels per class are drawn from half of each object's "
     "recordings; the other half is scored. n counts recordings; the column answers counts revolutions. Intervals are "
     "bootstraps over objects and distances. Rows with an entry in the column 'twin' belong to a simulation that knows only the surface of "
-    "vessels (paper profile).",
+    "vessels (paper profile). Rows with the layout 'as in the paper' have four objects at each distance and twelve revolutions in a "
+    "recording, of one draw (paper profile).",
 )
 
 SHOTS = (0, 1, 2, 4, 8, 14)
@@ -96,17 +102,34 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
     def scored(own: Config) -> Result:
         rivals = {RIVAL: Campaign(replace(own, simulator=simulator), store, progress)} if own is config else {}
-        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress, rivals))
+        first, layout = draws.numbers(own)[0], _layout_campaign(own, store, progress)
+
+        def of_draw(campaign: Campaign) -> Result:
+            return score(own, campaign, store, progress, rivals, layout if campaign.draw == first else None)
+
+        return draws.scored(own, store, progress, of_draw)
 
     return draws.beside_unknown(config, scored)
 
 
+def _layout_campaign(config: Config, store: Store, progress: Progress) -> Campaign | None:
+    """Return the campaign with as many revolutions in a recording as in the paper, or None if the profile or the recording set has none."""
+    turns = config.profile.layout_turns
+    if not turns or config.measured.provider != "testbed":
+        return None
+    profile = replace(config.profile, campaign=replace(config.profile.campaign, turns=turns))
+    return Campaign(replace(config, profile=profile), store, progress, draws.numbers(config)[0])
+
+
 def score(
-    config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None
-) -> Result:
+    config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None,
+    layout: RecordingSource | None = None,
+) -> Result:  # fmt: skip
     """Build the rows of every probe, of accuracy against the number of labels, and of the controls.
 
-    `rivals` holds the campaigns that other simulators simulated, by name.
+    Args:
+        rivals: the campaigns that other simulators simulated, by name.
+        layout: the campaign from which the paper's layout is taken; None leaves its rows out.
     """
     data = gather_data(config, source, store, progress, rivals or {})
     measured = data.measured
@@ -131,6 +154,8 @@ def score(
         if curve:
             figures["label_efficiency"] = lambda: label_curve(curve, chance)
     _add_controls(rows, data, chance)
+    if layout is not None:
+        _add_layout(rows, data, trained, layout, progress)
     metrics = {
         f"accuracy_{name}_{probe.replace(', ', '_').replace(' ', '_')}": float(hits[method, probe].mean())
         for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in probes
@@ -138,12 +163,14 @@ def score(
     return Result("labelled_probe", rows, figures, metrics, sorted({key for found in data.keys.values() for key in found}))
 
 
-def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float) -> dict[str, Mapping[str, Any]]:
+def _add_probe(
+    rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float, layout: Mapping[str, str] | None = None
+) -> dict[str, Mapping[str, Any]]:
     """Add the accuracy of every method, and the accuracy gain from training on simulation. Returns a dictionary {method: table row
-    with the accuracy}.
+    with the accuracy}. `layout` holds further columns of the rows.
     """
     figures, gain = PROBES[probe]
-    case, shown = CASE | {"probe": probe}, {}
+    case, shown = CASE | {"probe": probe, **(layout or {})}, {}
     for method, found in hits.items():
         claim = Claim("measured revolutions are recognised" if method == PRETRAINED else "", figures.get(method, ""))
         shown[method] = rows.share(case | {"method": method}, found, data.measured, data.keys_of(method), chance, claim)
@@ -156,6 +183,33 @@ def _add_probe(rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str,
         keys = sorted({*data.keys_of(PRETRAINED), *data.keys_of(method)})
         rows.gain(case | {"method": f"{PRETRAINED} - {method}"}, hits[PRETRAINED], hits[method], data.measured, keys, claim)
     return shown
+
+
+def _add_layout(
+    rows: RecognitionRows, data: Data, trained: Mapping[str, Sequence[Encoder]], source: RecordingSource, progress: Progress
+) -> None:
+    """Add the probes on recordings in the layout of the paper, with the encoders `trained` of each method."""
+    cases = as_in_paper(source.cases("measured", motion=MOTION))
+    progress.say(f"{len(cases)} measured {MOTION} recordings in the layout of the paper")
+    found = vectors(source, "measured", cases, FEATURES)
+    measured = standardised(found.samples)
+    own = replace(data, measured=measured, keys={**data.keys, "measured": found.keys})
+    embedded = {RAW: [measured]} | {method: [encoder.embedded(measured) for encoder in some] for method, some in trained.items()}
+    for probe, chance in ((REVOLUTIONS, 1 / len(measured.classes)), (MATCHED, uniform_chance(measured))):
+        hits = {method: correct([_predict(one, probe) for one in some], measured.label) for method, some in embedded.items()}
+        _add_probe(rows, own, probe, hits, chance, {"layout": "as in the paper"})
+
+
+def as_in_paper(cases: Sequence[Case]) -> list[Case]:
+    """Choose cases so that each object stands at one distance, and as many objects as there are distances at a second distance.
+
+    Twelve objects and four distances give four objects at each distance.
+    """
+    objects, distances = sorted({case.object for case in cases}), sorted({case.distance_m for case in cases})
+    count = len(distances)
+    places = {(name, distances[k % count]) for k, name in enumerate(objects)}
+    places |= {(name, distances[(k + count // 2) % count]) for k, name in enumerate(objects[:count])}
+    return [case for case in cases if (case.object, case.distance_m) in places and case.repetition == 0]
 
 
 def _usable_probes(measured: Samples, progress: Progress) -> list[str]:

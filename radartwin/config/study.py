@@ -210,6 +210,8 @@ class ProfileConfig:
     scan_strengths: list[float] = positive([1.0])  # factors on the errors of the simulated phone scan; 1 is the published size
     strengths: list[float] = positive([1.0])  # factors on all gaps (measured.gap) in the table of the paper's main claims
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
+    exact_objects: bool = False  # whether tables of identity also show a testbed whose objects equal the catalogue
+    layout_turns: int = not_negative(0)  # revolutions in the recordings of the paper's layout (table labelled_probe); 0 leaves them out
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:

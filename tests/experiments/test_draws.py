@@ -163,3 +163,23 @@ def test_rows_of_unknown_contents_keep_the_p_value_of_the_single_test() -> None:
 
     result = draws.beside_unknown(config("turntable_material", "profile.unknown_contents=true"), scored_of)
     assert [(row["p"], row["p_holm"]) for row in result.rows if row.get("twin")] == [(0.01, None), (0.02, None), (0.03, None)]
+
+
+def test_rows_of_exact_objects_switch_off_the_gaps_of_the_target() -> None:
+    """The value of the rows is the sum of all strengths, so that the rows show which gaps are off."""
+
+    def scored_of(own: Config) -> Result:
+        rows = RowList(own)
+        strength = sum(dataclasses.asdict(own.measured.gap).values())
+        for classes in ("object", "shape"):
+            rows.add({"classes": classes}, "strength", statistics.exact(strength, 3), ["a"], Claim("above", above=0.5))
+        return draws.joined([Result("t", rows, {}, {}, [f"{strength:g}", f"draw {own.measured.draw}"])])
+
+    assert len(draws.beside_exact_objects(config("rover_recognition"), scored_of).rows) == 2
+    chosen = config("rover_recognition", "profile.exact_objects=true")
+    result = draws.beside_exact_objects(chosen, scored_of, lambda row: row["classes"] == "object")
+    assert [(row["classes"], row.get("truth"), row["value"]) for row in result.rows] == [
+        ("object", None, 13.0), ("shape", None, 13.0), ("object", draws.EXACT, 10.0),
+    ]  # fmt: skip
+    assert result.rows[-1]["verdict"] == "untestable"
+    assert result.keys == ["10", "13", "draw 0", "draw None"]

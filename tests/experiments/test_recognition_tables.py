@@ -110,6 +110,22 @@ def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Pa
     assert "label_efficiency" not in result.figures
 
 
+def test_the_layout_of_the_paper_has_four_objects_at_each_distance(tmp_path: Path):
+    """Twelve objects at four distances in the paper's layout have a chance of 25 % at equal distance, and the paper states 24.8 %."""
+    whole = FakeCampaign(frames=24, repetitions=1, turns=3, distances=(0.5, 1.0, 1.5, 2.0))
+    chosen = labelled_probe.as_in_paper(whole.cases("measured"))
+    assert len(chosen) == 16
+    assert {case.object for case in chosen} == set(whole.objects)
+    assert [sum(case.distance_m == one for case in chosen) for one in whole.distances] == [4, 4, 4, 4]
+    own = config("labelled_probe")
+    result = labelled_probe.score(own, turntable(), Store(tmp_path), Progress(), layout=turntable(distances=(0.5, 1.0, 1.5), turns=3))
+    rows = {(row["probe"], row["method"]): row for row in result.rows if row.get("layout") and row["metric"] == "accuracy"}
+    assert {probe for probe, _ in rows} == {labelled_probe.REVOLUTIONS, labelled_probe.MATCHED}
+    matched = rows[labelled_probe.MATCHED, labelled_probe.PRETRAINED]
+    assert (matched["chance"], matched["n"], matched["answers"]) == (pytest.approx(1 / 3), 9, 27)  # six objects at three distances
+    assert rows[labelled_probe.REVOLUTIONS, labelled_probe.RAW]["chance"] == pytest.approx(1 / 6)
+
+
 @pytest.mark.slow
 def test_labelled_probe_of_equal_objects_is_at_chance(tmp_path: Path):
     result = probe(tmp_path, turntable(signature=0.0))
