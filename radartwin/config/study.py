@@ -209,6 +209,8 @@ class ProfileConfig:
     scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # rooms that the simulated phone scans
     scan_strengths: list[float] = positive([1.0])  # factors on the errors of the simulated phone scan; 1 is the published size
     strengths: list[float] = positive([1.0])  # factors on all gaps (measured.gap) in the table of the paper's main claims
+    strength_draws: int = positive(3)  # number of draws of turntable and rail at which these strengths are compared
+    strength_rover_draws: int = positive(1)  # the same number of the rover's drives
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
     exact_objects: bool = False  # whether tables of identity also show a testbed whose objects equal the catalogue
     layout_turns: int = not_negative(0)  # revolutions in the recordings of the paper's layout (table labelled_probe); 0 leaves them out

@@ -39,8 +39,31 @@ def test_a_verdict_that_changes_depends_on_strength() -> None:
         assert row["verdict"] == "holds"
         assert row["over all strengths"] == headline.DEPENDS
         assert row["strength 0.5"].endswith("holds")
+        assert row["strength 1"].endswith("holds")
         assert row["strength 2"] == "0.3 [0.2, 0.4], fails"
     assert set(result.keys) == set(headline.SOURCES)
+
+
+def test_strengths_are_compared_at_the_same_number_of_draws() -> None:
+    own = config("headline", "profile.strengths=[0.5,1,2]", "profile.campaign.draws=10", "profile.strength_draws=4")
+    draws: dict[tuple[str, float], set[int]] = {}
+    for (strength, name), one in headline.tables(own).items():
+        draws.setdefault((name, one.measured.gap.person), set()).add(one.profile.campaign.draws)  # type: ignore[attr-defined]
+        assert (one.profile.campaign.draws == 10) == (strength == headline.ALL_DRAWS)
+    assert set(map(tuple, map(sorted, draws.values()))) == {(4,), (4, 10)}
+
+
+def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
+    own = config("headline", "profile.strengths=[0.5,1]", "profile.campaign.draws=10", "profile.strength_draws=3")
+
+    def wide(one: Config) -> Result:
+        result = made(one)
+        return dataclasses.replace(
+            result, rows=[{**row, "verdict": "holds" if one.profile.campaign.draws == 10 else "fails"} for row in result.rows]
+        )
+
+    for row in headline.score(own, wide).rows:
+        assert (row["verdict"], row["over all strengths"]) == ("holds", "fails")
 
 
 def test_one_strength_gives_the_verdict_of_the_table() -> None:
