@@ -62,7 +62,7 @@ def folder(here: Path, shared_data: Path) -> Path:
 
 
 def wooden_answer(kind: str) -> dict[str, object]:
-    answer = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+    answer = {"material": "wood", "finish": "smooth", "confidence": 0.8, "reason": "grain"}
     return answer | ({"wall_thickness_mm": 1.0, "contents": "solid"} if kind == "object" else {})
 
 
