@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from displaced import displaced
 
+from experiments.generators.questions import replace_answers
 from radartwin.errors import LabelError, MissingError, SceneError
 from radartwin.label.answers import Answer, interior, material_of, read_answer, schema
 from radartwin.label.journal import Journal, Record
@@ -20,8 +21,9 @@ from radartwin.label.labelling import apply, load, prepare
 from radartwin.label.labels import answer_label
 from radartwin.label.place import Place, matches, overlap, place_of
 from radartwin.label.question_folder import export, read_answers
-from radartwin.label.questions import Question, questions
+from radartwin.label.questions import Question, prompt_digest, questions
 from radartwin.label.recorded import (
+    ANSWERS,
     CHAIR,
     JOURNAL,
     SHIPPED,
@@ -31,6 +33,7 @@ from radartwin.label.recorded import (
     room_of,
     save_records,
     ship,
+    ship_records,
     shipped,
     shipped_rooms,
 )  # fmt: skip
@@ -320,7 +323,30 @@ def test_shipped_answers_of_every_room_are_complete() -> None:
     folders = {path.parent.name for path in SHIPPED.glob("*/answers.json")}
     assert folders == set(shipped_rooms())
     for room in shipped_rooms():
-        assert all(r.prompt and r.images and r.model for r in shipped(room))
+        assert all(r.images and r.model for r in shipped(room))
+        assert {r.prompt for r in shipped(room)} == {prompt_digest()}, "answers to the present questions"
+        assert all(r.answer.finish for r in shipped(room) if not r.answer.invalid)
+
+
+def test_shipped_answers_to_earlier_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("radartwin.label.recorded.prompt_digest", lambda: "0" * 64)
+    with pytest.raises(LabelError, match="shipped answers about lab belong to an earlier version of the questions"):
+        records_for(Scene([], {"room": "lab"}), None)
+
+
+def test_new_answers_replace_the_recorded_answers_if_every_question_has_one(tmp_path: Path, asked: list[Question]) -> None:
+    ship_records([record(asked[0])], "den", tmp_path / "to")
+    before = (tmp_path / "to" / "den" / ANSWERS).read_bytes()
+    lines = [json.dumps({"id": question.id, **GOOD, "finish": "sandy"}) for question in asked[:2]]
+    path = tmp_path / "answers.jsonl"
+    path.write_text(lines[0])
+    with pytest.raises(LabelError, match=f"lacks 1 of 2 answers: {asked[1].id}"):
+        replace_answers("den", asked[:2], path, "someone", "blind", tmp_path / "to")
+    assert (tmp_path / "to" / "den" / ANSWERS).read_bytes() == before
+    path.write_text("\n".join(lines))
+    written = replace_answers("den", asked[:2], path, "someone", "blind", tmp_path / "to")
+    assert {(r.key, r.answer.finish, r.prompt) for r in load_records(written)} == {(q.key, "sandy", prompt_digest()) for q in asked[:2]}
+    assert hashlib.sha256(written.read_bytes()).hexdigest() in (tmp_path / "to" / "digests.py").read_text()
 
 
 # --- question folder
