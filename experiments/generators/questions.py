@@ -1,11 +1,13 @@
 """Write the questions about surface materials to which the package contains recorded answers of the vision-language model.
 
     python -m experiments.generators.questions lab --out FOLDER
+    python -m experiments.generators.questions lab --answers FILE --model NAME --about TEXT
 
 The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). The
 real scan of a chair is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the command
 `radartwin label SCENE --export`. The script compares the hashes of the written questions and pictures with the hashes in the recorded
-answers.
+answers. With the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the format of the
+command `radartwin label SCENE --import`.
 """
 
 from __future__ import annotations
@@ -15,10 +17,11 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from radartwin.errors import LabelError
 from radartwin.label.labelling import load, prepare
-from radartwin.label.question_folder import export
+from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question
-from radartwin.label.recorded import shipped, shipped_rooms
+from radartwin.label.recorded import SHIPPED, ship_records, shipped, shipped_rooms
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.scene import rooms
@@ -50,13 +53,39 @@ def exact(room: str, questions: Sequence[Question]) -> float:
     return sum(q.place.area_m2 for q in questions if q.key in keys) / sum(q.place.area_m2 for q in questions)
 
 
+def replace_answers(room: str, questions: Sequence[Question], answers: Path, model: str, about: str, to: Path = SHIPPED) -> Path:
+    """Replace the recorded answers about a room by those in the file `answers`, and return the path of the written file.
+
+    Args:
+        model: name of the model or person that answered.
+        about: text that states model, date and method of the answers.
+        to: folder of the recorded answers of all rooms.
+    Raises:
+        LabelError: an answer is invalid, or a question has no answer. The recorded answers are then unchanged.
+    """
+    records = read_answers(answers, questions, model)
+    missing = sorted({question.id for question in questions} - {found.key[:12] for found in records})
+    if missing:
+        raise LabelError(f"{answers} lacks {len(missing)} of {len(questions)} answers: {', '.join(missing)}; add a line for each")
+    return ship_records(records, room, to, about)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Write the questions of the recorded answers, and compare their digests.")
+    parser = argparse.ArgumentParser(description="Write the questions of the recorded answers and compare digests, or record new answers.")
     parser.add_argument("room", choices=shipped_rooms())
-    parser.add_argument("--out", type=Path, required=True, help="folder for the questions and their pictures")
+    task = parser.add_mutually_exclusive_group(required=True)
+    task.add_argument("--out", type=Path, help="folder for the questions and their pictures")
+    task.add_argument("--answers", type=Path, help="file with new answers, one JSON object per line; needs --model and --about")
+    parser.add_argument("--model", help="name of the model or person that gave the new answers")
+    parser.add_argument("--about", help="text that states model, date and method of the new answers")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the real chair scan")
     options = parser.parse_args()
+    if options.answers and not (options.model and options.about):
+        parser.error("--answers needs --model NAME and --about TEXT")
     questions = asked(options.room, options.data)
+    if options.answers:
+        print(f"{replace_answers(options.room, questions, options.answers, options.model, options.about)}: {len(questions)} answers")
+        return
     export(questions, options.out)
     share = exact(options.room, questions)
     print(f"{options.out}: {len(questions)} questions; {share:.1%} of their area has a recorded answer with the same digest")

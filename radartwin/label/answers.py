@@ -1,9 +1,10 @@
 """Parse and check a model's answer to a material question about one surface, and derive the surface's material from the answer.
 
-Each answer of the model has one of the 23 MINC material categories, a confidence, a reason and an optional material name. The material name
-states a material that the MINC category does not determine, such as the material under paint, or a material in the category "other". If the
-question is about an object, the model's answer also has the object's wall thickness and contents, from which a layered shell is built. If a
-model's answer violates the JSON schema, the model receives the schema's error message and must answer the question again.
+Each answer of the model has one of the 23 MINC material categories, a finish, a confidence, a reason and an optional material name. The
+finish is a word for the roughness of the surface, and determines its rms height. The material name states a material that the MINC category
+does not determine, such as the material under paint, or a material in the category "other". If the question is about an object, the model's
+answer also has the object's wall thickness and contents, from which a layered shell is built. If a model's answer violates the JSON schema,
+the model receives the schema's error message and must answer the question again.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from radartwin.errors import LabelError, MaterialError
 from radartwin.materials import MATERIAL_THICKNESS, Layered, half_space, layered
 from radartwin.materials.minc import BUILD_UPS, CATEGORIES, COVERED, Row, row
 from radartwin.materials.names import PERMITTIVITY, Resolved, mentioned, resolve
-from radartwin.materials.roughness import CLASSES, Roughness
+from radartwin.materials.roughness import CLASSES, FINISHES, Roughness
 
 Kind = Literal["surface", "object"]
 
@@ -32,6 +33,7 @@ CONTENTS: dict[str, str | None] = {
     "solid": None,
     "unknown": None,
 }
+FINISH_WORDS = (*FINISHES, "unknown")
 REASON_CHARACTERS, NAME_CHARACTERS = 400, 80
 
 
@@ -44,6 +46,7 @@ class Answer:
         confidence: confidence of the model or person in the answer, from 0 to 1; None if the answer states no confidence.
         wall_thickness_mm: thickness of an object's wall in millimetres; None if unknown or if the surface is no object.
         contents: what fills an object, as one of the words in CONTENTS; None if unknown or if the surface is no object.
+        finish: roughness of the surface, as one of FINISH_WORDS; None in answers to earlier questions, which did not ask for it.
         named: name of a material, if this name is more exact than the MINC category; None otherwise.
         invalid: True if the model gave no valid answer in any attempt; `material` is then "other".
     """
@@ -53,6 +56,7 @@ class Answer:
     reason: str = ""
     wall_thickness_mm: float | None = None
     contents: str | None = None
+    finish: str | None = None
     named: str | None = None
     invalid: bool = False
     attempts: int = 1
@@ -71,6 +75,8 @@ class Answer:
             raise LabelError(f"a recorded answer is invalid ({error}); record it again") from error
         if answer.material not in CATEGORIES:
             raise LabelError(f"a recorded answer has {answer.material!r}, which is not a MINC category; record it again")
+        if answer.finish not in (None, *FINISH_WORDS):
+            raise LabelError(f"a recorded answer has the unknown finish {answer.finish!r}; record it again")
         return answer
 
     @classmethod
@@ -83,6 +89,7 @@ class Answer:
 def _schema(kind: Kind) -> str:
     fields: dict[str, Any] = {
         "material": {"type": "string", "enum": list(CATEGORIES)},
+        "finish": {"type": "string", "enum": list(FINISH_WORDS)},
         "confidence": {"type": "number", "minimum": 0, "maximum": 1},
         "reason": {"type": "string", "maxLength": REASON_CHARACTERS},
         "name": {"type": ["string", "null"], "maxLength": NAME_CHARACTERS},
@@ -108,7 +115,7 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
     Raises:
         LabelError: the answer violates the schema; the error message can be sent to the model so that it answers again.
 
-    >>> read_answer('Sure: {"material": "wood", "confidence": 0.9, "reason": "grain"}', "surface").material
+    >>> read_answer('Sure: {"material": "wood", "finish": "smooth", "confidence": 0.9, "reason": "grain"}', "surface").material
     'wood'
     """
     from jsonschema import Draft202012Validator
@@ -128,6 +135,9 @@ def material_of(answer: Answer) -> tuple[str | Layered, Roughness, bool]:
     """Return (material, roughness, stand_in) for a model's answer; stand_in is True for a substitute material or uncertain
     layers.
 
+    The finish of the answer determines the rms height of the roughness. The roughness class of the material determines the correlation
+    length, and also the rms height if the answer states no finish or the finish "unknown".
+
     >>> material_of(Answer("painted", named="concrete"))[0], material_of(Answer("other", named="mineral fibre ceiling tiles"))[0]
     ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
     """
@@ -138,6 +148,9 @@ def material_of(answer: Answer) -> tuple[str | Layered, Roughness, bool]:
         base = _build_up(found, entry)
         texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
         rough = CLASSES[texture] if texture and answer.material not in COVERED else rough
+    if answer.finish in FINISHES:
+        height_m, source = FINISHES[answer.finish]
+        rough = Roughness(height_m, rough.correlation_m, source)
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
     # If the material name in the answer agrees with the MINC category, the layers of that category are exact.
     confirms = found is None or found.category in (answer.material, *COVERED)

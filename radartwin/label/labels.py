@@ -29,7 +29,7 @@ SCANNED = {"segment", "planar"}  # provenance keys that only surfaces from a sca
 # These provenance keys belong to a surface's material label. All other keys belong to the geometry, and stay when the label changes.
 LABEL_KEYS = (
     "source", "confidence", "stand_in", "minc", "model", "reason", "provider", "transferred", "covered", "key", "named", "invalid",
-    "missing", "wall_thickness_mm", "contents", "wrong",
+    "missing", "wall_thickness_mm", "contents", "finish", "wrong",
 )  # fmt: skip
 
 
@@ -96,7 +96,8 @@ def answer_label(given: Record, surface: Surface, transferred: bool = False) -> 
         "source": VLM, "confidence": answer.confidence, "stand_in": stand_in, "minc": answer.material, "model": given.model,
         "reason": answer.reason, "provider": given.provider, "key": given.key[:12],
     }  # fmt: skip
-    provenance |= {key: value for key in ("named", "wall_thickness_mm", "contents") if (value := getattr(answer, key)) is not None}
+    stated = ("named", "wall_thickness_mm", "contents", "finish")
+    provenance |= {key: value for key in stated if (value := getattr(answer, key)) is not None}
     provenance |= {key: True for key, holds in (("invalid", answer.invalid), ("transferred", transferred)) if holds}
     if transferred:
         covered = overlap(place_of(surface.mesh), given.place)

@@ -47,8 +47,8 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
             write_atomically(folder / name, crop.jpeg)
         entry = {"id": question.id, "kind": question.kind, "images": names, "sha256": list(question.images), "question": question.text}
         lines.append(json.dumps(entry))
-    examples: list[dict[str, Any]] = [{"id": "0123456789ab", "material": "wood", "confidence": 0.8, "reason": "...", "name": None}]
-    examples.append({**examples[0], "wall_thickness_mm": 1.5, "contents": "empty"})
+    example = {"id": "0123456789ab", "material": "wood", "finish": "smooth", "confidence": 0.8, "reason": "...", "name": None}
+    examples: list[dict[str, Any]] = [example, {**example, "wall_thickness_mm": 1.5, "contents": "empty"}]
     shown = "\n".join(f"  {json.dumps(example)}   ({kind})" for example, kind in zip(examples, KINDS, strict=True))
     write_atomically(folder / "README.txt", _README.format(examples=shown, digest=prompt_digest()))
     forms = [f"--- {kind} ---\n" + prompt(kind, "(size, attitude and height of this surface)", ["photo"] * 3) for kind in KINDS]

@@ -1,4 +1,4 @@
-"""Ask a vision-language model about the material of a surface, and repeat the question until the model's answer is valid.
+"""Ask a vision-language model about the material and the roughness of a surface, and repeat the question until the model's answer is valid.
 
 A material question consists of a prompt and pictures of the surface. The prompt states the size and orientation of the surface in the scan.
 The model gets no other information about the scene. Each recorded answer stores the version and the digest of the prompt.
@@ -23,7 +23,7 @@ from radartwin.materials.itu import P2040
 from radartwin.materials.names import PERMITTIVITY
 from radartwin.scene.scene import Scene, Surface
 
-VERSION = 2
+VERSION = 3
 ATTEMPTS = 3  # largest number of times that a question is asked; if all answers are invalid, the material category is `other`
 Message = dict[str, str]  # role ("user" or "assistant") and text of one message of a conversation with a model
 
@@ -54,6 +54,17 @@ MEANINGS = {
     "wood": "wood and boards made of wood, also varnished or laminated",
 }
 
+# This table explains the finishes to the model. The order is from smooth to rough. It names no objects, like the table above.
+LOOKS = {
+    "polished": "gloss like glass: glass, glaze, polished stone or metal",
+    "smooth": "no grain to be felt: planed, varnished or coated board, moulded plastic, sheet metal, paint on a smooth ground",
+    "fine": "grain that a fingertip just feels: plaster, wallpaper, paint from a roller, grained leather, fine cloth",
+    "sandy": "grains or pores about as deep as a grain of sand: bare concrete, brick, render, coarse cloth, mineral board",
+    "coarse": "relief of some millimetres: split stone, rough brickwork, exposed gravel, looped pile",
+    "loose": "strands or loose pieces: cut pile, fur, leaves",
+    "unknown": "impossible to tell",
+}
+
 # The prompt offers these material names to the model: all building solids in the tables of ITU-R P.2040 and of measured permittivities.
 NAMES = tuple(sorted({*P2040, *PERMITTIVITY} - {"vacuum", "air", "ice", "wax", *(n for n in P2040 if "ground" in n)}))
 
@@ -64,6 +75,10 @@ things stand in front.
 
 Choose exactly one of these categories:
 {categories}
+
+How rough is its outermost face, with the paint or varnish on it? Judge by its look and by what such a face is usually like. Choose exactly
+one of these finishes, from smooth to rough:
+{finishes}
 
 The scanner measured: {facts}.
 """
@@ -82,7 +97,7 @@ the category says all. These names are known, use one where it fits: {names}.
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """The question which material one surface of the scene has.
+    """The question which material and finish one surface of the scene has.
 
     Attributes:
         surface: index of the surface in the scene.
@@ -114,7 +129,7 @@ class Question:
 
 def prompt_digest() -> str:
     """Return the SHA-256 digest of the answer schemas and of the prompt without the size and orientation of a surface."""
-    parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, NAMES, CONTENTS, schema("surface"), schema("object")]
+    parts = [VERSION, _TASK, _INSIDE, _FORMAT, MEANINGS, LOOKS, NAMES, CONTENTS, schema("surface"), schema("object")]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -154,12 +169,12 @@ def prompt(kind: Kind, measured: str, origins: Sequence[str]) -> str:
     count = len(origins)
     what_kind = "photograph" if "photo" in origins else "rendered picture"
     pictures = f"a {what_kind}" if count == 1 else f"{count} {what_kind}s"
-    categories = "\n".join(f"- {name}: {meaning}" for name, meaning in MEANINGS.items())
-    example: dict[str, object] = {"material": "...", "confidence": 0.0, "reason": "...", "name": None}
+    categories, finishes = ("\n".join(f"- {name}: {meaning}" for name, meaning in table.items()) for table in (MEANINGS, LOOKS))
+    example: dict[str, object] = {"material": "...", "finish": "...", "confidence": 0.0, "reason": "...", "name": None}
     if kind == "object":
         example |= {"wall_thickness_mm": None, "contents": "..."}
     what = "surface" if kind == "surface" else "thing"
-    text = _TASK.format(pictures=pictures, what=what, categories=categories, facts=measured)
+    text = _TASK.format(pictures=pictures, what=what, categories=categories, finishes=finishes, facts=measured)
     text += _INSIDE.format(contents=", ".join(f'"{name}"' for name in CONTENTS)) if kind == "object" else ""
     return text + _FORMAT.format(example=json.dumps(example), names=", ".join(name.replace("_", " ") for name in NAMES))
 

@@ -27,6 +27,13 @@ class Roughness(NamedTuple):
     source: str
 
 
+class Finish(NamedTuple):
+    """Hold the rms height in metres of a surface whose roughness is judged by its look, and the source of this height."""
+
+    height_m: float
+    source: str
+
+
 _PAPER = "RadarTwin paper, section on the simulator: metal 0.1 mm, rougher dielectrics 0.3 to 3 mm"
 _PLASTER = "plaster and wallpaper in R. Piesiewicz et al., IEEE Trans. AP 55 (2007) 3002: 0.05 to 0.15 mm high, about 2 mm long"
 _FLOAT = "float glass and polished or glazed faces: micrometres at most (EN 572-2, EN 14411)"
@@ -78,6 +85,17 @@ CLASSES = {
     "very_dry_ground": Roughness(5e-3, 50e-3, "raked to rolled soil: 2.5 to 40 mm, F. Ulaby et al., Microwave Remote Sensing II (1982)"),
     "medium_dry_ground": Roughness(5e-3, 50e-3, "as very dry ground"),
     "wet_ground": Roughness(5e-3, 50e-3, "as very dry ground"),
+}
+
+# Finishes that a viewer can tell apart, from smooth to rough. Published rms heights of one kind of surface differ by a factor of two or
+# three, so that the heights of two neighbouring finishes differ by a factor of about three. A grain is 4 to 6 rms heights deep.
+FINISHES = {
+    "polished": Finish(0.0, _FLOAT),
+    "smooth": Finish(0.03e-3, f"{_PLANED}; {_MOULDED}; rolled sheet, Ra of 2 um at most (EN 10130)"),
+    "fine": Finish(0.1e-3, _PLASTER),
+    "sandy": Finish(0.3e-3, f"{_PAPER}; relief of coarse sand, grains of 0.63 to 2 mm (ISO 14688-1)"),
+    "coarse": Finish(1e-3, f"{_PAPER}; relief of fine gravel, grains of 2 to 6.3 mm (ISO 14688-1)"),
+    "loose": Finish(3e-3, _PILE),
 }
 
 

@@ -45,7 +45,7 @@ class Model(ChatServer):
 
     def _answer(self, number: int, body: dict) -> Reply:
         time.sleep(self.pause_s)
-        answer = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+        answer = {"material": "wood", "finish": "smooth", "confidence": 0.8, "reason": "grain"}
         if "contents" in json.dumps(body["response_format"]):
             answer |= {"material": "plastic", "wall_thickness_mm": 1.0, "contents": "water-like liquid"}
         return completion(answer)
@@ -77,7 +77,7 @@ def test_server_labels_a_scene_and_its_manifest_round_trips(inside, folder: Path
     provenance = entries["floor"]["provenance"]
     assert provenance | {"key": ""} == {
         "planar": False, "segment": 3, "source": "vlm", "confidence": 0.8, "stand_in": False, "minc": "wood", "model": "tiny",
-        "reason": "grain", "provider": "server", "key": "",
+        "reason": "grain", "provider": "server", "key": "", "finish": "smooth",
     }  # fmt: skip
     assert (folder / "scene.glb").read_bytes() == geometry
     scene = Scene.load(folder)
@@ -115,7 +115,8 @@ def test_exported_questions_are_answered_by_import(inside, folder: Path, tmp_pat
     exported = inside("label", folder, "--export", "out", "--views", "1")
     assert exported.stdout == "out: 5 questions\n", exported.stderr
     asked = [json.loads(line) for line in (tmp_path / "out" / "questions.jsonl").read_text().splitlines()]
-    lines = [json.dumps({"id": q["id"], "material": "stone", "confidence": 0.6, "reason": "grey"}) for q in asked if q["kind"] != "object"]
+    answer = {"material": "stone", "finish": "sandy", "confidence": 0.6, "reason": "grey"}
+    lines = [json.dumps({"id": q["id"], **answer}) for q in asked if q["kind"] != "object"]
     (tmp_path / "answers.jsonl").write_text("\n".join(lines[:3]))
     before = (folder / "manifest.json").read_bytes()
     answered = ("label", folder, "--import", "answers.jsonl", "--model", "someone", "--views", "1")

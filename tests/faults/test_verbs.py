@@ -55,7 +55,7 @@ def place(shared_disk: Disk) -> Disk:
     with Tracker(TrackingConfig(), folder / "out").run("environment", "a" * 32, "materials=void", {}):
         pass
     asked = prepare(folder / "scene", Scene.load(folder / "scene")).questions
-    answers = [{"id": question.id, "material": "wood", "confidence": 0.5, "reason": "grain"} for question in asked]
+    answers = [{"id": question.id, "material": "wood", "finish": "smooth", "confidence": 0.5, "reason": "grain"} for question in asked]
     (folder / "answers.jsonl").write_text("".join(json.dumps(answer) + "\n" for answer in answers))
     return shared_disk
 

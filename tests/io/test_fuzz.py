@@ -194,7 +194,7 @@ def test_any_sentence_is_a_layout_or_is_refused(sentence: str) -> None:
     reads_or_refuses(lambda: parse(sentence))
 
 
-ANSWER = {"material": "wood", "confidence": 0.9, "reason": "x"}
+ANSWER = {"material": "wood", "finish": "smooth", "confidence": 0.9, "reason": "x"}
 
 
 @QUICK

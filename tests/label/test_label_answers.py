@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from displaced import displaced
 
+from experiments.generators.questions import replace_answers
 from radartwin.errors import LabelError, MissingError, SceneError
 from radartwin.label.answers import Answer, interior, material_of, read_answer, schema
 from radartwin.label.journal import Journal, Record
@@ -20,8 +21,9 @@ from radartwin.label.labelling import apply, load, prepare
 from radartwin.label.labels import answer_label
 from radartwin.label.place import Place, matches, overlap, place_of
 from radartwin.label.question_folder import export, read_answers
-from radartwin.label.questions import Question, questions
+from radartwin.label.questions import Question, prompt_digest, questions
 from radartwin.label.recorded import (
+    ANSWERS,
     CHAIR,
     JOURNAL,
     SHIPPED,
@@ -31,12 +33,14 @@ from radartwin.label.recorded import (
     room_of,
     save_records,
     ship,
+    ship_records,
     shipped,
     shipped_rooms,
 )  # fmt: skip
 from radartwin.label.score import accuracy_table, judge, wilson
 from radartwin.materials import Layered, reflection
 from radartwin.materials.minc import CATEGORIES, MINC
+from radartwin.materials.roughness import FINISHES
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
 from radartwin.reconstruct.frames.layouts import load_frames
@@ -45,7 +49,7 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.testbed.scanner import scan
 
 pytestmark = pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
-GOOD = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+GOOD = {"material": "wood", "finish": "smooth", "confidence": 0.8, "reason": "grain"}
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +68,7 @@ def record(question: Question, material: str = "wood", model: str = "tiny") -> R
 
 def test_answer_is_found_within_other_text() -> None:
     for text in (json.dumps(GOOD), f"Here:\n```json\n{json.dumps(GOOD)}\n```", f"{json.dumps(GOOD)} I am sure."):
-        assert read_answer(text, "surface") == Answer("wood", 0.8, "grain")
+        assert read_answer(text, "surface") == Answer("wood", 0.8, "grain", finish="smooth")
 
 
 def test_schema_has_the_minc_categories_and_more_fields_for_objects() -> None:
@@ -115,6 +119,43 @@ def test_name_of_an_answer_specifies_its_category(material: str, name: str | Non
     assert Answer.from_dict(json.loads(json.dumps(answer.to_dict()))) == answer
     found = material_of(answer)
     assert (found[0], found[2]) == (becomes, stand_in)
+
+
+@pytest.mark.parametrize(
+    ("finish", "height_mm"),
+    [("polished", 0), ("smooth", 0.03), ("fine", 0.1), ("sandy", 0.3), ("coarse", 1), ("loose", 3), ("unknown", 0.05)],
+)
+def test_finish_of_an_answer_determines_the_rms_height(finish: str, height_mm: float) -> None:
+    """The roughness class of the category "painted" has an rms height of 0.05 mm and a correlation length of 2 mm."""
+    answer = read_answer({**GOOD, "material": "painted", "finish": finish}, "surface")
+    assert answer == Answer("painted", 0.8, "grain", finish=finish)
+    assert Answer.from_dict(json.loads(json.dumps(answer.to_dict()))) == answer
+    roughness = material_of(answer)[1]
+    assert (roughness.height_m, roughness.correlation_m) == pytest.approx((height_mm * 1e-3, 2e-3))
+
+
+def test_finishes_are_ordered_and_have_sources() -> None:
+    heights = [finish.height_m for finish in FINISHES.values()]
+    assert heights == sorted(heights)
+    assert all(finish.source for finish in FINISHES.values())
+
+
+def test_answer_without_a_finish_has_the_roughness_of_its_class(asked: list[Question]) -> None:
+    old = Answer.from_dict({"material": "stone", "confidence": 0.9, "reason": "wall"})
+    assert old.finish is None
+    label = answer_label(Record.of(asked[0], old, "tiny", "server"), Surface(objects.plate(1, 1), "wood", "plate"))
+    assert (label.roughness_m, label.correlation_m) == (1e-3, 10e-3)
+    assert "finish" not in label.provenance
+
+
+def test_invalid_finish_is_refused_in_one_line() -> None:
+    message = r"finish: 'shiny' is not one of \['polished', 'smooth', 'fine', 'sandy', 'coarse', 'loose', 'unknown'\]"
+    with pytest.raises(LabelError, match=f"^{message}$"):
+        read_answer({**GOOD, "finish": "shiny"}, "surface")
+    with pytest.raises(LabelError, match=r"^'finish' is a required property$"):
+        read_answer({key: value for key, value in GOOD.items() if key != "finish"}, "surface")
+    with pytest.raises(LabelError, match=r"^a recorded answer has the unknown finish 'shiny'; record it again$"):
+        Answer.from_dict({"material": "wood", "finish": "shiny"})
 
 
 def test_contents_are_behind_a_shell_of_the_outer_material() -> None:
@@ -282,7 +323,30 @@ def test_shipped_answers_of_every_room_are_complete() -> None:
     folders = {path.parent.name for path in SHIPPED.glob("*/answers.json")}
     assert folders == set(shipped_rooms())
     for room in shipped_rooms():
-        assert all(r.prompt and r.images and r.model for r in shipped(room))
+        assert all(r.images and r.model for r in shipped(room))
+        assert {r.prompt for r in shipped(room)} == {prompt_digest()}, "answers to the present questions"
+        assert all(r.answer.finish for r in shipped(room) if not r.answer.invalid)
+
+
+def test_shipped_answers_to_earlier_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("radartwin.label.recorded.prompt_digest", lambda: "0" * 64)
+    with pytest.raises(LabelError, match="shipped answers about lab belong to an earlier version of the questions"):
+        records_for(Scene([], {"room": "lab"}), None)
+
+
+def test_new_answers_replace_the_recorded_answers_if_every_question_has_one(tmp_path: Path, asked: list[Question]) -> None:
+    ship_records([record(asked[0])], "den", tmp_path / "to")
+    before = (tmp_path / "to" / "den" / ANSWERS).read_bytes()
+    lines = [json.dumps({"id": question.id, **GOOD, "finish": "sandy"}) for question in asked[:2]]
+    path = tmp_path / "answers.jsonl"
+    path.write_text(lines[0])
+    with pytest.raises(LabelError, match=f"lacks 1 of 2 answers: {asked[1].id}"):
+        replace_answers("den", asked[:2], path, "someone", "blind", tmp_path / "to")
+    assert (tmp_path / "to" / "den" / ANSWERS).read_bytes() == before
+    path.write_text("\n".join(lines))
+    written = replace_answers("den", asked[:2], path, "someone", "blind", tmp_path / "to")
+    assert {(r.key, r.answer.finish, r.prompt) for r in load_records(written)} == {(q.key, "sandy", prompt_digest()) for q in asked[:2]}
+    assert hashlib.sha256(written.read_bytes()).hexdigest() in (tmp_path / "to" / "digests.py").read_text()
 
 
 # --- question folder
@@ -368,6 +432,20 @@ def test_score_of_roughness_is_the_ratio_of_diffuse_power() -> None:
     ratio = (1 - np.exp(-((2 * k * 0.3e-3) ** 2))) / (1 - np.exp(-((2 * k * 0.05e-3) ** 2)))
     assert table["all"]["diffuse_db"] == pytest.approx(0.75 * 10 * np.log10(ratio), rel=1e-6)
     assert table["all"]["mean_db"] == 0.0
+
+
+def test_score_of_roughness_uses_the_finish_of_the_answer(asked: list[Question]) -> None:
+    surface = Surface(objects.plate(1, 1), "plasterboard", "s", role="room", provenance={"segment": 1})
+    truth = Scene([surface.replaced(roughness_m=0.3e-3, provenance={"source": "true", "minc": "stone"})])
+    found = {}
+    for finish in (None, "sandy", "smooth"):
+        label = answer_label(Record.of(asked[0], Answer("painted", 0.8, finish=finish), "tiny", "server"), surface)
+        assert label.provenance.get("finish") == finish
+        [judged] = judge(Scene([surface.replaced(roughness_m=label.roughness_m, provenance=label.provenance)]), truth)
+        found[finish] = judged.diffuse_db
+    assert found["sandy"] == 0
+    assert found[None] == pytest.approx(13.7, abs=0.05), "the class of painted walls has 0.05 mm"
+    assert found["smooth"] > found[None]
 
 
 def test_wilson_interval_matches_published_values() -> None:

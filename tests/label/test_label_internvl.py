@@ -74,7 +74,7 @@ def test_three_invalid_answers_become_other(weights: Path, question: Question) -
     assert (record.provider, record.model, record.images) == ("local", str(weights), question.images)
 
 
-STONE = json.dumps({"material": "stone", "confidence": 0.7, "reason": "grey"})
+STONE = json.dumps({"material": "stone", "finish": "sandy", "confidence": 0.7, "reason": "grey"})
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from radartwin.label.server import KEY_VARIABLE, Server
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 
-GOOD = {"material": "wood", "confidence": 0.8, "reason": "grain"}
+GOOD = {"material": "wood", "finish": "smooth", "confidence": 0.8, "reason": "grain"}
 
 
 @pytest.fixture

@@ -11,8 +11,9 @@ from trimesh import Trimesh
 from trimesh.visual import ColorVisuals, TextureVisuals
 
 from radartwin.errors import InputError, MissingError, PoseError
+from radartwin.label.answers import FINISH_WORDS
 from radartwin.label.photos import load_photos, save_photos
-from radartwin.label.questions import MEANINGS, facts, prompt, prompt_digest, questions
+from radartwin.label.questions import LOOKS, MEANINGS, facts, prompt, prompt_digest, questions
 from radartwin.label.raster import Camera, Drawing
 from radartwin.label.views import OUTLINE, Crop, Views, outlined
 from radartwin.materials.minc import CATEGORIES
@@ -188,10 +189,11 @@ def test_question_has_the_geometry_and_not_the_material() -> None:
     assert len({q.key for q in asked}) == 6
 
 
-def test_prompt_names_all_categories_and_asks_for_the_contents_of_objects() -> None:
+def test_prompt_names_all_categories_and_finishes_and_asks_for_the_contents_of_objects() -> None:
     assert tuple(MEANINGS) == CATEGORIES
     surface, thing = prompt("surface", "flat", ["photo"] * 3), prompt("object", "round", ["mesh"])
-    assert all(f"- {category}: " in surface for category in CATEGORIES)
+    assert tuple(LOOKS) == FINISH_WORDS
+    assert all(f"- {word}: " in surface for word in (*CATEGORIES, *FINISH_WORDS))
     assert "3 photographs" in surface
     assert "a rendered picture" in thing
     assert "wall_thickness_mm" in thing

@@ -18,7 +18,7 @@ from radartwin.errors import LabelError, MissingError
 from radartwin.io.files import write_atomically
 from radartwin.label.journal import Journal, Record
 from radartwin.label.place import Place, matches
-from radartwin.label.questions import Question
+from radartwin.label.questions import Question, prompt_digest
 from radartwin.label.recorded.digests import DIGESTS
 from radartwin.scene.scene import Scene
 
@@ -109,7 +109,12 @@ def ship(folders: Sequence[Path], room: str, to: Path = SHIPPED, about: str = ""
         if not own:
             raise MissingError(f"{folder} has no stored answers that label it; run radartwin label on it first")
         records |= {(record.model, record.key): record for record in own}
-    path = save_records(to / room / ANSWERS, room, list(records.values()), about)
+    return ship_records(list(records.values()), room, to, about)
+
+
+def ship_records(records: Sequence[Record], room: str, to: Path = SHIPPED, about: str = "") -> Path:
+    """Write recorded answers about a room, and the SHA-256 digest of their file, to the package. `ship` describes the arguments."""
+    path = save_records(to / room / ANSWERS, room, records, about)
     digests = {p.parent.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(to.glob(f"*/{ANSWERS}"))}
     text = (SHIPPED / "digests.py").read_text().partition("\nDIGESTS")[0]
     entries = "".join(f'    "{name}": "{digest}",\n' for name, digest in digests.items())
@@ -136,10 +141,21 @@ def save_records(path: Path, room: str, records: Sequence[Record], about: str = 
 
 
 def records_for(scene: Scene, folder: Path | None) -> list[Record]:
-    """Return all recorded answers that apply to a scene: first those in its folder, then those that ship for its room."""
+    """Return all recorded answers that apply to a scene: first those in its folder, then those that ship for its room.
+
+    Raises:
+        MissingError: there are no such answers.
+        LabelError: the answers that ship for the room belong to other questions than the present ones.
+    """
     records = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)
     if room is not None:
+        stale = [record for record in shipped(room) if record.prompt != prompt_digest()]
+        if stale:
+            raise LabelError(
+                f"{len(stale)} shipped answers about {room} belong to an earlier version of the questions; "
+                "answer the questions again: python -m experiments.generators.questions"
+            )
         records += shipped(room)
     if not records:
         name = scene.provenance.get("room") or Path(str(scene.provenance.get("source") or "this scene")).stem
