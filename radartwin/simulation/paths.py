@@ -65,12 +65,14 @@ class Paths:
 
     def where(self, keep: np.ndarray | slice) -> "Paths":
         """Return the paths selected by a mask, indices or a slice."""
-        if isinstance(keep, np.ndarray) and keep.dtype == bool and keep.all():
-            return self
+        if isinstance(keep, np.ndarray) and keep.dtype == bool:
+            if keep.all():
+                return self
+            keep = np.flatnonzero(keep)
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         for name, value in chosen.items():
             if name not in ("poses", "frequencies_hz") and value is not None:
-                chosen[name] = value[keep]
+                chosen[name] = value[keep] if isinstance(keep, slice) else np.take(value, keep, axis=0)
         return Paths(**chosen)
 
     def frames(self, start: int, stop: int) -> "Paths":

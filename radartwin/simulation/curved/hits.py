@@ -81,9 +81,11 @@ class Hits:
 
     def where(self, keep: np.ndarray) -> "Hits":
         """Return the hits that the mask or the index array `keep` selects."""
-        if keep.dtype == bool and keep.all():
-            return self
-        return Hits(*(getattr(self, field.name)[keep] for field in fields(Hits)))
+        if keep.dtype == bool:
+            if keep.all():
+                return self
+            keep = np.flatnonzero(keep)
+        return Hits(*(np.take(getattr(self, field.name), keep, axis=0) for field in fields(Hits)))
 
     @staticmethod
     def concatenate(parts: Sequence["Hits"]) -> "Hits":

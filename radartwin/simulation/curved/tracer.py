@@ -25,7 +25,7 @@ from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls, p
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.drjit_arrays import upload
 from radartwin.simulation.geometry import Geometry
-from radartwin.simulation.pruning import EARLY
+from radartwin.simulation.pruning import EARLY, largest
 from radartwin.simulation.reflection_table import ReflectionTable
 
 
@@ -236,29 +236,37 @@ class Tracer:
     def _read(self, lanes: list, after: list, bounce: int, strongest: np.ndarray) -> Hits:
         """Compute the amplitudes of hits, and return the strong hits as NumPy arrays. The function updates `strongest` as in `_step`."""
         dr.eval(lanes, after)
-        pose, length, length_out, departure, outgoing, first, sequence, echo, before = lanes
-        pose, echo = pose.numpy().astype(int), _rows(echo)
+        pose, *read, echo, before = lanes
+        pose, echo = pose.numpy(), _rows(echo)
         before, after = (_encounters(some, len(pose)) for some in (before, after))
         coefficients, prune = self.coefficients, self.options.prune
         floor = np.zeros(len(strongest)) if self.options.least is None else EARLY * self.options.least
         rough = coefficients.amplitudes(coefficients.few, before, after, echo[2:], echo[:2], np.maximum(floor, prune * strongest)[pose])
-        level = np.abs(rough).max(axis=1)
+        level = largest(rough)
         np.maximum.at(strongest, pose, level)
         keep = np.flatnonzero(level >= np.maximum(floor, prune * strongest)[pose])
-        amplitude = rough[keep]
+        amplitude = np.take(rough, keep, axis=0)
         if len(coefficients.few) < len(coefficients.every):
             chosen = (part.where(keep) for part in (before, after))
             amplitude = coefficients.amplitudes(coefficients.every, *chosen, echo[2:, keep], echo[:2, keep], np.zeros(len(keep)))
-        read = (length.numpy(), length_out.numpy(), _vectors(departure), -_vectors(outgoing), first.numpy(), sequence.numpy())
-        return Hits(pose[keep], np.full(len(keep), bounce), amplitude, *(values[keep] for values in read))
+        length, length_out, departure, outgoing, first, sequence = read
+        # A scene has millions of hits, so that each array is copied once, for the strong hits only.
+        return Hits(
+            np.take(pose, keep).astype(int), np.full(len(keep), bounce), amplitude, np.take(length.numpy(), keep),
+            np.take(length_out.numpy(), keep), _vectors(departure, keep), -_vectors(outgoing, keep), np.take(first.numpy(), keep),
+            np.take(sequence.numpy(), keep),
+        )  # fmt: skip
 
 
-def _vectors(lanes: Any) -> np.ndarray:
-    """Copy vectors from the device to a NumPy array (N, 3), float64.
+def _vectors(lanes: Any, keep: np.ndarray) -> np.ndarray:
+    """Copy the vectors with the indices `keep` from the device to a NumPy array (N, 3), float64.
 
     The function copies each component separately, because Dr.Jit would compile a kernel that joins the components anew for every N.
     """
-    return np.stack([component.numpy() for component in lanes], axis=1).astype(float)
+    out = np.empty((len(keep), 3))
+    for axis, component in enumerate(lanes):
+        out[:, axis] = np.take(component.numpy(), keep)
+    return out
 
 
 def _rows(lanes: Sequence[Any]) -> np.ndarray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from radartwin.compiled import compiled, fixed, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import poses as poses_module
@@ -30,8 +31,12 @@ FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle
 # Tubes between object and room that are at most this many wavelengths wide are not divided. Division takes half of their time. At 0.5 tubes
 # per square wavelength, their error is the same with and without: 0.01 to 0.04 of the signal of a can, a mug and a bottle at 1 and 2 m.
 UNDIVIDED = 1.5
+# If the tubes between object and room have a width of their own and are not divided, pairs of legs whose field is below this share of the
+# direct pair have tubes of this multiple of the width, which are divided. The signal of a mug and of a bottle keeps its error.
+WEAK, COARSE = 0.1, 4.0
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
 STRONGEST = 0.5  # share of the strongest direct path below which direct paths that are only estimated are dropped
+GRAIN = 20_000  # smallest number of hits that a thread places
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
 
@@ -104,10 +109,16 @@ def group_paths(
     straight = (out_leg == DIRECT) & (back_leg == DIRECT)
     reflections = legs.order[out_leg] + legs.order[back_leg]
     strength = legs.share[place_of[pose], out_leg] * legs.share[place_of[pose], back_leg]
-    found, strongest = [], np.zeros(frames)
+    found: list[tuple[bool, Hits | None, np.ndarray]] = []
+    strongest = np.zeros(frames)
+    weak = (strength < WEAK) & (coupled_cell_m is not None and coupled_cell_m <= UNDIVIDED * radar.wavelength_m)
     coupled_cell_m, share_of_pair = coupled_cell_m or cell_m, max(TRACED, EARLY * prune)
-    for over, cell in ((False, cell_m if direct else coupled_cell_m), (True, coupled_cell_m)):
-        rows = np.flatnonzero(straight != over)
+    for over, chosen, cell in (
+        (False, straight, cell_m if direct else coupled_cell_m),
+        (True, ~straight & ~weak, coupled_cell_m),
+        (True, ~straight & weak, COARSE * coupled_cell_m),
+    ):
+        rows = np.flatnonzero(chosen)
         if not len(rows):
             continue
         weakest = prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)  # the tracer multiplies by EARLY
@@ -122,36 +133,34 @@ def group_paths(
             level *= (cell_m / cell) ** 2  # the amplitude of a tube grows with its cross-section
         np.maximum.at(strongest, pose[part.pose], level)
         if not estimated:
-            found.append((part, level))
+            found.append((over, part, level))
         del part
-    strong = [part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])) for part, level in found]
-    found.clear()  # lists of millions of hits take gigabytes
-    hits = Hits.concatenate(strong) if strong else Hits.none(len(table.frequencies_hz))
-    strong.clear()
-    row, frame = hits.pose, pose[hits.pose]
-    points = [
-        _to_world(object_poses[frame], end.place[row] + direction * length[:, None])
-        for end, direction, length in ((out, hits.departure, hits.first_m), (back, hits.arrival, hits.length_out_m))
-    ]
-    departure, arrival = (np.einsum("nij,nj->ni", end.turn[row], d) for end, d in ((out, hits.departure), (back, hits.arrival)))
-    rate = -np.einsum("ni,ni->n", hits.departure, out.velocity[row]) - np.einsum("ni,ni->n", hits.arrival, back.velocity[row])
     parts, firsts, crosses = [], [], []
     for over in (False, True):
-        chosen = np.flatnonzero(straight[row] != over)
-        amplitude, nodes = hits.amplitude[chosen], table.frequencies_hz
+        strong = []
+        for number, (kind, part, level) in enumerate(found):
+            if part is not None and kind == over:
+                strong.append(part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])))
+                found[number] = (kind, None, level)  # lists of millions of hits take gigabytes
+        hits = Hits.concatenate(strong) if strong else Hits.none(len(table.frequencies_hz))
+        strong.clear()
+        row, frame = hits.pose, pose[hits.pose]
+        amplitude, nodes, rate = hits.amplitude, table.frequencies_hz, np.zeros(len(row))
+        sides = (out_leg, out, hits.departure, hits.first_m), (back_leg, back, hits.arrival, hits.length_out_m)
+        placed = [end.placed(row, frame, object_poses, direction, length, rate) for _, end, direction, length in sides]
+        (departure, _), (arrival, _) = placed
         if over or legs.disturbed:
             nodes = legs.frequencies_hz
             if not np.array_equal(nodes, table.frequencies_hz):
                 amplitude = amplitude @ lagrange_basis(table.frequencies_hz, nodes)
-            for leg, point in zip((out_leg, back_leg), points, strict=True):
-                legs.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen])
+            for (leg, *_), (_, point) in zip(sides, placed, strict=True):
+                legs.weigh(amplitude, place_of[frame], leg[row], point)
         parts.append(Paths(
-            frames, frame[chosen], hits.bounce[chosen] + reflections[row[chosen]], amplitude, nodes, hits.length_in_m[chosen],
-            hits.length_out_m[chosen], departure[chosen], arrival[chosen], rate[chosen],
+            frames, frame, hits.bounce + reflections[row], amplitude, nodes, hits.length_in_m, hits.length_out_m, departure, arrival, rate,
         ))  # fmt: skip
-        firsts.append(hits.first_m[chosen])
-        crosses.append((out_leg != back_leg)[row[chosen]])
-    del hits, points, departure, arrival, rate
+        firsts.append(hits.first_m)
+        crosses.append((out_leg != back_leg)[row])
+        del hits, sides, placed
     kept, masks = [], strong_masks(parts, radar, prune)
     for first, cross, mask in zip(firsts, crosses, masks, strict=True):
         keep = np.flatnonzero(mask)
@@ -225,10 +234,34 @@ class _End:
         axis = np.einsum("nij,nj->ni", to_object, sensor[pose, :3, 2])
         return _End(at[0], velocity, axis, np.swapaxes(to_object @ sensor[pose, :3, :3], 1, 2))
 
+    def placed(
+        self, row: np.ndarray, frame: np.ndarray, objects: np.ndarray, direction: np.ndarray, length: np.ndarray, rate: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return, for H hits, the direction (H, 3) at the sensor and the point (H, 3) in the world where the hit's line meets the object.
 
-def _to_world(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Transform points (N, 3) from the objects' frames to the world."""
-    return np.einsum("nij,nj->ni", poses[:, :3, :3], points) + poses[:, :3, 3]
+        Args:
+            row, frame: (H,) leg and frame of each hit. objects: (F, 4, 4) poses of the object.
+            direction, length: (H, 3) direction of the line from the mirror image in the object's frame, and (H,) its length in metres.
+            rate: (H,) rate of change of the path's length in m/s; the function subtracts the part of this end.
+        """
+        turned, point = np.empty_like(direction), np.empty_like(direction)
+        arrays = (row, frame, objects, self.place, self.velocity, self.turn, direction, length)
+        shared_out(_place, len(row), *map(fixed, arrays), turned, point, rate, grain=GRAIN)
+        return turned, point
+
+
+@compiled
+def _place(first, last, row, frame, objects, place, velocity, turn, direction, length, turned, point, rate) -> None:
+    """Compute `_End.placed` for the hits `first` to `last` - 1."""
+    at = np.empty(3)
+    for n in range(first, last):
+        r, f = row[n], frame[n]
+        for i in range(3):
+            at[i] = place[r, i] + direction[n, i] * length[n]
+            rate[n] -= direction[n, i] * velocity[r, i]
+        for i in range(3):
+            turned[n, i] = turn[r, i, 0] * direction[n, 0] + turn[r, i, 1] * direction[n, 1] + turn[r, i, 2] * direction[n, 2]
+            point[n, i] = objects[f, i, 0] * at[0] + objects[f, i, 1] * at[1] + objects[f, i, 2] * at[2] + objects[f, i, 3]
 
 
 def _loudest(part: Paths, radar: Radar) -> float:
