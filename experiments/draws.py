@@ -49,7 +49,10 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
     result = scored_of(config)
     if not config.profile.unknown_contents or config.contents != "filled":
         return result
-    return _beside(result, scored_of(replace(config, contents="unknown")), {"twin": UNKNOWN})
+    ours = {(row["metric"], *row.case.items()): row["value"] for row in result.rows if isinstance(row, Row)}
+    other = scored_of(replace(config, contents="unknown"))
+    # Rows of measurements alone are equal.
+    return _beside(result, other, {"twin": UNKNOWN}, lambda row: row["value"] != ours.get((row["metric"], *row.case.items())))
 
 
 def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], kept: Callable[[Row], bool] = lambda row: True) -> Result:
@@ -67,18 +70,15 @@ def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], 
         return result
     gap = replace(config.measured.gap, **dict.fromkeys(OBJECT_GAPS, 0.0))
     exact = replace(config, measured=replace(config.measured, gap=gap, draw=config.measured.draw or 0))
-    other = scored_of(exact)
-    rows = [row for row in other.rows if isinstance(row, Row) and kept(row)]
-    return _beside(result, replace(other, rows=rows), {"truth": EXACT})
+    return _beside(result, scored_of(exact), {"truth": EXACT}, kept)
 
 
-def _beside(result: Result, other: Result, column: Mapping[str, str]) -> Result:
-    """Return a result with the rows of another one that differ, without their claims. `column` is added to each of them."""
+def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Callable[[Row], bool]) -> Result:
+    """Return a result with the rows of another one that `kept` chooses, without their claims. `column` is added to each of them."""
     rows = list(result.rows)
-    ours = {(row["metric"], *row.case.items()): row["value"] for row in rows if isinstance(row, Row)}
     for row in other.rows:
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
-        if row["value"] != ours.get((row["metric"], *row.case.items())):  # rows of measurements alone are equal
+        if kept(row):
             rows.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
             rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` replaced the p value of the estimate
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))

@@ -69,9 +69,8 @@ def specification(case: Case, config: Config) -> dict[str, Any]:
         course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn}
     else:
         course = {"every": campaign.rover_every if case.motion in ROVER else campaign.rail_every}
-    identity = {name: value for name, value in asdict(case).items() if name != "draw"}  # the seed stands for the draw
     radar = build_radar(config.radar).to_dict()
-    return {"case": identity, "course": course, "gap": gap, "radar": radar, "seed": root_of(case, config)}
+    return {"case": asdict(case), "course": course, "gap": gap, "radar": radar, "seed": root_of(case, config)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case
-from experiments.campaign.truth import DRAW_STEP
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, TrueMaterials
 from radartwin.config.study import GapConfig
@@ -41,17 +40,16 @@ FRAMES, EVERY = 24, 5  # frames per revolution, and every fifth frame of a drive
 LOWEST_DB = -200.0  # level that stands for zero power
 
 
-def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1, draw: int = 0) -> Config:
+def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
     """Return the configuration with one gap at a strength and all other gaps off. `gap=None` switches all gaps off.
 
-    `draw` selects the random draw of the gap, also of the scan (geometry). A measured turntable makes `turns` revolutions. Frames beyond
-    the number of traced angles are interpolated (experiments/campaign/truth.py).
+    A measured turntable makes `turns` revolutions. Frames beyond the number of traced angles are interpolated
+    (experiments/campaign/truth.py).
     Raises ConfigError for an unknown gap.
     """
     if gap is not None and gap not in GAPS:
         raise ConfigError(f"measured.gap.{gap}: unknown gap; choose {', '.join(GAPS)}")
     strengths = {} if gap is None else {gap: strength}
-    config = replace(config, seed=config.seed + DRAW_STEP * draw)
     return with_gaps(config, strengths, TrueMaterials(), frames_per_turn=FRAMES, rover_every=EVERY, turns=turns)
 
 

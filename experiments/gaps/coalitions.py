@@ -25,7 +25,7 @@ from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import correct
 from experiments.recognition.readings import recording_name
 from radartwin.config.config import Config
-from radartwin.config.materials import TrueMaterials
+from radartwin.config.materials import TrueMaterials, VlmMaterials
 from radartwin.features import sets
 from radartwin.features.log import Log
 from radartwin.features.processed import Processed, process
@@ -58,9 +58,15 @@ def cases(objects: Iterable[str]) -> list[Case]:
 
 
 def configured(config: Config, on: Collection[str]) -> Config:
-    """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames."""
+    """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames.
+
+    The answers of the model belong to the scan. Surfaces of the exact room that the scan lacks become plasterboard.
+    """
     strengths = {gap: 1.0 for gap in on if gap != LABELS}
-    return case_set.with_gaps(config, strengths, config.materials if LABELS in on else TrueMaterials(), frames_per_turn=FRAMES, turns=1)
+    materials = config.materials if LABELS in on else TrueMaterials()
+    if isinstance(materials, VlmMaterials) and "geometry" not in on and materials.missing is None:
+        materials = replace(materials, missing="plasterboard")
+    return case_set.with_gaps(config, strengths, materials, frames_per_turn=FRAMES, turns=1)
 
 
 def side(domain: str, on: Coalition) -> Coalition:

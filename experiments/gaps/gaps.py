@@ -13,12 +13,14 @@ contains the room's clutter, but the virtual measurements do not. The quick prof
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments import statistics
 from experiments.campaign.cases import Case
+from experiments.campaign.truth import DRAW_STEP
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import legend_above
 from experiments.gaps import case_set
@@ -71,8 +73,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     ]  # fmt: skip
 
     def recorded(domain: str, gap: str | None = None, strength: float = 1.0, draw: int = 0) -> dict[Case, Reading]:
-        alone = case_set.alone(config, gap, strength, draw=draw)
-        return {case: case_set.recorded(alone, store, progress, domain, case) for case in CASES}
+        alone = case_set.alone(config, gap, strength)
+        if domain == "twin":  # the scan is drawn with the seed
+            alone = replace(alone, seed=alone.seed + DRAW_STEP * draw)
+            return {case: case_set.recorded(alone, store, progress, domain, case) for case in CASES}
+        return {case: case_set.recorded(alone, store, progress, domain, replace(case, draw=draw)) for case in CASES}
 
     base, exact = recorded("measured"), recorded("twin")
     moves: Moves = {}
@@ -152,22 +157,27 @@ def _add(
     rows: RowList, where: tuple[str, float, str], metric: str, values: Sequence[Sequence[float]], keys: list[str], claim: Claim = NONE
 ) -> None:
     """Add one table row for a gap at a strength and a group of cases; `values` holds the values of the cases for each draw. Ratios of
-    signals are averaged as amplitudes, because a mean of decibels has no meaning.
+    signals are averaged over cases as amplitudes, and over draws in decibels.
     """
     config, ratios = rows.config, metric.endswith(CHANGE)
     samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
     each = [statistics.mean(one, config.profile.resamples, config.seed) for one in samples]
-    found = statistics.over_draws(each, config.profile.resamples, config.seed)
-    if ratios:
-        value, low, high = (case_set.decibels(max(one, 0.0) ** 2) for one in (found.value, found.low, found.high))
-        found = Estimate(value, low, high, found.n)
+    found = statistics.over_draws([_in_decibels(one) for one in each] if ratios else each, config.profile.resamples, config.seed)
     source = config.measured.gap.sources().get(where[0], "")
     row = rows.add({**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}, metric, found, keys, claim)
     row["draws"] = len(values)
 
 
+def _in_decibels(found: Estimate) -> Estimate:
+    """Convert the estimate of an amplitude to decibels. The amplitudes of draws are averaged in decibels, so that no bound is negative."""
+    value, low, high = (case_set.decibels(one**2) for one in (found.value, found.low, found.high))
+    drawn = None if found.drawn is None else 20 * np.log10(found.drawn)
+    return replace(found, value=value, low=low, high=high, drawn=drawn)
+
+
 def _mean(moves: Sequence[Mapping[Case, dict[str, float]]], group: str, feature: str) -> float:
-    return 20 * float(np.log10(np.mean([10 ** (one[case][feature] / 20) for one in moves for case in GROUPS[group]])))
+    """Return the mean of a ratio of signals in decibels, over the cases of a group as amplitudes and over draws in decibels."""
+    return float(np.mean([20 * np.log10(np.mean([10 ** (one[case][feature] / 20) for case in GROUPS[group]])) for one in moves]))
 
 
 def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:

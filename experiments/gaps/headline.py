@@ -26,6 +26,7 @@ from experiments.rover import rover_fidelity
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
+from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
 from radartwin.runs.run import run_experiment, run_key
@@ -38,7 +39,7 @@ SOURCES = {
         rover_recognition, reconstruction_ablation,
     )
 }  # fmt: skip
-DEPENDS = "depends on strength"
+DEPENDS, AGREES, NOT_COMPARED = "depends on strength", "the verdicts agree", "not compared"
 NOMINAL = 1.0
 ALL_DRAWS = "all draws"
 Rows = Sequence[Mapping[str, Any]]
@@ -48,7 +49,9 @@ TABLE = Table(
     title="The paper's main claims",
     caption="Each row is one claim of the paper, as judged by the table in the column 'table'. Value, interval and verdict are those with "
     "all differences between testbed and simulation at their published size (strength 1), over all draws. The columns 'strength' give "
-    "value, interval and verdict at each strength, all with the same smaller number of draws. The quick profile computes strength 1 alone.",
+    "value, interval and verdict at each strength with the number of draws in brackets, which is the same at all strengths and may be "
+    "smaller than that of the verdict. 'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 "
+    "alone.",
 )
 
 
@@ -164,7 +167,11 @@ def at_strength(config: Config, table: str, strength: float) -> Config:
     own = compose([f"experiment={table}"])
     measured = config.measured
     if measured.provider == "testbed":
-        measured = replace(measured, gap=replace(measured.gap, **{name: strength * size for name, size in asdict(measured.gap).items()}))
+        sizes = {name: strength * size for name, size in asdict(measured.gap).items()}
+        try:
+            measured = replace(measured, gap=replace(measured.gap, **sizes))
+        except ConfigError as error:
+            raise ConfigError(f"profile.strengths={strength:g} multiplies measured.gap: {error}; choose smaller strengths") from error
     shared = {name: getattr(config, name) for name in ("profile", "simulator", "radar", "seed", "output", "jobs")}
     return replace(own, measured=measured, **shared, tracking=replace(config.tracking, backend="off", uri=None))
 
@@ -221,11 +228,11 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         if nominal is None:
             continue
         at = {strength: _row(found[strength, headline.table], headline) for strength in several}
-        verdicts = {one["verdict"] for one in at.values() if one is not None} or {nominal["verdict"]}
+        verdicts = {one["verdict"] for one in at.values() if one is not None}
         case = {
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(one) for strength, one in sorted(at.items())},
-            "over all strengths": DEPENDS if len(verdicts) > 1 else verdicts.pop(),
+            "over all strengths": DEPENDS if len(verdicts) > 1 else AGREES if at else NOT_COMPARED,
             "why": why(headline, found[ALL_DRAWS, headline.table]),
         }  # fmt: skip
         rows.append(_copied(rows, case, nominal, headline))
@@ -247,9 +254,10 @@ def _has(row: Mapping[str, Any], columns: Mapping[str, Any]) -> bool:
 def _told(row: Mapping[str, Any] | None) -> str:
     if row is None:
         return "no such row"
+    verdict = f"{row['verdict']} ({row.get('draws') or 1} draws)"
     if row["value"] is None:
-        return str(row["verdict"])
-    return f"{row['value']:.3g} [{row['low']:.3g}, {row['high']:.3g}], {row['verdict']}"
+        return verdict
+    return f"{row['value']:.3g} [{row['low']:.3g}, {row['high']:.3g}], {verdict}"
 
 
 def why(headline: Headline, rows: Rows) -> str:

@@ -154,13 +154,14 @@ def score(
         if curve:
             figures["label_efficiency"] = lambda: label_curve(curve, chance)
     _add_controls(rows, data, chance)
+    used = {key for found in data.keys.values() for key in found}
     if layout is not None:
-        _add_layout(rows, data, trained, layout, progress)
+        used |= set(_add_layout(rows, data, trained, layout, progress))
     metrics = {
         f"accuracy_{name}_{probe.replace(', ', '_').replace(' ', '_')}": float(hits[method, probe].mean())
         for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in probes
     } | {"chance": chance}  # fmt: skip
-    return Result("labelled_probe", rows, figures, metrics, sorted({key for found in data.keys.values() for key in found}))
+    return Result("labelled_probe", rows, figures, metrics, sorted(used))
 
 
 def _add_probe(
@@ -187,8 +188,10 @@ def _add_probe(
 
 def _add_layout(
     rows: RecognitionRows, data: Data, trained: Mapping[str, Sequence[Encoder]], source: RecordingSource, progress: Progress
-) -> None:
-    """Add the probes on recordings in the layout of the paper, with the encoders `trained` of each method."""
+) -> tuple[str, ...]:
+    """Add the probes on recordings in the layout of the paper, with the encoders `trained` of each method. Returns the store keys of these
+    recordings.
+    """
     cases = as_in_paper(source.cases("measured", motion=MOTION))
     progress.say(f"{len(cases)} measured {MOTION} recordings in the layout of the paper")
     found = vectors(source, "measured", cases, FEATURES)
@@ -198,6 +201,7 @@ def _add_layout(
     for probe, chance in ((REVOLUTIONS, 1 / len(measured.classes)), (MATCHED, uniform_chance(measured))):
         hits = {method: correct([_predict(one, probe) for one in some], measured.label) for method, some in embedded.items()}
         _add_probe(rows, own, probe, hits, chance, {"layout": "as in the paper"})
+    return found.keys
 
 
 def as_in_paper(cases: Sequence[Case]) -> list[Case]:

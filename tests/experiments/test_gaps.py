@@ -149,9 +149,23 @@ def test_an_interval_contains_the_spread_between_draws(tmp_path: Path) -> None:
         assert (row["high"] - row["low"] > width) == (len(some) > 1)
 
 
-def test_draws_of_a_gap_have_their_own_seed(tmp_path: Path) -> None:
-    seeds = {case_set.alone(config(tmp_path), "clutter", draw=draw).seed for draw in range(3)}
-    assert len(seeds) == 3
+def test_draws_of_a_gap_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each draw of a gap has its own scan or its own measured case. The case's draw chooses seeds and radar board."""
+    asked: list[tuple[str, int, int]] = []
+
+    def recorded(own: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> case_set.Reading:
+        asked.append((domain, own.seed, case.draw))
+        return reading(STEADY * (1 + 1e-3 * len(asked)))
+
+    monkeypatch.setattr(case_set, "recorded", recorded)
+    monkeypatch.setattr(gaps, "GAPS", ("geometry", "antenna", "solver"))
+    monkeypatch.setattr(gaps, "DRAWS", {"quick": 3})
+    monkeypatch.setattr(gaps, "_figure", None)
+    monkeypatch.setattr(gaps, "INTERPOLATED", {})
+    result = gaps.run(config(tmp_path), Store(tmp_path), Progress())
+    assert {one for one in asked if one[0] == "twin"} == {("twin", seed, 0) for seed in (0, 1000, 2000)}
+    assert {one for one in asked if one[0] == "measured"} == {("measured", 0, draw) for draw in range(3)}
+    assert {row["gap"]: row["draws"] for row in result.rows} == {"none": 1, "geometry": 3, "antenna": 3, "solver": 1}
 
 
 def test_a_strength_beyond_its_range_is_refused(tmp_path: Path) -> None:

@@ -38,9 +38,9 @@ def test_a_verdict_that_changes_depends_on_strength() -> None:
     for row in result.rows:
         assert row["verdict"] == "holds"
         assert row["over all strengths"] == headline.DEPENDS
-        assert row["strength 0.5"].endswith("holds")
-        assert row["strength 1"].endswith("holds")
-        assert row["strength 2"] == "0.3 [0.2, 0.4], fails"
+        assert row["strength 0.5"].endswith("holds (3 draws)")
+        assert row["strength 1"].endswith("holds (3 draws)")
+        assert row["strength 2"] == "0.3 [0.2, 0.4], fails (3 draws)"
     assert set(result.keys) == set(headline.SOURCES)
 
 
@@ -63,12 +63,13 @@ def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
         )
 
     for row in headline.score(own, wide).rows:
-        assert (row["verdict"], row["over all strengths"]) == ("holds", "fails")
+        assert (row["verdict"], row["over all strengths"]) == ("holds", headline.AGREES)
+        assert "fails" in row["strength 1"]
 
 
 def test_one_strength_gives_the_verdict_of_the_table() -> None:
     result = headline.score(config("headline"), made)
-    assert {row["over all strengths"] for row in result.rows} == {"holds"}
+    assert {row["over all strengths"] for row in result.rows} == {headline.NOT_COMPARED}
 
 
 def test_a_strength_multiplies_all_gaps_and_nothing_else() -> None:
@@ -110,6 +111,12 @@ def test_the_reason_has_the_figure_of_another_row() -> None:
         {**COLUMNS, "metric": "accuracy", "method": "raw", "value": 0.8125, "low": 0.7, "high": 0.9, "verdict": "untestable"},
     ]
     assert headline.why(one, rows).endswith("Raw features reach 0.81.")
+
+
+def test_a_strength_that_makes_a_gap_too_large_is_named() -> None:
+    own = config("headline", "measured.gap.person=2.5", "profile.strengths=[1,2]")
+    with pytest.raises(ConfigError, match=r"profile\.strengths=2 multiplies measured\.gap: measured\.gap\.person=5 must be from 0 to 4"):
+        headline.tables(own)
 
 
 def test_a_strength_of_zero_is_refused() -> None:

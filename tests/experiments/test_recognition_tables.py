@@ -118,7 +118,9 @@ def test_the_layout_of_the_paper_has_four_objects_at_each_distance(tmp_path: Pat
     assert {case.object for case in chosen} == set(whole.objects)
     assert [sum(case.distance_m == one for case in chosen) for one in whole.distances] == [4, 4, 4, 4]
     own = config("labelled_probe")
-    result = labelled_probe.score(own, turntable(), Store(tmp_path), Progress(), layout=turntable(distances=(0.5, 1.0, 1.5), turns=3))
+    layout = turntable(distances=(0.5, 1.0, 1.5), turns=3)
+    result = labelled_probe.score(own, turntable(), Store(tmp_path), Progress(), layout=layout)
+    assert {layout.processed("measured", case)[0] for case in labelled_probe.as_in_paper(layout.cases("measured"))} <= set(result.keys)
     rows = {(row["probe"], row["method"]): row for row in result.rows if row.get("layout") and row["metric"] == "accuracy"}
     assert {probe for probe, _ in rows} == {labelled_probe.REVOLUTIONS, labelled_probe.MATCHED}
     matched = rows[labelled_probe.MATCHED, labelled_probe.PRETRAINED]

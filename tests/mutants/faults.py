@@ -131,8 +131,10 @@ _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer
 
 simulation/flat/coupling: physics/test_coupling
 group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only
-group_paths | -np.einsum('ni,ni->n', hits.departure, out.velocity[row]) | 0 | only the return has a Doppler shift
-group_paths | legs.weigh(amplitude, place_of[frame[chosen]], leg[row[chosen]], point[chosen]) | legs | legs have no amplitudes
+_place | direction[n, i] * velocity[r, i] | 0.0 * velocity[r, i] | paths over the room have no Doppler shift
+_place | place[r, i] + direction[n, i] * length[n] | place[r, i] + direction[n, i] | legs end one metre from the mirror image
+_place | turn[r, i, 1] * direction[n, 1] | -turn[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
+group_paths | legs.weigh(amplitude, place_of[frame], leg[row], point) | legs | legs have no amplitudes
 
 simulation/flat/legs: physics/test_coupling
 _evaluate | level.conjugate() | level | a leg is not conjugated

@@ -31,9 +31,6 @@ FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle
 # Tubes between object and room that are at most this many wavelengths wide are not divided. Division takes half of their time. At 0.5 tubes
 # per square wavelength, their error is the same with and without: 0.01 to 0.04 of the signal of a can, a mug and a bottle at 1 and 2 m.
 UNDIVIDED = 1.5
-# If the tubes between object and room have a width of their own and are not divided, pairs of legs whose field is below this share of the
-# direct pair have tubes of this multiple of the width, which are divided. The signal of a mug and of a bottle keeps its error.
-WEAK, COARSE = 0.1, 4.0
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
 STRONGEST = 0.5  # share of the strongest direct path below which direct paths that are only estimated are dropped
 GRAIN = 20_000  # smallest number of hits that a thread places
@@ -109,16 +106,11 @@ def group_paths(
     straight = (out_leg == DIRECT) & (back_leg == DIRECT)
     reflections = legs.order[out_leg] + legs.order[back_leg]
     strength = legs.share[place_of[pose], out_leg] * legs.share[place_of[pose], back_leg]
-    found: list[tuple[bool, Hits | None, np.ndarray]] = []
+    found: dict[bool, tuple[Hits, np.ndarray]] = {}
     strongest = np.zeros(frames)
-    weak = (strength < WEAK) & (coupled_cell_m is not None and coupled_cell_m <= UNDIVIDED * radar.wavelength_m)
     coupled_cell_m, share_of_pair = coupled_cell_m or cell_m, max(TRACED, EARLY * prune)
-    for over, chosen, cell in (
-        (False, straight, cell_m if direct else coupled_cell_m),
-        (True, ~straight & ~weak, coupled_cell_m),
-        (True, ~straight & weak, COARSE * coupled_cell_m),
-    ):
-        rows = np.flatnonzero(chosen)
+    for over, cell in ((False, cell_m if direct else coupled_cell_m), (True, coupled_cell_m)):
+        rows = np.flatnonzero(straight != over)
         if not len(rows):
             continue
         weakest = prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)  # the tracer multiplies by EARLY
@@ -133,17 +125,14 @@ def group_paths(
             level *= (cell_m / cell) ** 2  # the amplitude of a tube grows with its cross-section
         np.maximum.at(strongest, pose[part.pose], level)
         if not estimated:
-            found.append((over, part, level))
-        del part
+            found[over] = part, level
+        del part, level  # lists of millions of hits take gigabytes
     parts, firsts, crosses = [], [], []
     for over in (False, True):
-        strong = []
-        for number, (kind, part, level) in enumerate(found):
-            if part is not None and kind == over:
-                strong.append(part.where((level > 0) & (level >= EARLY * prune * strongest[pose[part.pose]])))
-                found[number] = (kind, None, level)  # lists of millions of hits take gigabytes
-        hits = Hits.concatenate(strong) if strong else Hits.none(len(table.frequencies_hz))
-        strong.clear()
+        hits = Hits.none(len(table.frequencies_hz))
+        if over in found:
+            hits, level = found.pop(over)
+            hits = hits.where((level > 0) & (level >= EARLY * prune * strongest[pose[hits.pose]]))
         row, frame = hits.pose, pose[hits.pose]
         amplitude, nodes, rate = hits.amplitude, table.frequencies_hz, np.zeros(len(row))
         sides = (out_leg, out, hits.departure, hits.first_m), (back_leg, back, hits.arrival, hits.length_out_m)
@@ -160,7 +149,7 @@ def group_paths(
         ))  # fmt: skip
         firsts.append(hits.first_m)
         crosses.append((out_leg != back_leg)[row])
-        del hits, sides, placed
+    del hits, sides, placed, amplitude, rate, departure, arrival
     kept, masks = [], strong_masks(parts, radar, prune)
     for first, cross, mask in zip(firsts, crosses, masks, strict=True):
         keep = np.flatnonzero(mask)
