@@ -19,6 +19,7 @@ from radartwin.compiled import compiled, fixed, innermost
 from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 from radartwin.simulation.flat.wedge import coefficients, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
@@ -43,44 +44,6 @@ class Tables(NamedTuple):
     def of(*values: np.ndarray) -> "Tables":
         """Return tables whose arrays are contiguous and read-only."""
         return Tables(*map(fixed, values))
-
-
-@innermost
-def norm(x: Point) -> float:
-    return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
-
-
-@innermost
-def dot(a: Point, b: Point) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@innermost
-def distance(a: Point, b: Point) -> float:
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@innermost
-def vector(values: np.ndarray, i: int) -> Vector:
-    """Return row `i` of an array (N, 3) as a tuple. Points of innermost loops are tuples, because small arrays are slow to create."""
-    return float(values[i, 0]), float(values[i, 1]), float(values[i, 2])
-
-
-@innermost
-def moved(start: Point, along: Point, place: float) -> Vector:
-    """Return start + place * along."""
-    return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
-
-
-@innermost
-def toward(start: Point, end: Point, length: float) -> Vector:
-    """Return (end - start)/length."""
-    return (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
-
-
-@innermost
-def cross(a: Point, b: Point) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @innermost

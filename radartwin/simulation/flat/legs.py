@@ -16,25 +16,12 @@ import numpy as np
 
 from radartwin.compiled import compiled, each, fixed, shared_out
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import (
-    NUDGE,
-    Tables,
-    contains,
-    distance,
-    dot,
-    image,
-    moved,
-    norm,
-    polarised,
-    toward,
-    transverse,
-    travelled,
-    vector,
-)  # fmt: skip
+from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 from radartwin.simulation.flat.room import FlatRoom, key_places
 from radartwin.simulation.flat.shadows import REACH, Outlines, factor
+from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward, vector
 from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
 from radartwin.simulation.reflection_table import lagrange_basis
 

@@ -15,9 +15,10 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import GRAZING_M, distance, dot, moved, toward, vector
+from radartwin.simulation.flat.field import GRAZING_M
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 from radartwin.simulation.geometry import Geometry
 
 REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; such an edge changes a factor by at most 0.04

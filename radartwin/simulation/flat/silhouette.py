@@ -18,10 +18,11 @@ import numpy as np
 import trimesh
 
 from radartwin.compiled import compiled, innermost, shared_out
-from radartwin.simulation.flat.field import NUDGE, distance, dot, moved, norm, toward
+from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, build, crossed
 from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near
+from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import TARGET_ERROR
 
