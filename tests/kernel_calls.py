@@ -11,13 +11,13 @@ import trimesh
 import radartwin as rt
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation.flat import device
+from radartwin.simulation.flat import parallel
 
 WALLS_M, CUPBOARD_M = (4.0, 3.0, 2.5), (0.4, 0.5, 0.9)
 
 
 class Call(NamedTuple):
-    """A call of `device.compute`: the function, its arguments, and its results before and after the call."""
+    """A call of `parallel.compute`: the function, its arguments, and its results before and after the call."""
 
     function: Any
     count: int
@@ -38,7 +38,7 @@ def recorded() -> dict[str, list[Call]]:
     The paths have up to two reflections or diffractions, and some cross a pane.
     """
     calls: dict[str, list[Call]] = defaultdict(list)
-    computed, few = device.compute, device.FEW
+    computed, few = parallel.compute, parallel.FEW
 
     def compute(function: Any, count: int, arguments: tuple, results: Any, work: Any, **how: Any) -> None:
         before = [values.copy() for values in results]
@@ -58,12 +58,12 @@ def recorded() -> dict[str, list[Call]]:
     ]
     can = rt.Surface(objects.cylinder(0.033, 0.12), "metal", "can", roughness_m=1e-4, role="object")
     radar, poses = rt.Radar.iwr1843(), np.stack([trajectory.pose([-1.2, 0.1 + 0.02 * i, 0.05]) for i in range(3)])
-    device.compute, device.FEW = compute, sys.maxsize
+    parallel.compute, parallel.FEW = compute, sys.maxsize
     try:
         rt.simulate(rt.Scene(room), radar, poses[:1], max_bounces=2)
         rt.simulate(rt.Scene([*room, can.moved(trajectory.pose([0.8, 0.7, 0.1]))]), radar, poses, max_bounces=2)
     finally:
-        device.compute, device.FEW = computed, few
+        parallel.compute, parallel.FEW = computed, few
     return dict(calls)
 
 

@@ -18,7 +18,7 @@ RECORD = """
 import sys
 import numpy as np
 from kernel_calls import kinds, largest_error, recorded
-from radartwin.simulation.flat import device
+from radartwin.simulation.flat import parallel
 
 calls = recorded()
 assert set(calls) == {"field.evaluate", "legs._evaluate", "legs._weigh", "crossing._fill", "silhouette._of_lines",
@@ -85,11 +85,11 @@ from radartwin.simulation import variant
 from radartwin.simulation.flat import gpu
 
 variant.activate("cuda")
-device.FEW = 1
+parallel.FEW = 1
 for some in calls.values():
     for call in some:
         found = [values.copy() for values in call.before]
-        device.compute(call.function, call.count, call.arguments, found, call.work)
+        parallel.compute(call.function, call.count, call.arguments, found, call.work)
         assert largest_error(found, call.after) < 1e-9, call.name
 assert gpu._compiled.cache_info().currsize == len(calls)
 """

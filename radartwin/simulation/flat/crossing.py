@@ -16,7 +16,7 @@ import numpy as np
 
 from radartwin.compiled import fixed, innermost
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.simulation.flat import device
+from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import cross, dot, norm, toward, vector
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
@@ -154,5 +154,5 @@ def factors(
     panes, factor = np.zeros(n, np.int64), np.zeros((n, len(table.frequencies_hz)), complex)
     points = (np.ascontiguousarray(values, float) for values in (start, end, unit))
     arguments = tree, table.opaque, fixed(table.through_te), fixed(table.through_tm), *points, ways
-    device.compute(_fill, n, arguments, (panes, factor), partial(_Work.of, nodes=factor.shape[1]))
+    parallel.compute(_fill, n, arguments, (panes, factor), partial(_Work.of, nodes=factor.shape[1]))
     return panes, factor

@@ -1,4 +1,4 @@
-"""Run compiled functions as kernels of numba.cuda. Only `device` imports this module, and only to use a GPU.
+"""Run compiled functions as kernels of numba.cuda. Only `parallel` imports this module, and only to use a GPU.
 
 numba.cuda compiles the Python source of a function that Numba has compiled for the processor again, for the GPU. The compiled kernels are
 not kept on the disk, because their key would have to contain the source of all functions that they call.
@@ -20,7 +20,7 @@ _turn = threading.Lock()  # threads of one process use the GPU one after another
 
 
 def compute(function: Any, count: int, arguments: Sequence[Any], results: Sequence[np.ndarray], work: Callable[[int], Any]) -> None:
-    """Call a compiled function for the items 0 to `count` - 1 on the GPU; the arguments are those of `device.compute`."""
+    """Call a compiled function for the items 0 to `count` - 1 on the GPU; the arguments are those of `parallel.compute`."""
     blocks = -(-min(count, WORKERS) // BLOCK)
     with _turn:
         copies = [_kept(_Same(value)) if isinstance(value, tuple) else copied(value) for value in arguments]

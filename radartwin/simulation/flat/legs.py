@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from radartwin.compiled import compiled, each, fixed, innermost
-from radartwin.simulation.flat import device
+from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
 from radartwin.simulation.flat.kirchhoff import edge_part
@@ -85,7 +85,7 @@ class Legs:
         values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
         grids = fixed(values.astype(complex, copy=False)), first, side, number[code], self.low, self.size
         arguments = *grids, place, np.ascontiguousarray(point)
-        device.compute(_weigh, len(amplitude), arguments, [amplitude], _Corners.of, grain=1000)
+        parallel.compute(_weigh, len(amplitude), arguments, [amplitude], _Corners.of, grain=1000)
 
 
 class _Corners(NamedTuple):
@@ -292,7 +292,7 @@ def room_fields(
         np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
     )  # fmt: skip
     work = partial(_Work.of, faces=chains.shape[1], nodes=out.shape[1], surfaces=len(room.table.opaque))
-    device.compute(_evaluate, len(which), arguments, [out], work)
+    parallel.compute(_evaluate, len(which), arguments, [out], work)
     return out
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from radartwin.compiled import each
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.simulation.flat import device, field, obstacles, search, shadows
+from radartwin.simulation.flat import field, obstacles, parallel, search, shadows
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
@@ -326,7 +326,7 @@ class FlatRoom:
             np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
         )  # fmt: skip
         work = partial(field.Work.of, faces=points - 2, nodes=q)
-        device.compute(field.evaluate, n, arguments, values, work, pieces=16, processor=processor)
+        parallel.compute(field.evaluate, n, arguments, values, work, pieces=16, processor=processor)
         return np.flatnonzero(values[1][:, 0] > 0), values
 
     def _evaluated(

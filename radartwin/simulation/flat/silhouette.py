@@ -19,7 +19,7 @@ import numpy as np
 import trimesh
 
 from radartwin.compiled import compiled, innermost, shared_out
-from radartwin.simulation.flat import device
+from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
@@ -392,7 +392,7 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
         some = np.unique(path)
         values = np.empty(len(some), complex)
         arguments = body, outlines, count, which[some], from_start[some], ends[some], lengths[some], wavenumber
-        device.compute(_over_mirrors, len(some), arguments, [values], work)
+        parallel.compute(_over_mirrors, len(some), arguments, [values], work)
         out[some] = values
         return out
     # The first and the last line of many paths join the sensor to the same point.
@@ -400,7 +400,7 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
     kept, same = distinct(np.concatenate(ends, axis=1))
     values = np.empty(len(kept), complex)
     arguments = body, outlines, count, view[kept], ends[0][kept], ends[1][kept], wavenumber
-    device.compute(_of_lines, len(kept), arguments, [values], work)
+    parallel.compute(_of_lines, len(kept), arguments, [values], work)
     np.multiply.at(out, path, values[same])
     return out
 
