@@ -22,6 +22,8 @@ from radartwin.simulation.flat import wedge
 COUNTS = (100, 1000, 10_000, 100_000, 1_000_000)
 REPEATS = 7
 K = 2 * math.pi / 3.9e-3  # rad/m
+_STEP = wedge.LAST / wedge.STEPS
+TAIL_SLOPE = (2j * _STEP * np.arange(wedge.STEPS + 1) * wedge.TAIL - 1) * _STEP  # of `wedge.scaled_tail`, times the step of its table
 
 
 @compiled
@@ -48,7 +50,7 @@ def by_torch(paths: np.ndarray) -> Callable[[], np.ndarray]:
     import torch
 
     phi, phi0, n, distance = (torch.tensor(row) for row in paths)
-    tail, slope = torch.tensor(wedge.TAIL), torch.tensor(wedge.TAIL_SLOPE)
+    tail, slope = torch.tensor(wedge.TAIL), torch.tensor(TAIL_SLOPE)
     operations = SimpleNamespace(
         round=torch.round, sin=torch.sin, cos=torch.cos, sqrt=torch.sqrt, where=torch.where, clip=torch.clamp, complex=torch.complex,
         whole=lambda x: x.to(torch.int64), looked_up=lambda at: (tail[at], slope[at]),
@@ -67,7 +69,7 @@ def by_drjit(paths: np.ndarray) -> Callable[[], np.ndarray]:
 
     variant.activate()
     phi, phi0, n, distance = (Float64(row) for row in paths)
-    parts = [Float64(np.ascontiguousarray(part)) for values in (wedge.TAIL, wedge.TAIL_SLOPE) for part in (values.real, values.imag)]
+    parts = [Float64(np.ascontiguousarray(part)) for values in (wedge.TAIL, TAIL_SLOPE) for part in (values.real, values.imag)]
 
     def looked_up(at: Int32) -> tuple[Complex2f64, Complex2f64]:
         values = [dr.gather(Float64, part, at) for part in parts]

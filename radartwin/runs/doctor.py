@@ -9,6 +9,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -112,6 +113,9 @@ def _devices() -> Iterator[Finding]:
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
     yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
+    if cuda and find_spec("numba_cuda") is None:
+        text = "numba-cuda is not installed; the processor computes the paths of rooms"
+        yield Finding("gpu kernels", "note", text, "pip install 'radartwin[gpu]' -c constraints.txt")
     if llvm is not None:
         yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
     else:

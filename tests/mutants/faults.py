@@ -67,7 +67,7 @@ simulation/reflection_table: physics/test_crossing
 _evaluate | 2j * np.pi | 0j * np.pi | the transmission of a sheet contains the phase of the air that it replaces
 
 simulation/flat/crossing: physics/test_crossing
-cross_panes | abs(place[j] - place[i]) < SAME_M | False | the common side of two triangles counts as two panes
+cross_panes | abs(_place(tree, other, start, way) - place) < SAME_M | False | the common side of two triangles counts as two panes
 _fill | range(ways) | range(1) | an echo crosses a pane once, not there and back
 delayed | 2j * np.pi * at_hz | 0j * at_hz | the delay of a pane turns the phase twice
 

@@ -84,7 +84,8 @@ def shadow(mesh, source, receiver):
     body = geometry.build([mesh])
     outlines, tree = shadows.of_mesh(body), obstacles.build(body.corners, body.surface)
     ends = np.array(source, float) + legs.NUDGE / K, np.array(receiver, float)
-    return shadows.factor(outlines, tree, np.ones(1, bool), *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1)
+    memory = np.empty(obstacles.MAX_PANES, int), np.empty(1, bool)
+    return shadows.factor(outlines, tree, np.ones(1, bool), *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1, *memory)
 
 
 def half_plane(excess):

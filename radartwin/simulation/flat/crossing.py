@@ -9,19 +9,37 @@ wall has all layers of the material. Triangles of one surface at the same place 
 triangles hits both.
 """
 
-import math
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, shared_out
+from radartwin.compiled import fixed, innermost
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, crossed
+from radartwin.simulation.flat import parallel
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import cross, dot, norm, toward, vector
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SAME_M = 1e-6  # triangles of one surface that a line meets within this distance count once
 
 
-@compiled
+@innermost
+def _normal(tree: Hierarchy, t: int) -> Vector:
+    """Return the unit normal of triangle `t`."""
+    normal = cross(vector(tree.edge_a, t), vector(tree.edge_b, t))
+    size = norm(normal)
+    return normal[0] / size, normal[1] / size, normal[2] / size
+
+
+@innermost
+def _place(tree: Hierarchy, t: int, start: Point, way: Vector) -> float:
+    """Return the distance in metres from `start` to the plane of triangle `t` along a line."""
+    normal = _normal(tree, t)
+    return dot(toward(start, vector(tree.corner, t), 1.0), normal) / dot(way, normal) * norm(way)
+
+
+@innermost
 def cross_panes(
     tree: Hierarchy, te: np.ndarray, tm: np.ndarray, start: Point, stop: Point, found: np.ndarray, count: int, field: np.ndarray
 ) -> None:
@@ -35,34 +53,25 @@ def cross_panes(
     """
     if count == 0:
         return
-    way = np.array((stop[0] - start[0], stop[1] - start[1], stop[2] - start[2]))
-    length = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
-    place = np.empty(count)
+    way = stop[0] - start[0], stop[1] - start[1], stop[2] - start[2]
+    length = norm(way)
     for i in range(count):
         t = found[i]
-        normal = np.cross(tree.edge_a[t], tree.edge_b[t])
-        size = math.sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2])
-        height, along = 0.0, 0.0
-        for k in range(3):
-            normal[k] /= size
-            height += (tree.corner[t, k] - start[k]) * normal[k]
-            along += way[k] * normal[k]
-        place[i] = height / along * length
-        known = False
+        normal, place, known = _normal(tree, t), _place(tree, t, start, way), False
         for j in range(i):
-            if tree.label[found[j]] == tree.label[t] and abs(place[j] - place[i]) < SAME_M:
-                known = True
+            other = found[j]
+            known |= tree.label[other] == tree.label[t] and abs(_place(tree, other, start, way) - place) < SAME_M
         if known:
             continue
-        s = np.cross(way, normal)
-        size = math.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
+        s = cross(way, normal)
+        size = norm(s)
         if size < 1e-7 * length:
-            s = np.cross(normal, np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
-            size = math.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
-        for k in range(3):
-            s[k] /= size
-        p = np.cross(way, s) / length
-        x = min(abs(along) / length, 1.0) * (te.shape[1] - 1)
+            s = cross(normal, (1.0, 0.0, 0.0) if abs(normal[0]) < 0.9 else (0.0, 1.0, 0.0))
+            size = norm(s)
+        s = s[0] / size, s[1] / size, s[2] / size
+        p = cross(way, s)
+        p = p[0] / length, p[1] / length, p[2] / length
+        x = min(abs(dot(way, normal)) / length, 1.0) * (te.shape[1] - 1)
         low = min(int(x), te.shape[1] - 2)
         share = x - low
         surface = tree.label[t]
@@ -77,20 +86,33 @@ def cross_panes(
                 field[q, k] = across * s[k] + within * p[k]
 
 
-@compiled
+class _Work(NamedTuple):
+    """Hold the memory of W workers, for Q frequency nodes. found: (W, MAX_PANES). field: (W, Q, 3)."""
+
+    found: np.ndarray
+    field: np.ndarray
+
+    @staticmethod
+    def of(workers: int, nodes: int) -> "_Work":
+        """Return memory without values for a number of workers."""
+        return _Work(np.empty((workers, MAX_PANES), np.int64), np.empty((workers, nodes, 3), np.complex128))
+
+
+@innermost
 def _fill(
-    begin: int, stop: int, tree: Hierarchy, opaque: np.ndarray, te: np.ndarray, tm: np.ndarray, start: np.ndarray, end: np.ndarray,
-    unit: np.ndarray, ways: int, panes: np.ndarray, factor: np.ndarray,
+    begin: int, stop: int, step: int, tree: Hierarchy, opaque: np.ndarray, te: np.ndarray, tm: np.ndarray, start: np.ndarray,
+    end: np.ndarray, unit: np.ndarray, ways: int, panes: np.ndarray, factor: np.ndarray, work: _Work,
 ) -> None:  # fmt: skip
-    """Compute the panes and factors of the lines `begin` to `stop` - 1 for `factors`."""
-    found = np.empty(MAX_PANES, np.int64)
-    field = np.empty((te.shape[2], 3), np.complex128)
-    for n in range(begin, stop):
+    """Compute the panes and factors of every `step`-th line from `begin` to `stop` - 1 for `factors`."""
+    found, field = work.found[begin % step], work.field[begin % step]
+    for n in range(begin, stop, step):
         panes[n] = crossed(tree, start[n], end[n], opaque, found)
+        for q in range(te.shape[2]):
+            factor[n, q] = 1 + min(panes[n], 0)
+            for k in range(3):
+                field[q, k] = unit[n, k]
         if panes[n] <= 0:
-            factor[n] = 1 + panes[n]
             continue
-        field[:] = unit[n]
         for _ in range(ways):
             cross_panes(tree, te, tm, start[n], end[n], found, panes[n], field)
         for q in range(te.shape[2]):
@@ -131,5 +153,6 @@ def factors(
     n = len(start)
     panes, factor = np.zeros(n, np.int64), np.zeros((n, len(table.frequencies_hz)), complex)
     points = (np.ascontiguousarray(values, float) for values in (start, end, unit))
-    shared_out(_fill, n, tree, table.opaque, table.through_te, table.through_tm, *points, ways, panes, factor)
+    arguments = tree, table.opaque, fixed(table.through_te), fixed(table.through_tm), *points, ways
+    parallel.compute(_fill, n, arguments, (panes, factor), partial(_Work.of, nodes=factor.shape[1]))
     return panes, factor

@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, fixed, innermost
+from radartwin.compiled import fixed, innermost
 from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 from radartwin.simulation.flat.wedge import coefficients, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
@@ -45,42 +46,31 @@ class Tables(NamedTuple):
         return Tables(*map(fixed, values))
 
 
-@innermost
-def norm(x: Point) -> float:
-    return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+class Work(NamedTuple):
+    """Hold the memory of W workers (threads of the processor or of a GPU), for sequences of C faces and Q frequency nodes.
 
+    Attributes:
+        points: (W, 3, C + 1, 3). chain: (W, C). found: (W, MAX_PANES). field: (W, 2, Q, 3). level: (W, Q). matrix: (W, 2, 3, 2, 2).
+    """
 
-@innermost
-def dot(a: Point, b: Point) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    points: np.ndarray
+    chain: np.ndarray
+    found: np.ndarray
+    field: np.ndarray
+    level: np.ndarray
+    matrix: np.ndarray
 
-
-@innermost
-def distance(a: Point, b: Point) -> float:
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
-
-
-@innermost
-def vector(values: np.ndarray, i: int) -> Vector:
-    """Return row `i` of an array (N, 3) as a tuple. Points of innermost loops are tuples, because small arrays are slow to create."""
-    return float(values[i, 0]), float(values[i, 1]), float(values[i, 2])
-
-
-@innermost
-def moved(start: Point, along: Point, place: float) -> Vector:
-    """Return start + place * along."""
-    return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
-
-
-@innermost
-def toward(start: Point, end: Point, length: float) -> Vector:
-    """Return (end - start)/length."""
-    return (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
-
-
-@innermost
-def cross(a: Point, b: Point) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    @staticmethod
+    def of(workers: int, faces: int, nodes: int) -> "Work":
+        """Return memory without values for a number of workers."""
+        return Work(
+            np.empty((workers, 3, faces + 1, 3)),
+            np.empty((workers, faces), np.int64),
+            np.empty((workers, MAX_PANES), np.int64),
+            np.empty((workers, 2, nodes, 3), np.complex128),
+            np.empty((workers, nodes), np.complex128),
+            np.empty((workers, 2, 3, 2, 2), np.complex128),
+        )
 
 
 @innermost
@@ -225,7 +215,7 @@ def reflected(faces: Faces, te: np.ndarray, tm: np.ndarray, field: np.ndarray, d
     return way
 
 
-@compiled
+@innermost
 def travelled(
     faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: Point, chain: np.ndarray,
     start: Point, points: np.ndarray, step: int, end: Point, found: np.ndarray,
@@ -270,7 +260,7 @@ def keller(start: Point, along: Point, source: Point, receiver: Point) -> float:
     return (z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12)
 
 
-@compiled
+@innermost
 def ends_weight(start: Point, along: Point, length: float, place: float, source: Point, receiver: Point, wavenumber: float) -> complex:
     """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
 
@@ -412,14 +402,14 @@ def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]
     )
 
 
-@compiled
+@innermost
 def evaluate(
-    begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
+    begin: int, stop: int, step: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
     nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
     axis: np.ndarray, least: np.ndarray, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray, arrival: np.ndarray,
-    met: np.ndarray,
+    met: np.ndarray, work: Work,
 ) -> None:  # fmt: skip
-    """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
+    """Compute every `step`-th path from `begin` to `stop` - 1 of N pairs of a pose and a sequence.
 
     Args:
         opaque: (surfaces,) bool. tables: of the surfaces.
@@ -429,19 +419,21 @@ def evaluate(
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
+        work: memory of `step` workers.
     """
-    points, points2, points3 = np.empty((3, chain.shape[1] + 1, 3))
-    found, other_order = np.empty(MAX_PANES, np.int64), np.empty(chain.shape[1], chain.dtype)
-    te, tm, q = tables.te, tables.tm, tables.te.shape[2]
-    field, slope = np.empty((2, q, 3), np.complex128)
-    level, matrix1, matrix2 = np.empty(q, np.complex128), np.empty((3, 2, 2), np.complex128), np.empty((3, 2, 2), np.complex128)
-    for n in range(begin, stop):
+    worker = begin % step
+    points, points2, points3 = work.points[worker, 0], work.points[worker, 1], work.points[worker, 2]
+    found, other_order, level = work.found[worker], work.chain[worker], work.level[worker]
+    field, slope = work.field[worker, 0], work.field[worker, 1]
+    matrix1, matrix2 = work.matrix[worker, 0], work.matrix[worker, 1]
+    te, tm = tables.te, tables.tm
+    for n in range(begin, stop, step):
         s = which[n]
         place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
         source, receiver = moved(place, nudge, 1.0), moved(place, nudge, 2.0)
-        m0, m1, m2 = count[s]
+        m0, m1, m2 = count[s, 0], count[s, 1], count[s, 2]
         first, between, last = chain[s, :m0], chain[s, m0 : m0 + m1], chain[s, m0 + m1 : m0 + m1 + m2]
-        e1, e2 = edge[s]
+        e1, e2 = edge[s, 0], edge[s, 1]
         if e1 < 0:
             if not reflect_points(faces, source, first, receiver, points):
                 continue
@@ -472,8 +464,8 @@ def evaluate(
                     travelled(faces, tree, opaque, tables, slope, there, other_order[:m0], source, points, 1, receiver, found)
                     _add(field, slope, 1.0)
                 _received(field, transverse(antenna, back), factor, level)
-            met[n, :m0] = points[:m0]
-            amplitude[n] = level
+            _met(points, m0, met[n], 0)
+            _copied(level, amplitude[n])
             length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
             for k in range(3):
                 departure[n, k], arrival[n, k] = there[k], -back[k]
@@ -517,10 +509,9 @@ def evaluate(
                 _passed(field, matrix1, 0, enters, leaves, field)
                 travelled(faces, tree, opaque, tables, field, after, last, touched, points2, -1, receiver, found)
                 _received(field, transverse(antenna, back), weight, level)
-            met[n, :m0] = points[:m0]
-            for i in range(m2):
-                met[n, m0 + 1 + i] = points2[m2 - 1 - i]
-            amplitude[n] = level
+            _met(points, m0, met[n], 0)
+            _met(points2[:m2][::-1], m2, met[n], m0 + 1)
+            _copied(level, amplitude[n])
             length[n, 0] = distance(image(faces, place, first, 1.0), x)
             length[n, 2] = distance(x, image(faces, place, last[::-1], 1.0))
             for k in range(3):
@@ -599,15 +590,29 @@ def evaluate(
             _add(field, slope, bend)
             travelled(faces, tree, opaque, tables, field, after2, last, touched2, points3, -1, receiver, found)
             _received(field, transverse(antenna, back), weight, level)
-        met[n, :m0], met[n, m0 + 1 : m0 + 1 + m1] = points[:m0], points2[:m1]
-        for i in range(m2):
-            met[n, m0 + m1 + 2 + i] = points3[m2 - 1 - i]
-        amplitude[n] = level
+        _met(points, m0, met[n], 0)
+        _met(points2, m1, met[n], m0 + 1)
+        _met(points3[:m2][::-1], m2, met[n], m0 + m1 + 2)
+        _copied(level, amplitude[n])
         exact = image(faces, image(faces, place, last[::-1], 1.0), back_chain, 1.0)
         length[n, 0], length[n, 1] = distance(image(faces, place, first, 1.0), x1), s2
         length[n, 2] = distance(x2, exact)
         for k in range(3):
             met[n, m0, k], met[n, m0 + 1 + m1, k], departure[n, k], arrival[n, k] = touched1[k], touched2[k], there[k], -back[k]
+
+
+@innermost
+def _met(points: np.ndarray, count: int, out: np.ndarray, first: int) -> None:
+    """Copy points (count, 3) to the rows of `out` (V, 3) from `first`."""
+    for i in range(count):
+        for k in range(3):
+            out[first + i, k] = points[i, k]
+
+
+@innermost
+def _copied(level: np.ndarray, out: np.ndarray) -> None:
+    for q in range(len(level)):
+        out[q] = level[q]
 
 
 @innermost

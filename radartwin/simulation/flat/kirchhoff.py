@@ -114,10 +114,15 @@ def _short(d: float, t_a: float, t_b: float, relative: float, span: float) -> co
 
 
 @innermost
+def _sign(x: float) -> float:
+    return 1.0 if x > 0 else -1.0 if x < 0 else 0.0
+
+
+@innermost
 def edge_wave(d: float, t_a: float, t_b: float) -> complex:
     """Return G(d, t_b) - G(d, t_a) for d >= 0 and t_a <= t_b."""
     if d == 0.0:  # the limit from the lit side, on which W is evaluated too
-        return complex(0.5 * math.pi * (np.sign(t_b) - np.sign(t_a)), 0.0)
+        return complex(0.5 * math.pi * (_sign(t_b) - _sign(t_a)), 0.0)
     outer, inner = max(abs(t_a), abs(t_b)), min(abs(t_a), abs(t_b)) if t_a * t_b > 0 else 0.0
     width, span = (t_b - t_a) ** 2, outer * outer - inner * inner
     relative = width / (d * d + inner * inner)

@@ -10,31 +10,20 @@ where the field is not linear between the corners.
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, each, fixed, shared_out
+from radartwin.compiled import compiled, each, fixed, innermost
+from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import (
-    NUDGE,
-    Tables,
-    contains,
-    distance,
-    dot,
-    image,
-    moved,
-    norm,
-    polarised,
-    toward,
-    transverse,
-    travelled,
-    vector,
-)  # fmt: skip
+from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 from radartwin.simulation.flat.room import FlatRoom, key_places
 from radartwin.simulation.flat.shadows import REACH, Outlines, factor
+from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward, vector
 from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
 from radartwin.simulation.reflection_table import lagrange_basis
 
@@ -95,44 +84,64 @@ class Legs:
         first = np.cumsum([0, *side[:-1] ** 3])
         values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
         grids = fixed(values.astype(complex, copy=False)), first, side, number[code], self.low, self.size
-        shared_out(_weigh, len(amplitude), *grids, place, np.ascontiguousarray(point), amplitude, grain=1000)
+        arguments = *grids, place, np.ascontiguousarray(point)
+        parallel.compute(_weigh, len(amplitude), arguments, [amplitude], _Corners.of, grain=1000)
 
 
-@compiled
+class _Corners(NamedTuple):
+    """Hold the memory of W workers. row: (W, 8) rows of the corners of a cell of a grid. weight: (W, 8)."""
+
+    row: np.ndarray
+    weight: np.ndarray
+
+    @staticmethod
+    def of(workers: int) -> "_Corners":
+        """Return memory without values for a number of workers."""
+        return _Corners(np.empty((workers, 8), np.int64), np.empty((workers, 8)))
+
+
+@innermost
 def _weigh(
-    begin: int, end: int, values: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray, size: float,
-    place: np.ndarray, point: np.ndarray, amplitude: np.ndarray,
+    begin: int, stop: int, step: int, values: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray,
+    size: float, place: np.ndarray, point: np.ndarray, amplitude: np.ndarray, work: _Corners,
 ) -> None:  # fmt: skip
-    """Multiply the rows `begin` to `end` - 1 of `amplitude` (N, Q) by the fields of M legs, interpolated linearly at points (N, 3).
+    """Multiply every `step`-th row from `begin` to `stop` - 1 of `amplitude` (N, Q) by the field of one of M legs.
+
+    The field is interpolated linearly at points (N, 3).
 
     Args:
         values: (K, Q) fields on the grids (side, side, side) of all legs, one after another. first, sides: (M,) first row and side of each;
             a leg of side 0 has no field. number: (N,) leg of each row.
         low, size: (U, 3) lowest corner and edge length of the cubes. place: (N,) cube of each row.
     """
-    corners, weights = np.empty(8, np.int64), np.empty(8)
-    start, share = np.zeros(3, np.int64), np.zeros(3)
-    for i in range(begin, end):
+    corners, weights = work.row[begin % step], work.weight[begin % step]
+    for i in range(begin, stop, step):
         side = sides[number[i]]
         if side == 0:
-            amplitude[i] = 0
+            for q in range(values.shape[1]):
+                amplitude[i, q] = 0
             continue
-        for k in range(3):
-            x = (point[i, k] - low[place[i], k]) / size
-            at = min(max(x, 0.0), 1.0) * (side - 1)
-            start[k] = min(int(at), side - 2)
-            share[k] = at - start[k]
+        lowest, u = vector(low, place[i]), vector(point, i)
+        x, x_share = _cell((u[0] - lowest[0]) / size, side)
+        y, y_share = _cell((u[1] - lowest[1]) / size, side)
+        z, z_share = _cell((u[2] - lowest[2]) / size, side)
         for corner in range(8):
             a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
-            weights[corner] = (
-                (share[0] if a else 1 - share[0]) * (share[1] if b else 1 - share[1]) * (share[2] if c else 1 - share[2])
-            )  # fmt: skip
-            corners[corner] = first[number[i]] + ((start[0] + a) * side + start[1] + b) * side + start[2] + c
+            weights[corner] = (x_share if a else 1 - x_share) * (y_share if b else 1 - y_share) * (z_share if c else 1 - z_share)
+            corners[corner] = first[number[i]] + ((x + a) * side + y + b) * side + z + c
         for q in range(values.shape[1]):
             total = 0j
             for corner in range(8):
                 total += weights[corner] * values[corners[corner], q]
             amplitude[i, q] *= total
+
+
+@innermost
+def _cell(share: float, side: int) -> tuple[int, float]:
+    """Return the cell of a place along a row of `side` points, and the place in the cell. share: of the row, limited to 0 to 1."""
+    at = min(max(share, 0.0), 1.0) * (side - 1)
+    cell = min(int(at), side - 2)
+    return cell, at - cell
 
 
 def find(
@@ -277,40 +286,68 @@ def room_fields(
         points: (N, 3) other ends of the lines.
     """
     out = np.zeros((len(which), len(room.table.frequencies_hz)), complex)
-    shared_out(
-        _evaluate, len(which), room.faces, room.borders, room.outlines, room.blocking, room.table.opaque, room.tables,
-        room.wavenumber, NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which),
-        np.ascontiguousarray(sensor), np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points), out,
+    arguments = (
+        room.faces, room.borders, room.outlines, room.blocking, room.table.opaque, room.tables, room.wavenumber,
+        NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which), np.ascontiguousarray(sensor),
+        np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
     )  # fmt: skip
+    work = partial(_Work.of, faces=chains.shape[1], nodes=out.shape[1], surfaces=len(room.table.opaque))
+    parallel.compute(_evaluate, len(which), arguments, [out], work)
     return out
 
 
-@compiled
+class _Work(NamedTuple):
+    """Hold the memory of W workers, for sequences of C faces and Q frequency nodes.
+
+    Attributes:
+        images: (W, C + 1, 3). met: (W, C + 2, 3). found: (W, MAX_PANES). others: (W, surfaces) bool. field: (W, Q, 3).
+    """
+
+    images: np.ndarray
+    met: np.ndarray
+    found: np.ndarray
+    others: np.ndarray
+    field: np.ndarray
+
+    @staticmethod
+    def of(workers: int, faces: int, nodes: int, surfaces: int) -> "_Work":
+        """Return memory without values for a number of workers."""
+        return _Work(
+            np.empty((workers, faces + 1, 3)),
+            np.empty((workers, faces + 2, 3)),
+            np.empty((workers, MAX_PANES), np.int64),
+            np.empty((workers, surfaces), np.bool_),
+            np.empty((workers, nodes, 3), np.complex128),
+        )
+
+
+@innermost
 def _evaluate(
-    begin: int, stop: int, faces: Faces, borders: tuple, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray,
+    begin: int, stop: int, step: int, faces: Faces, borders: tuple, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray,
     tables: Tables, wavenumber: float, nudge: np.ndarray, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray,
-    place: np.ndarray, points: np.ndarray, out: np.ndarray,
+    place: np.ndarray, points: np.ndarray, out: np.ndarray, work: _Work,
 ) -> None:  # fmt: skip
-    """Write the fields of lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
-    longest, q = chains.shape[1], tables.te.shape[2]
-    images, met = np.empty((longest + 1, 3)), np.empty((longest + 2, 3))
-    none, found, field = np.zeros(3), np.empty(MAX_PANES, np.int64), np.empty((q, 3), np.complex128)
-    for n in range(begin, stop):
+    """Write the fields of every `step`-th line from `begin` to `stop` - 1; the arguments are those of `room_fields`."""
+    worker = begin % step
+    images, met, none = work.images[worker], work.met[worker], (0.0, 0.0, 0.0)
+    found, others, field = work.found[worker], work.others[worker], work.field[worker]
+    for n in range(begin, stop, step):
         m = 0
-        while m < longest and chains[which[n], m] >= 0:
+        while m < chains.shape[1] and chains[which[n], m] >= 0:
             m += 1
         chain = chains[which[n], :m]
         source, end = moved(vector(sensor, place[n]), nudge, 1.0), vector(points, n)
-        images[0, 0], images[0, 1], images[0, 2] = source
+        _put(images, 0, source)
         for i in range(m):
-            images[i + 1, 0], images[i + 1, 1], images[i + 1, 2] = image(faces, images[i], chain[i : i + 1], 1.0)
+            _put(images, i + 1, image(faces, images[i], chain[i : i + 1], 1.0))
         if m:  # behind the last face, the field is that just above it, so that it can be interpolated
             p = chain[m - 1]
             side = 1.0 if dot(images[m - 1], faces.normal[p]) > faces.offset[p] else -1.0
             height = side * (dot(end, faces.normal[p]) - faces.offset[p])
             if height < ABOVE_M:
                 end = moved(end, vector(faces.normal, p), (ABOVE_M - height) * side)
-        met[0], met[m + 1] = images[0], np.array(end)
+        _put(met, 0, source)
+        _put(met, m + 1, end)
         target = end
         total = 1.0 + 0j
         for i in range(m - 1, -1, -1):
@@ -323,7 +360,7 @@ def _evaluate(
             # the source's image behind face p and the end before it, mirrored back over the later faces
             back = image(faces, end, chain[i + 1 :][::-1], 1.0)
             at = moved(images[i + 1], toward(images[i + 1], target, 1.0), below / (below - above))
-            met[i + 1, 0], met[i + 1, 1], met[i + 1, 2] = at
+            _put(met, i + 1, at)
             inside = 1.0 if contains(faces, p, at[0], at[1], at[2]) else 0.0
             total *= _mirror(faces, borders, p, at, inside, vector(images, i + 1), back, wavenumber)
             if abs(total) < MIRRORED:
@@ -334,13 +371,13 @@ def _evaluate(
             continue
         before, rest = 0.0, distance(end, images[m])
         for i in range(m + 1):
-            step = distance(met[i + 1], met[i])
+            part = distance(met[i + 1], met[i])
             total *= factor(
-                outlines, tree, opaque, met[i], met[i + 1], before, rest - before - step if i < m else 0.0,
-                faces.normal[chain[i - 1]] if i else none, faces.normal[chain[i]] if i < m else none, wavenumber,
-                chain[0] if m else -1, chain[m - 1] if m else -1,
+                outlines, tree, opaque, met[i], met[i + 1], before, rest - before - part if i < m else 0.0,
+                vector(faces.normal, chain[i - 1]) if i else none, vector(faces.normal, chain[i]) if i < m else none, wavenumber,
+                chain[0] if m else -1, chain[m - 1] if m else -1, found, others,
             )  # fmt: skip
-            before += step
+            before += part
             if abs(total) < MIRRORED:
                 break
         if abs(total) < MIRRORED:
@@ -350,12 +387,17 @@ def _evaluate(
         polarised(field, transverse(axis, there))
         travelled(faces, tree, opaque, tables, field, there, chain, source, met[1 : m + 1], 1, end, found)
         unit = transverse(image(faces, axis, chain, 0.0), way)
-        for k in range(q):
+        for k in range(len(field)):
             level = field[k, 0] * unit[0] + field[k, 1] * unit[1] + field[k, 2] * unit[2]
             out[n, k] = level.conjugate() * total
 
 
-@compiled
+@innermost
+def _put(out: np.ndarray, i: int, point: Vector) -> None:
+    out[i, 0], out[i, 1], out[i, 2] = point
+
+
+@innermost
 def _mirror(
     faces: Faces, borders: tuple, p: int, at: Vector, inside: float, source: Vector, receiver: Vector, wavenumber: float
 ) -> complex:

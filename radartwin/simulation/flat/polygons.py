@@ -50,8 +50,9 @@ from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import Tables, angle, distance, dot, face_matrix, keller, looked_up, soft_and_hard, transverse
+from radartwin.simulation.flat.field import Tables, angle, face_matrix, keller, looked_up, soft_and_hard, transverse
 from radartwin.simulation.flat.obstacles import Hierarchy
+from radartwin.simulation.flat.vectors import distance, dot
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import ReflectionTable, chebyshev_nodes, lagrange_basis
 

@@ -7,14 +7,14 @@ places. Each pose then evaluates the sequences of the test places near it, exact
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from radartwin.compiled import each, shared_out
+from radartwin.compiled import each
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.simulation.flat import field, obstacles, search, shadows
+from radartwin.simulation.flat import field, obstacles, parallel, search, shadows
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
@@ -240,7 +240,7 @@ class FlatRoom:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return which sequences (N,) have a path at a pose (4, 4), and the levels of these paths in the middle of the sweep."""
         none = np.zeros(len(which), int)
-        found, (amplitude, _, departure, arrival, _) = self._fields(every, none, which, pose[None], np.full(1, least), self._middle)
+        found, (amplitude, _, departure, arrival, _) = self._fields(every, none, which, pose[None], np.full(1, least), self._middle, True)
         gain = both_gains(radar, departure[found] @ pose[:3, :3], arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
@@ -310,18 +310,23 @@ class FlatRoom:
         poses: np.ndarray,
         least: np.ndarray,
         tables: field.Tables,
+        processor: bool = False,
     ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all."""
+        """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all.
+
+        processor: whether to compute on the processor in any case. The search does, so that all variants find the same sequences.
+        """
         n, q, points = len(pose), tables.te.shape[2], every.chain.shape[1] + 2
         values = (
             np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
         )  # fmt: skip
-        shared_out(
-            field.evaluate, n, self.faces, self.blocking, self.table.opaque, tables, self.wavenumber,
-            field.NUDGE / self.wavenumber, every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
-            np.ascontiguousarray(poses[:, :3, 3]),
-            np.ascontiguousarray(poses[:, :3, 2]), least, *values, pieces=16,
+        arguments = (
+            self.faces, self.blocking, self.table.opaque, tables, self.wavenumber, field.NUDGE / self.wavenumber,
+            every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
+            np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
         )  # fmt: skip
+        work = partial(field.Work.of, faces=points - 2, nodes=q)
+        parallel.compute(field.evaluate, n, arguments, values, work, pieces=16, processor=processor)
         return np.flatnonzero(values[1][:, 0] > 0), values
 
     def _evaluated(

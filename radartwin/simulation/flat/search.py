@@ -17,8 +17,9 @@ import numpy as np
 from radartwin.compiled import compiled, cores, each, innermost
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import angle, distance, dot, edge_point, moved, panes_on, reflect_points, toward, vector
+from radartwin.simulation.flat.field import angle, edge_point, panes_on, reflect_points
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested

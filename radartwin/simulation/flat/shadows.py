@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from radartwin.compiled import compiled, innermost
+from radartwin.compiled import innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import GRAZING_M, distance, dot, moved, toward, vector
+from radartwin.simulation.flat.field import GRAZING_M
 from radartwin.simulation.flat.kirchhoff import edge_part
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 from radartwin.simulation.geometry import Geometry
 
 REACH = 8.0  # Fresnel coordinate beyond which edges are ignored; such an edge changes a factor by at most 0.04
@@ -170,7 +171,7 @@ def _has_silhouette(outlines: Outlines, c: int, source: Vector) -> bool:
 
 
 @innermost
-def _touches(outlines: Outlines, c: int, point: np.ndarray, normal: np.ndarray) -> bool:
+def _touches(outlines: Outlines, c: int, point: Point, normal: Point) -> bool:
     """Return whether the ball around part `c` reaches the plane of a mirror with a point and a normal; False for a normal of zero."""
     height, size = 0.0, 0.0
     for k in range(3):
@@ -180,7 +181,7 @@ def _touches(outlines: Outlines, c: int, point: np.ndarray, normal: np.ndarray) 
 
 
 @innermost
-def _lies_in(outlines: Outlines, e: int, point: np.ndarray, normal: np.ndarray) -> bool:
+def _lies_in(outlines: Outlines, e: int, point: Point, normal: Point) -> bool:
     """Return whether edge `e` lies in the plane of a mirror with a point and a normal; False for a normal of zero."""
     first, slope, size = 0.0, 0.0, 0.0
     for k in range(3):
@@ -190,10 +191,10 @@ def _lies_in(outlines: Outlines, e: int, point: np.ndarray, normal: np.ndarray) 
     return size > 0 and abs(first) < IN_PLANE_M and abs(first + outlines.length[e] * slope) < IN_PLANE_M
 
 
-@compiled
+@innermost
 def factor(
-    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: np.ndarray, end: np.ndarray, before: float, after: float,
-    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, mirror_a: int, mirror_b: int,
+    outlines: Outlines, tree: Hierarchy, opaque: np.ndarray, start: Point, end: Point, before: float, after: float,
+    normal_a: Point, normal_b: Point, wavenumber: float, mirror_a: int, mirror_b: int, found: np.ndarray, others: np.ndarray,
 ) -> complex:  # fmt: skip
     """Return the factor of a line for exp(+j k L): 1 if it is clear and 0 if a body blocks it, plus the edge waves of all bodies.
 
@@ -204,8 +205,8 @@ def factor(
         normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
             it is no edge of the body with its image.
         mirror_a, mirror_b: mirrors of the path, or -1; their own edges do not count.
+        found, others: (MAX_PANES,) int and (surfaces,) bool, memory.
     """
-    found = np.empty(MAX_PANES, np.int64)
     whole = 1 + 0j if crossed(tree, start, end, opaque, found) >= 0 else 0j
     length = distance(start, end)
     if length < 1e-9:
@@ -214,7 +215,10 @@ def factor(
     source, receiver = moved(start, way, -before), moved(end, way, after)
     total, excess = before + length + after, math.pi * REACH * REACH / wavenumber  # REACH across and along the edge
     low, high = before - BEYOND_M - excess, before + length + BEYOND_M + excess
-    others = opaque.copy()
+    blocking = 0  # number of surfaces that block
+    for i in range(len(opaque)):
+        others[i] = opaque[i]
+        blocking += opaque[i]
     for c in range(len(outlines.radius)):
         if not _has_silhouette(outlines, c, source):
             continue
@@ -241,9 +245,10 @@ def factor(
             if (before > 0 and reached < -BEYOND_M) or (after > 0 and reached > length + BEYOND_M):
                 continue  # the path has left the line at a mirror
             if abs(value) > SEEN:
+                own_blocks = opaque[outlines.surface[c]]
                 others[outlines.surface[c]] = False  # a thick body hides its own outline, but the wave creeps around it
-                hidden = others.any() and (crossed(tree, start, x, others, found) < 0 or crossed(tree, x, end, others, found) < 0)
-                others[outlines.surface[c]] = opaque[outlines.surface[c]]
+                hidden = blocking > own_blocks and (crossed(tree, start, x, others, found) < 0 or crossed(tree, x, end, others, found) < 0)
+                others[outlines.surface[c]] = own_blocks
                 if hidden:
                     continue
             whole += _side(outlines, e, source, receiver) * value

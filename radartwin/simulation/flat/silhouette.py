@@ -12,16 +12,19 @@ the factor.
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import trimesh
 
 from radartwin.compiled import compiled, innermost, shared_out
-from radartwin.simulation.flat.field import NUDGE, distance, dot, moved, norm, toward
+from radartwin.simulation.flat import parallel
+from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, build, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
 from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near
+from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import TARGET_ERROR
 
@@ -113,29 +116,25 @@ def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) 
         tolerance, few = 2 * tolerance, False
 
 
-@compiled
-def _frame(view: Point) -> np.ndarray:
-    """Return the axes (3, 3) of a picture: to the right, up, and the direction of view (3,)."""
-    frame = np.zeros((3, 3))
-    upwards = 0 if abs(view[2]) > 0.9 else 2
-    frame[1, upwards] = 1.0
-    for k in range(3):
-        frame[2, k] = view[k]
-    frame[1] -= dot(frame[1], frame[2]) * frame[2]
-    frame[1] /= norm(frame[1])
-    frame[0] = np.cross(frame[1], frame[2])
-    return frame
+@innermost
+def _frame(view: Point) -> tuple[Vector, Vector, Vector]:
+    """Return the axes of a picture: to the right, up, and the direction of view (3,)."""
+    up = (1.0, 0.0, 0.0) if abs(view[2]) > 0.9 else (0.0, 0.0, 1.0)
+    up = moved(up, view, -dot(up, view))
+    size = norm(up)
+    up = up[0] / size, up[1] / size, up[2] / size
+    return cross(up, view), up, (view[0], view[1], view[2])
 
 
 @compiled
-def _projected(body: Skin, viewer: np.ndarray, frame: np.ndarray, away: float) -> np.ndarray:
+def _projected(body: Skin, viewer: np.ndarray, frame: tuple, away: float) -> np.ndarray:
     """Return the vertices (V, 3) in the picture: to the right and up in metres at the distance `away`, and the depth in metres."""
     out = np.empty(body.vertex.shape)
     for i in range(len(out)):
         x, y, z = body.vertex[i, 0] - viewer[0], body.vertex[i, 1] - viewer[1], body.vertex[i, 2] - viewer[2]
-        depth = max(frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z, CLIP * away)
-        out[i, 0] = (frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z) * away / depth
-        out[i, 1] = (frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z) * away / depth
+        depth = max(frame[2][0] * x + frame[2][1] * y + frame[2][2] * z, CLIP * away)
+        out[i, 0] = (frame[0][0] * x + frame[0][1] * y + frame[0][2] * z) * away / depth
+        out[i, 1] = (frame[1][0] * x + frame[1][1] * y + frame[1][2] * z) * away / depth
         out[i, 2] = depth
     return out
 
@@ -260,7 +259,7 @@ def _close(left: np.ndarray, right: np.ndarray) -> None:
 
 @compiled
 def _polygons(
-    rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.ndarray, tolerance: float, viewer: np.ndarray, frame: np.ndarray,
+    rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.ndarray, tolerance: float, viewer: np.ndarray, frame: tuple,
     away: float, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write the edges of the polygons around the intervals of all rows to `out`; -1 if they are too many."""
@@ -342,10 +341,10 @@ def _thinned(chain: np.ndarray, tolerance: float, kept: np.ndarray) -> int:
 
 
 @innermost
-def _place(out: np.ndarray, viewer: np.ndarray, frame: np.ndarray, away: float, point: np.ndarray) -> None:
+def _place(out: np.ndarray, viewer: np.ndarray, frame: tuple, away: float, point: np.ndarray) -> None:
     """Write the place (3,) in space of a point (to the right, up, depth) of the picture to `out`."""
     for k in range(3):
-        out[k] = viewer[k] + point[2] * (frame[2, k] + (point[0] * frame[0, k] + point[1] * frame[1, k]) / away)
+        out[k] = viewer[k] + point[2] * (frame[2][k] + (point[0] * frame[0][k] + point[1] * frame[1][k]) / away)
 
 
 def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float) -> np.ndarray:
@@ -384,6 +383,7 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
     chosen, view = distinct(viewer)
     outlines, count = np.empty((len(chosen), MAX_SEGMENTS, 2, 3)), np.zeros(len(chosen), int)
     shared_out(_outlines, len(chosen), body, viewer[chosen], wavenumber, outlines, count)
+    work = partial(_Work.of, longest=lengths.shape[1] + 1)
     if mirrors:
         which = np.full(beside.shape, -1)
         which[path, line] = view
@@ -391,15 +391,16 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
         from_start[path, line] = nearer
         some = np.unique(path)
         values = np.empty(len(some), complex)
-        about = which[some], from_start[some], ends[some], lengths[some]
-        shared_out(_over_mirrors, len(some), body, outlines, count, *about, wavenumber, values)
+        arguments = body, outlines, count, which[some], from_start[some], ends[some], lengths[some], wavenumber
+        parallel.compute(_over_mirrors, len(some), arguments, [values], work)
         out[some] = values
         return out
     # The first and the last line of many paths join the sensor to the same point.
     ends = np.where(nearer[:, None], start, end), np.where(nearer[:, None], end, start)
     kept, same = distinct(np.concatenate(ends, axis=1))
     values = np.empty(len(kept), complex)
-    shared_out(_of_lines, len(kept), body, outlines, count, view[kept], ends[0][kept], ends[1][kept], wavenumber, values)
+    arguments = body, outlines, count, view[kept], ends[0][kept], ends[1][kept], wavenumber
+    parallel.compute(_of_lines, len(kept), arguments, [values], work)
     np.multiply.at(out, path, values[same])
     return out
 
@@ -455,10 +456,10 @@ def _outlines(low: int, high: int, body: Skin, viewer: np.ndarray, wavenumber: f
         count[n] = outline(body, viewer[n], wavenumber, out[n])
 
 
-@compiled
+@innermost
 def _waves(
-    body: Skin, edges: np.ndarray, from_start: bool, start: np.ndarray, end: np.ndarray, before: float, after: float,
-    normal_a: np.ndarray, normal_b: np.ndarray, wavenumber: float, part: np.ndarray, place: np.ndarray,
+    body: Skin, edges: np.ndarray, from_start: bool, start: Point, end: Point, before: float, after: float, normal_a: Point,
+    normal_b: Point, wavenumber: float, part: np.ndarray, place: np.ndarray, found: np.ndarray,
 ) -> tuple[float, int]:  # fmt: skip
     """Return 1 if a line is clear and 0 if the body blocks it, and the number of edge waves of an outline for exp(+j k L).
 
@@ -469,6 +470,7 @@ def _waves(
         normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
             it is no edge of the body with its image.
         part: (N,) receives the edge waves relative to the undisturbed path. place: (N, 3) receives the points at which they start.
+        found: (MAX_PANES,) memory.
     """
     length = distance(start, end)
     way = toward(start, end, length)
@@ -479,11 +481,11 @@ def _waves(
     layers, count = 0, 0
     for e in range(len(edges)):
         x, y, z = edges[e, 0, 0] - viewer[0], edges[e, 0, 1] - viewer[1], edges[e, 0, 2] - viewer[2]
-        near_m = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
-        a_0, b_0 = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z, frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
+        near_m = frame[2][0] * x + frame[2][1] * y + frame[2][2] * z
+        a_0, b_0 = frame[0][0] * x + frame[0][1] * y + frame[0][2] * z, frame[1][0] * x + frame[1][1] * y + frame[1][2] * z
         x, y, z = edges[e, 1, 0] - viewer[0], edges[e, 1, 1] - viewer[1], edges[e, 1, 2] - viewer[2]
-        far_m = frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z
-        a_1, b_1 = frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z, frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z
+        far_m = frame[2][0] * x + frame[2][1] * y + frame[2][2] * z
+        a_1, b_1 = frame[0][0] * x + frame[0][1] * y + frame[0][2] * z, frame[1][0] * x + frame[1][1] * y + frame[1][2] * z
         if max(near_m, far_m) <= 0 or min(near_m, far_m) >= total:
             continue
         side = a_0 * b_1 - a_1 * b_0  # positive if the line passes on the body's side of the edge
@@ -508,12 +510,12 @@ def _waves(
     middle = dot(body.centre, way) - dot(start, way)
     blocked = layers > 0
     if middle < body.radius[0] or middle > length - body.radius[0]:  # a part of the body may be beyond an end of the line
-        blocked = crossed(body.tree, start, end, body.opaque, np.empty(MAX_PANES, np.int64)) < 0
+        blocked = crossed(body.tree, start, end, body.opaque, found) < 0
     return (0.0 if blocked else 1.0), count
 
 
 @innermost
-def _lies_in(edge: np.ndarray, point: np.ndarray, normal: np.ndarray) -> bool:
+def _lies_in(edge: np.ndarray, point: Point, normal: Point) -> bool:
     """Return whether an edge (2, 3) lies in the plane of a mirror with a point and a normal; False for a normal of zero."""
     first, second, size = 0.0, 0.0, 0.0
     for k in range(3):
@@ -523,98 +525,146 @@ def _lies_in(edge: np.ndarray, point: np.ndarray, normal: np.ndarray) -> bool:
     return size > 0 and abs(first) < IN_PLANE_M and abs(second) < IN_PLANE_M
 
 
-@compiled
+class _Work(NamedTuple):
+    """Hold the memory of W workers, for paths of at most L - 1 lines.
+
+    Attributes:
+        part: (W, 2, MAX_SEGMENTS). place: (W, 2, MAX_SEGMENTS, 3). found: (W, MAX_PANES). normal: (W, L, 3). factor: (W, L).
+    """
+
+    part: np.ndarray
+    place: np.ndarray
+    found: np.ndarray
+    normal: np.ndarray
+    factor: np.ndarray
+
+    @staticmethod
+    def of(workers: int, longest: int) -> "_Work":
+        """Return memory without values for a number of workers."""
+        return _Work(
+            np.empty((workers, 2, MAX_SEGMENTS), np.complex128),
+            np.empty((workers, 2, MAX_SEGMENTS, 3)),
+            np.empty((workers, MAX_PANES), np.int64),
+            np.empty((workers, longest, 3)),
+            np.empty((workers, longest), np.complex128),
+        )
+
+
+@innermost
+def _sum(part: np.ndarray, waves: int) -> complex:
+    """Return the sum of the first edge waves."""
+    total = 0j
+    for e in range(waves):
+        total += part[e]
+    return total
+
+
+@innermost
+def _way(length: np.ndarray, first: int, stop: int) -> float:
+    """Return the length in metres of the lines `first` to `stop` - 1."""
+    total = 0.0
+    for i in range(first, stop):
+        total += length[i]
+    return total
+
+
+@innermost
 def _of_lines(
-    low: int, high: int, body: Skin, outlines: np.ndarray, count: np.ndarray, view: np.ndarray, start: np.ndarray, end: np.ndarray,
-    wavenumber: float, out: np.ndarray,
+    begin: int, stop: int, step: int, body: Skin, outlines: np.ndarray, count: np.ndarray, view: np.ndarray, start: np.ndarray,
+    end: np.ndarray, wavenumber: float, out: np.ndarray, work: _Work,
 ) -> None:  # fmt: skip
-    """Write the factors of the lines `low` to `high` - 1 to `out` (N,). view: (N,) outline of each line as seen from its start."""
-    part, place, none = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3)), np.zeros(3)
-    for n in range(low, high):
+    """Write the factors of every `step`-th line from `begin` to `stop` - 1 to `out` (N,).
+
+    view: (N,) outline of each line as seen from its start.
+    """
+    worker, none = begin % step, (0.0, 0.0, 0.0)
+    part, place, found = work.part[worker, 0], work.place[worker, 0], work.found[worker]
+    for n in range(begin, stop, step):
         edges = outlines[view[n], : count[view[n]]]
-        clear, waves = _waves(body, edges, True, start[n], end[n], 0.0, 0.0, none, none, wavenumber, part, place)
-        out[n] = clear + part[:waves].sum()
+        clear, waves = _waves(body, edges, True, start[n], end[n], 0.0, 0.0, none, none, wavenumber, part, place, found)
+        out[n] = clear + _sum(part, waves)
 
 
-@compiled
+@innermost
 def _over_mirrors(
-    low: int, high: int, body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray,
-    ends: np.ndarray, lengths: np.ndarray, wavenumber: float, out: np.ndarray,
+    begin: int, stop: int, step: int, body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray,
+    ends: np.ndarray, lengths: np.ndarray, wavenumber: float, out: np.ndarray, work: _Work,
 ) -> None:  # fmt: skip
-    """Write the factors of the paths `low` to `high` - 1 over mirrors to `out` (N,). view: (N, P + 1) outline of each line; -1: none.
+    """Write the factors of every `step`-th path over mirrors from `begin` to `stop` - 1 to `out` (N,).
 
-    from_start: (N, P + 1) whether the outline is seen from the source of the line.
+    view: (N, P + 1) outline of each line; -1: none. from_start: (N, P + 1) whether the outline is seen from the source of the line.
 
     An edge wave of one line of a path goes on along its own ray, which the body beside the later lines shadows in turn. Waves of more than
     one edge before the last line are the product of the factors.
     """
-    longest = lengths.shape[1] + 1
-    part, place = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
-    other, unused = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
-    normal, factor, ray = np.zeros((longest, 3)), np.empty(longest, np.complex128), np.empty((longest, 3))
-    for n in range(low, high):
+    worker = begin % step
+    part, place, found = work.part[worker, 0], work.place[worker, 0], work.found[worker]
+    normal, factor = work.normal[worker], work.factor[worker]
+    for n in range(begin, stop, step):
         last = 0
         while last < lengths.shape[1] and lengths[n, last] > 0:
             last += 1
         met, length = ends[n], lengths[n]
-        normal[0], normal[last] = 0, 0
-        for i in range(1, last):
-            normal[i] = (met[i + 1] - met[i]) / length[i] - (met[i] - met[i - 1]) / length[i - 1]
-            normal[i] /= max(norm(normal[i]), 1e-12)
+        for i in range(last + 1):
+            for k in range(3):
+                normal[i, k] = 0.0
+                if 0 < i < last:
+                    normal[i, k] = (met[i + 1, k] - met[i, k]) / length[i] - (met[i, k] - met[i - 1, k]) / length[i - 1]
+            size = max(norm(normal[i]), 1e-12)
+            for k in range(3):
+                normal[i, k] /= size
         total = 1 + 0j  # factor of the lines i to `last`, from the last line to the first
         for i in range(last - 1, -1, -1):
             factor[i] = total
             if view[n, i] < 0:
                 continue
-            before, after = length[:i].sum(), length[i + 1 : last].sum()
+            before, after = _way(length, 0, i), _way(length, i + 1, last)
             edges = outlines[view[n, i], : number[view[n, i]]]
             clear, waves = _waves(
-                body, edges, from_start[n, i], met[i], met[i + 1], before, after, normal[i], normal[i + 1], wavenumber, part, place
+                body, edges, from_start[n, i], met[i], met[i + 1], before, after, normal[i], normal[i + 1], wavenumber, part, place, found
             )  # fmt: skip
             total = clear * total
             for e in range(waves):
                 onwards = factor[i]
                 if i + 1 < last and abs(part[e]) > SEEN:
                     onwards = _onwards(
-                        body, outlines, number, view[n], from_start[n], met, normal, i, last, place[e], after, wavenumber, ray, other,
-                        unused,
+                        body, outlines, number, view[n], from_start[n], met, normal, i, last, place[e], after, wavenumber, work, worker
                     )  # fmt: skip
                 total += part[e] * onwards
         out[n] = total
 
 
-@compiled
+@innermost
 def _onwards(
     body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray, met: np.ndarray,
-    normal: np.ndarray, i: int, last: int, start: np.ndarray, after: float, wavenumber: float, ray: np.ndarray, part: np.ndarray,
-    place: np.ndarray,
+    normal: np.ndarray, i: int, last: int, start: Point, after: float, wavenumber: float, work: _Work, worker: int,
 ) -> complex:  # fmt: skip
     """Return the product of the factors of the lines after line `i` for a ray from `start` beside this line over the same mirrors."""
-    way = met[i + 1] - met[i]
-    target = met[i + 1] + after / norm(way) * way
-    rest = norm(target - start)
-    way = (target - start) / rest
-    ray[i] = start
+    part, place, found = work.part[worker, 1], work.place[worker, 1], work.found[worker]
+    way = toward(met[i], met[i + 1], 1.0)
+    target = moved(met[i + 1], way, after / norm(way))
+    rest = distance(target, start)
+    way = toward(start, target, rest)
+    at = start[0], start[1], start[2]
     gone, total = 0.0, 1 + 0j
     for j in range(i + 1, last + 1):
-        if j == last:
-            ray[j] = met[j]
-        else:
+        to = vector(met, j)
+        if j < last:
             onto = dot(way, normal[j])
             if onto >= -1e-9:
                 return total
-            step = max(dot(met[j] - ray[j - 1], normal[j]) / onto, 0.0)
-            ray[j] = ray[j - 1] + step * way
-            way = way - 2 * onto * normal[j]
-        step = norm(ray[j] - ray[j - 1])
+            to = moved(at, way, max(dot(toward(at, to, 1.0), normal[j]) / onto, 0.0))
+            way = moved(way, normal[j], -2 * onto)
+        step = distance(to, at)
         if j > i + 1 and view[j - 1] >= 0 and step > 1e-9:
             edges = outlines[view[j - 1], : number[view[j - 1]]]
             left = max(rest - gone - step, 0.0) if j < last else 0.0
             clear, waves = _waves(
-                body, edges, from_start[j - 1], ray[j - 1], ray[j], gone, left, normal[j - 1], normal[j], wavenumber, part, place
+                body, edges, from_start[j - 1], at, to, gone, left, normal[j - 1], normal[j], wavenumber, part, place, found
             )  # fmt: skip
-            total *= clear + part[:waves].sum()
+            total *= clear + _sum(part, waves)
         gone += step
+        at = to
     return total
 
 

@@ -21,12 +21,11 @@ import math
 import numpy as np
 from scipy.special import wofz
 
-from radartwin.compiled import compiled
+from radartwin.compiled import compiled, innermost
 
 STEPS, LAST = 2048, 8.0  # table of `scaled_tail`; cubic interpolation between its steps has an error below 1e-12
 _GRID = np.linspace(0, LAST, STEPS + 1)
 TAIL = np.sqrt(np.pi) / 2 * np.exp(-0.25j * np.pi) * wofz(1j * np.exp(0.25j * np.pi) * _GRID)
-TAIL_SLOPE = (2j * _GRID * TAIL - 1) * (LAST / STEPS)
 _NEAR = 1e-6  # sine of an angle to a boundary below which the limits of the terms are used
 _TURN = cmath.exp(0.25j * math.pi)
 
@@ -41,8 +40,20 @@ def scaled_tail(u: float) -> complex:
     i = int(place)
     t = place - i
     rest = 1 - t
-    ends = TAIL[i] * (1 + 2 * t) * rest * rest + TAIL[i + 1] * t * t * (3 - 2 * t)
-    return ends + TAIL_SLOPE[i] * t * rest * rest - TAIL_SLOPE[i + 1] * t * t * rest
+    table = TAIL  # a kernel of a GPU has one copy of the table for each mention of its name
+    low, high = table[i], table[i + 1]
+    ends = low * (1 + 2 * t) * rest * rest + high * t * t * (3 - 2 * t)
+    return ends + _slope(low, i) * t * rest * rest - _slope(high, i + 1) * t * t * rest
+
+
+@innermost
+def _slope(value: complex, i: int) -> complex:
+    """Return the derivative 2j u I - 1 of `scaled_tail`, times the step, where it has a value I, at entry i of the table.
+
+    A table of the derivatives would need half of a processor's first cache, and more constant memory than a GPU has.
+    """
+    twice = 2 * (LAST / STEPS) * i
+    return complex((-twice * value.imag - 1) * (LAST / STEPS), twice * value.real * (LAST / STEPS))
 
 
 @compiled
@@ -60,7 +71,7 @@ def half_plane(v: float) -> complex:
 @compiled
 def _term(sign: float, beta: float, n: float, kl: float) -> tuple[complex, complex]:
     """Return cot((pi + sign beta)/2n) F(kl a), and its derivative by beta at constant a, which has no jump at the boundary."""
-    order = np.round((sign * math.pi + beta) / (2 * math.pi * n))
+    order = round((sign * math.pi + beta) / (2 * math.pi * n))
     argument = (math.pi + sign * beta) / (2 * n)
     sine = math.sin(argument)
     if abs(sine) < _NEAR:

@@ -1,0 +1,46 @@
+"""Compiled functions of points and vectors in space, for innermost loops."""
+
+import math
+
+import numpy as np
+
+from radartwin.compiled import innermost
+from radartwin.simulation.flat.obstacles import Point, Vector
+
+
+@innermost
+def norm(x: Point) -> float:
+    return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@innermost
+def dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@innermost
+def distance(a: Point, b: Point) -> float:
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@innermost
+def vector(values: np.ndarray, i: int) -> Vector:
+    """Return row `i` of an array (N, 3) as a tuple. Points of innermost loops are tuples, because small arrays are slow to create."""
+    return float(values[i, 0]), float(values[i, 1]), float(values[i, 2])
+
+
+@innermost
+def moved(start: Point, along: Point, place: float) -> Vector:
+    """Return start + place * along."""
+    return start[0] + place * along[0], start[1] + place * along[1], start[2] + place * along[2]
+
+
+@innermost
+def toward(start: Point, end: Point, length: float) -> Vector:
+    """Return (end - start)/length."""
+    return (end[0] - start[0]) / length, (end[1] - start[1]) / length, (end[2] - start[2]) / length
+
+
+@innermost
+def cross(a: Point, b: Point) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
