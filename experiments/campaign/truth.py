@@ -147,7 +147,8 @@ def receive(clean: Recording, case: Case, config: Config) -> Recording:
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
     """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
-    return testbed.truth(Scene(as_made(with_other_reflectors()[case.object], gaps.object_shape, np.random.default_rng(own))), gaps, own)
+    made = as_made(with_other_reflectors()[case.object], gaps.object_shape, np.random.default_rng(own))
+    return testbed.truth(Scene(made), gaps, own, target=True)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
@@ -165,8 +166,8 @@ def _true_room(room: str, sensor: bytes, gaps: testbed.Gaps, seed: int) -> Scene
 
 
 def _of_room(gaps: testbed.Gaps) -> testbed.Gaps:
-    """Return the strengths without those three that do not change the room and the stand, so that more recordings share them."""
-    return replace(gaps, hardware=0.0, trajectory=0.0, placement=0.0)
+    """Return the strengths without those that do not change the room and the stand, so that more recordings share them."""
+    return replace(gaps, hardware=0.0, trajectory=0.0, placement=0.0, object_shape=0.0, object_material=0.0)
 
 
 @functools.cache

@@ -69,7 +69,7 @@ class Gaps:
 OFF = Gaps(**{one.name: 0.0 for one in fields(Gaps)})
 
 
-def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) -> Scene:
+def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = (), target: bool = False) -> Scene:
     """Return the true scene that the testbed measures: the given scene with deviating materials, roughness, contents and clutter.
 
     Args:
@@ -79,6 +79,7 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
             all recordings of the campaign.
         clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures need no entry, because their
             provenance marks them.
+        target: whether the scene is the target, whose walls have a gap of their own (object_material).
     """
     surfaces, room = [], str(scene.provenance.get("room", ""))
     repeats: Counter[str] = Counter()
@@ -91,8 +92,8 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = ()) ->
                 continue
             if surface.name in clutter:
                 surface = surface.moved(pose(gaps.clutter * CLUTTER_SHIFT_M * np.append(shift.standard_normal(2), 0.0)))
-        own = gaps.object_material if surface.kind == "object" else gaps.materials
-        rough = own_roughness(own_material(surface, own, rng), gaps.roughness, rng)
+        own = own_material(surface, gaps.object_material if target else gaps.materials, rng)
+        rough = own_roughness(own, gaps.roughness, rng)
         surfaces += own_contents(rough, gaps.contents, rng)
     return Scene(surfaces, {**scene.provenance, "testbed": "truth"})
 

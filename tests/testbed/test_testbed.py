@@ -74,6 +74,14 @@ def test_layer_deviations_have_the_described_spread():
     assert materials(truth(LAB, only(materials=2.0, clutter=1.0), 0))["cabinet"] == "metal"
 
 
+def test_the_walls_of_the_target_have_a_gap_of_their_own() -> None:
+    """The stand is an object too, but only the gap of the target's walls changes the target, and it changes nothing else."""
+    stand, shell = rooms.support(np.array([2.0, 0.0, 1.0])), rt.Scene([TARGET.surfaces[0].replaced(material=Layered([("hdpe", 1e-3)]))])
+    for scene, target, own, other in ((stand, False, "materials", "object_material"), (shell, True, "object_material", "materials")):
+        assert materials(truth(scene, only(**{other: 1.0, "clutter": 1.0}), 0, target=target)) == materials(scene)
+        assert materials(truth(scene, only(**{own: 1.0, "clutter": 1.0}), 0, target=target)) != materials(scene)
+
+
 def test_roughness_deviates_and_smooth_surfaces_become_rough():
     rough = rt.Scene([TARGET.surfaces[0].replaced(roughness_m=0.2e-3)])
     heights = [truth(rough, only(roughness=1.0), seed).surfaces[0].roughness_m for seed in range(400)]
