@@ -17,8 +17,11 @@ root mean square of the signal over a revolution. Reach is the largest distance 
 | body of revolution 8 mm off the turntable's axis | 64 | 0.09 |
 | can as made (radartwin/testbed/object_shape.py), free space, at most 3 mm off the axis | 192 | 0.013 |
 | the same | 256 | 0.006 |
+| can as drawn with a roughness of 0.1 mm, lab | 64 | 0.14 |
+| the same | 256 | 0.002 |
 
-The signal of a body of revolution on the turntable varies only because its axis is offset from the axis of the turntable.
+The signal of a smooth body of revolution on the turntable varies only because its axis is offset from the axis of the turntable. The
+diffuse echo of a rough surface turns with the body.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +37,7 @@ ASPECTS = 1024  # default number of aspects per revolution
 # Smallest number of aspects per revolution of a target that is no body of revolution, because mesh facets cause up to 128 ripples of the
 # signal per revolution.
 MIN_ASPECTS = 512
-NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with dents and a seam
+NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with dents and a seam, or with a rough surface
 # Aspects of the shadow that a target casts on the paths of the room, for a body of revolution and for another target. The shadow changes
 # slowly, because a wave that passes the edge of the outline is hardly deflected. Error relative to the part of the signal that changes with
 # the angle: 0.002 (can as made, 64 aspects), 0.004 (bottle and corner reflector) and 0.013 (mug, all three at 128 aspects).
@@ -100,14 +103,16 @@ def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis:
     Args:
         surfaces: surfaces of the target in the turntable's frame.
         beyond_m: largest offset of the target from the turntable axis in metres, in addition to the position of its surfaces.
-        round_about_axis: whether the target is a body of revolution, whose signal varies only because of its offset from the axis.
+        round_about_axis: whether the target is a body of revolution. If it is smooth, its signal varies only because of its offset from
+            the axis.
         dented: whether a body of revolution has small deviations of its shape.
     """
     reach = beyond_m
     if not round_about_axis:
         reach += max(float(np.hypot(*s.mesh.vertices[:, :2].T).max(initial=0.0)) for s in surfaces)
     batches = int(np.ceil(_OVERSAMPLING * 8 * np.pi * reach * HIGHEST_HZ / SPEED_OF_LIGHT / _BATCH))
-    least = (NEARLY_ROUND if dented else _BATCH) if round_about_axis else MIN_ASPECTS
+    uneven = dented or any(s.roughness_m > 0 for s in surfaces)
+    least = (NEARLY_ROUND if uneven else _BATCH) if round_about_axis else MIN_ASPECTS
     return max(least, batches * _BATCH)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import radartwin as rt
 from radartwin.scene import objects
-from radartwin.simulation.aspects import ASPECTS, MIN_ASPECTS, Aspects, needed
+from radartwin.simulation.aspects import ASPECTS, MIN_ASPECTS, NEARLY_ROUND, Aspects, needed
 
 K = 2 * np.pi * 77e9 / 299792458.0
 
@@ -35,6 +35,13 @@ def test_number_of_aspects_follows_the_reach(reach_m, expected):
     """
     assert needed([rt.Surface(objects.sphere(reach_m), "metal")]) == expected
     assert largest_error(reach_m, expected) < 0.01
+
+
+def test_a_rough_body_of_revolution_needs_the_aspects_of_an_uneven_one():
+    """The diffuse echo turns with the body. With 64 aspects, the signal of a can with a roughness of 0.1 mm had an error of 0.14."""
+    can = rt.Surface(objects.cylinder(0.033, 0.1), "metal")
+    assert needed([can], 1e-3, round_about_axis=True) == 64
+    assert needed([can.replaced(roughness_m=1e-4)], 1e-3, round_about_axis=True) == NEARLY_ROUND
 
 
 @pytest.mark.parametrize("off_m", [0.006, 0.02])
