@@ -34,9 +34,8 @@ from radartwin.testbed.drift import Drift
 
 TINY = [
     "jobs=1", "experiment=campaign", "materials=void", "profile.resamples=200", "profile.campaign.turntable_objects=[can_211_400]",
-    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=4", "profile.campaign.rail_repeats=1", "profile.campaign.draws=1",
+    "profile.campaign.frames_per_turn=40", "profile.campaign.turns=8", "profile.campaign.rail_repeats=1", "profile.campaign.draws=1",
     "profile.campaign.rover_objects=[mug]", "profile.campaign.rover_every=25", "profile.campaign.rover_repeats=2",
-    "measured.gap.object_shape=0",  # a can without dents needs 128 aspects
 ]  # fmt: skip
 PAUSE_S = 0.05
 
@@ -60,7 +59,7 @@ def record(case: Case, config: Config, measured: bool = True) -> Recording | Tur
         tally.count(tally.SETUPS)
     radar, frames = build_radar(config.radar), log(case, config.profile.campaign, measured).frames
     if case.motion == "turntable" and measured:
-        return Turned(Aspects(noise(rng, 128, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
+        return Turned(Aspects(noise(rng, 256, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
     return Recording(noise(rng, frames, 16, 2, 4, 256), radar)
 
 
@@ -97,7 +96,7 @@ def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[s
     assert (drives["recordings"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 4, 4, 1)
     assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # pauses of two recordings and a set-up, divided by four frames
     turning = cell(rows, "measured", "turntable", "wall")
-    assert (turning["recordings"], turning["frames"], turning["traced"]) == (1, 160, 128)
+    assert (turning["recordings"], turning["frames"], turning["traced"]) == (1, 320, 256)
     assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the simulation of the scanned room makes a single revolution
     every = [cell(rows, of, "all", "disk (MB)") for of in ("measured", "simulated")]
     assert [one["recordings"] for one in every] == [7, 5]
