@@ -41,9 +41,9 @@ TABLE = Table(
     name="gaps",
     title="Each gap by itself",
     caption="A gap is one kind of difference between testbed and twin. The row 'none' has every gap off and gives the twin the true "
-    "materials and the exact room. The remaining difference between the domains comes from storing the room in single "
-    "precision; it must stay below the change that finer tracing with one more bounce makes. Every other row switches one "
-    "gap on and gives the change of the features, beside a prediction from physics that was written before the first run. "
+    "materials and the exact room. The domains must then differ by less than the change that finer tracing with one more "
+    "bounce makes. Every other row switches one gap on and gives the change of the features, beside a prediction from "
+    "physics that was written before the first run. "
     "Changes of the complex signal are given in the target gate, and in the room more than half a metre from the target. "
     "The geometry gap changes the twin; all other gaps change the testbed. The cases are three objects on the lab's "
     "turntable and one drive in the squash court. The column 'source' says where the size of a gap at strength 1 comes from. Intervals "

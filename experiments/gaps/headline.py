@@ -222,7 +222,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
             known[key] = computed(own)
         found[strength, name] = known[key].rows
     rows = RowList(config)
-    several = [strength for strength in strengths(config) if (strength, HEADLINES[0].table) in found]
+    several = sorted({strength for strength, _ in found} - {ALL_DRAWS})
     for headline in HEADLINES:
         nominal = _row(found[ALL_DRAWS, headline.table], headline)
         if nominal is None:
@@ -231,7 +231,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         verdicts = {one["verdict"] for one in at.values() if one is not None}
         case = {
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
-            **{f"strength {strength:g}": _told(one) for strength, one in sorted(at.items())},
+            **{f"strength {strength:g}": _told(one) for strength, one in at.items()},
             "over all strengths": DEPENDS if len(verdicts) > 1 else AGREES if at else NOT_COMPARED,
             "why": why(headline, found[ALL_DRAWS, headline.table]),
         }  # fmt: skip

@@ -9,7 +9,6 @@ import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -110,10 +109,11 @@ def _libraries() -> Iterator[Finding]:
 
 def _devices() -> Iterator[Finding]:
     from radartwin.simulation import variant
+    from radartwin.simulation.flat import parallel
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
     yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
-    if cuda and find_spec("numba_cuda") is None:
+    if cuda and not parallel.installed():
         text = "numba-cuda is not installed; the processor computes the paths of rooms"
         yield Finding("gpu kernels", "note", text, "pip install 'radartwin[gpu]' -c constraints.txt")
     if llvm is not None:

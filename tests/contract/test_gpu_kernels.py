@@ -109,7 +109,8 @@ def run(code: str, *arguments: str, **settings: str) -> None:
     command = [sys.executable, "-c", RECORD + code, *arguments]
     answer = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if answer.returncode == 77:
-        pytest.skip(f"NVIDIA's compiler is not installed: {answer.stdout.strip().splitlines()[-1]}")
+        missing = answer.stdout.strip().splitlines()[-1]
+        pytest.skip(f"NVIDIA's compiler is not installed ({missing}); pip install 'radartwin[gpu]'")
     assert answer.returncode == 0, answer.stderr[-4000:]
 
 
