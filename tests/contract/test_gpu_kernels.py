@@ -3,7 +3,6 @@
 Each test has a process of its own, because numba.cuda reads its settings when it is imported.
 """
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from radartwin.simulation import variant
+from radartwin.simulation.flat import parallel
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORD = """
@@ -98,9 +98,7 @@ KERNELS = (
     ("legs._evaluate", "legs._weigh", "crossing._fill"),
     ("silhouette._of_lines", "silhouette._over_mirrors"),
 )
-needs_numba_cuda = pytest.mark.skipif(
-    importlib.util.find_spec("numba_cuda") is None, reason="numba-cuda is not installed; pip install 'radartwin[gpu]'"
-)
+needs_numba_cuda = pytest.mark.skipif(not parallel.installed(), reason="numba-cuda is not installed; pip install 'radartwin[gpu]'")
 
 
 def run(code: str, *arguments: str, **settings: str) -> None:
