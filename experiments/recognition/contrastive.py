@@ -21,13 +21,13 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.figures import bars, embedding_map
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, floor, scaled, settings
 from experiments.recognition.readings import FEATURES, measured_and_copies
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
-from radartwin.recognize.probes import linear_probe, standardised
+from radartwin.recognize.probes import linear_probe
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.split import Split, draw_shots, label_free
 from radartwin.recognize.training import fit
@@ -56,7 +56,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     """Build the table rows for each attribute (geometry, material), left-out group and method."""
     measured, copies = measured_and_copies(config, source, store, progress)
     keys = tuple(sorted((*measured.keys, *copies.keys)))
-    split = _split(config, standardised(copies.samples), standardised(measured.samples))
+    split = _split(config, scaled(copies.samples), scaled(measured.samples))
     trained = encoders(config, split)
     rows, shown = RecognitionRows(config), {}
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
@@ -101,7 +101,7 @@ def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
     """
     measured, copies = measured_and_copies(config, source, store, Progress(), EXPORT_WITHOUT)
     texts = anchors(copies.samples.classes)
-    trained = fit(label_free(standardised(copies.samples), standardised(measured.samples)), texts, settings(config), config.seed)
+    trained = fit(label_free(scaled(copies.samples), scaled(measured.samples)), texts, settings(config), config.seed)
     provenance = {
         "trained on": "simulation", "table": "contrastive", "seed": config.seed, "epochs": trained.epochs,
         "copies": config.supervision.copies, "recordings": sorted(copies.keys),
@@ -112,5 +112,5 @@ def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
     values = copies.samples.values
     return Recogniser(
         trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.samples.names,
-        features, values.mean(axis=0), values.std(axis=0), provenance,
+        features, values.mean(axis=0), np.maximum(values.std(axis=0), floor(copies.samples.names)), provenance,
     )  # fmt: skip

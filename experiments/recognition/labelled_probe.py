@@ -35,6 +35,7 @@ from experiments.recognition.protocol import (
     count_sources,
     encoders,
     interval,
+    scaled,
     seeds,
     settings,
     statistics_columns,
@@ -44,7 +45,7 @@ from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
-from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression, nearest_centroid, standardised
+from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression, nearest_centroid
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, as_domains, draw_shots, label_free, most_shots, shuffled
@@ -195,7 +196,7 @@ def _add_layout(
     cases = as_in_paper(source.cases("measured", motion=MOTION))
     progress.say(f"{len(cases)} measured {MOTION} recordings in the layout of the paper")
     found = vectors(source, "measured", cases, FEATURES)
-    measured = standardised(found.samples)
+    measured = scaled(found.samples)
     own = replace(data, measured=measured, keys={**data.keys, "measured": found.keys})
     embedded = {RAW: [measured]} | {method: [encoder.embedded(measured) for encoder in some] for method, some in trained.items()}
     for probe, chance in ((REVOLUTIONS, 1 / len(measured.classes)), (MATCHED, uniform_chance(measured))):
@@ -241,7 +242,7 @@ def gather_data(config: Config, source: RecordingSource, store: Store, progress:
         progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {method}")
         copies[method] = noise_copies(config, store, simulated, twins, cases, measured_source=source)
     keys = {"measured": measured.keys, **{method: readings.keys for method, readings in copies.items()}}
-    return Data(standardised(measured.samples), {method: standardised(readings.samples) for method, readings in copies.items()}, keys)
+    return Data(scaled(measured.samples), {method: scaled(readings.samples) for method, readings in copies.items()}, keys)
 
 
 def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encoder], chance: float) -> dict[str, list[Mapping[str, Any]]]:

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from experiments.claims import NONE, Claim, Row, RowList
 from experiments.statistics import Estimate, clustered
+from radartwin.adaptive.limits import Limits
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings
+from radartwin.recognize.probes import standardised
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import binomial_p, exact_interval
 from radartwin.recognize.split import Split
@@ -31,6 +33,16 @@ def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
     """Return {object: embedding vector of the object's text description}."""
     known, names = catalogue(), sorted(objects)
     return dict(zip(names, embed([known[name].description for name in names]), strict=True))
+
+
+def scaled(samples: Samples) -> Samples:
+    """Standardise the features of turntable revolutions, with the repeatability of each feature as its smallest spread."""
+    return standardised(samples, floor(samples.names))
+
+
+def floor(names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the smallest spread (D,) by which features of turntable revolutions are divided."""
+    return Limits.shipped("turntable").deviations(names)
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:

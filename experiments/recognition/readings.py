@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.source import RecordingSource
+from experiments.recognition import alone
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features import envelope, sets, track
 from radartwin.features.log import Log, Nominal, distances
 from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
-from radartwin.recognize.augment import added_noise, copies
+from radartwin.recognize import randomise
+from radartwin.recognize.augment import added_noise, noisy
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
 from radartwin.store.products import Store, save_arrays
 
-ROOTS = ["radartwin.features.sets", "radartwin.recognize.augment"]
+ROOTS = ["radartwin.features.sets", "radartwin.recognize.augment", "experiments.recognition.alone"]
 MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
 Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # returns feature names and values
 
@@ -171,21 +174,44 @@ def noise_copies(
     parts, keys, names = [], [], []
     for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
         key, processed = source.processed("twin", case)
-        log, level = source.log(case, "twin"), noise[stratum(case)]
+        log = source.log(case, "twin")
 
-        def build(folder: Path, processed: Processed = processed, log: Log = log, level: float = level, number: int = number) -> None:
-            read = [sets.vector(copy, log, FEATURES, without) for copy in copies(processed, level, count, [seed, number])]
+        def build(folder: Path, case: Case = case, processed: Processed = processed, log: Log = log, number: int = number) -> None:
+            made = _copies(config, source, case, processed, noise[stratum(case)], [seed, number])
+            read = [sets.vector(copy, log, FEATURES, without) for copy in made]
             save_arrays(folder, {"names": np.array(read[0][0]), "values": np.stack([values for _, values in read])})
 
         spec = {
-            "recording": key, "features": FEATURES, "without": list(without), "noise": level, "count": count, "seed": seed,
-            "number": number, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
+            "recording": key, "features": FEATURES, "without": list(without), "noise": noise[stratum(case)], "count": count, "seed": seed,
+            "number": number, "randomise": asdict(config.supervision.randomise), "variants": config.supervision.variants,
+            "distance_m": log.distance_m, "angle_rad": log.angle_rad,
         }  # fmt: skip
         stored = store.fetch("noise_copies", spec, ROOTS, build).arrays()
         names = [str(name) for name in stored["names"]]
         parts.append(_part("twin", case, stored["values"]))
         keys.append(key)
     return Readings(gather(names, parts), tuple(sorted(keys)))
+
+
+def _copies(
+    config: Config, source: RecordingSource, case: Case, processed: Processed, noise_power: float, seed: Sequence[int]
+) -> Iterator[Processed]:
+    """Yield the copies of a simulated recording: drawn turntables and targets, each with several drawn receivers and noises."""
+    strengths = randomise.Randomisation(**asdict(config.supervision.randomise))
+    count = config.supervision.copies
+    variants = min(config.supervision.variants, count) if strengths.moves_target else 1
+    nominal = None
+    if strengths.moves_target:
+        assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
+        nominal = alone.record(source, case, randomise.OFF, seed)
+    for variant in range(variants):
+        target = processed
+        if nominal is not None and isinstance(source, Campaign):
+            target = randomise.exchanged(processed, nominal, alone.record(source, case, strengths, [*seed, variant]))
+        for number in range(variant, count, variants):
+            own = [*seed, number]
+            power = noise_power * randomise.noise_factor(strengths, own)
+            yield noisy(randomise.received(target, strengths, own), power, np.random.default_rng(own))
 
 
 def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:

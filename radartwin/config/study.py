@@ -11,20 +11,36 @@ from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
 from radartwin.features.families import families
 
+_STUDY = "radartwin/config/study.py"
 MOST_STRENGTH = 4.0  # twice the largest strength of any table; nothing beyond it was tested
 
 
-def gap(source: str) -> Any:
-    """Define the strength of a gap, from 0 to MOST_STRENGTH.
+def strength(source: str) -> Any:
+    """Define the strength of a gap or of a randomisation, from 0 to MOST_STRENGTH.
 
     `source` names the publication or data sheet that gives the size at strength 1, or says that the size is an order of magnitude.
     """
-    strength = number(1.0, lambda value: 0 <= value <= MOST_STRENGTH, f"from 0 to {MOST_STRENGTH:g}")
-    return field(default=strength.default, metadata={**strength.metadata, "source": source})
+    found = number(1.0, lambda value: 0 <= value <= MOST_STRENGTH, f"from 0 to {MOST_STRENGTH:g}")
+    return field(default=found.default, metadata={**found.metadata, "source": source})
 
 
 @dataclass
-class GapConfig:
+class _Strengths:
+    """Base of the settings whose fields are strengths. A field without a source raises ConfigError."""
+
+    def check(self, where: str) -> None:
+        for name, source in self.sources().items():
+            if not source:
+                raise ConfigError(f"{where}.{name} has no source; state it in {_STUDY} before any table is scored")
+        check_fields(self, where)
+
+    def sources(self) -> dict[str, str]:
+        """Return the source of the size of each field at strength 1."""
+        return {entry.name: entry.metadata.get("source", "") for entry in fields(self)}
+
+
+@dataclass
+class GapConfig(_Strengths):
     """Strength of each error source that the virtual measurements (simulated stand-in for real measurements) have and the simulation under
     test does not have.
 
@@ -33,43 +49,34 @@ class GapConfig:
     """
 
     # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)
-    geometry: float = gap("phone LiDAR: Luetzenburg 2021, Teo 2023, Kim 2022, and 24 frames of a real scan")
+    geometry: float = strength("phone LiDAR: Luetzenburg 2021, Teo 2023, Kim 2022, and 24 frames of a real scan")
     # errors of layer thickness and permittivity (radartwin/testbed/variation.py)
-    materials: float = gap("EN 520; spread between rows of ITU-R P.2040-4")
+    materials: float = strength("EN 520; spread between rows of ITU-R P.2040-4")
     # errors of the height of surface roughness (radartwin/testbed/variation.py)
-    roughness: float = gap("spread of published heights; EN 572-2 and EN 14411 for glass and glaze")
+    roughness: float = strength("spread of published heights; EN 572-2 and EN 14411 for glass and glaze")
     # errors of the liquids and fill levels in vessels (radartwin/testbed/variation.py)
-    contents: float = gap("uncertainty of the recipes of liquids; empty space: order of magnitude")
+    contents: float = strength("uncertainty of the recipes of liquids; empty space: order of magnitude")
     # errors of the target's shape (radartwin/testbed/object_shape.py)
-    object_shape: float = gap("cans: tolerances of Can Manufacturers Institute and Hudson Technologies; others: order of magnitude")
+    object_shape: float = strength("cans: tolerances of Can Manufacturers Institute and Hudson Technologies; others: order of magnitude")
     # errors of the target's walls and permittivity (radartwin/testbed/variation.py)
-    object_material: float = gap("spread between rows of ITU-R P.2040-4; thickness of walls: order of magnitude")
+    object_material: float = strength("spread between rows of ITU-R P.2040-4; thickness of walls: order of magnitude")
     # a person who stands in the room (radartwin/testbed/bystander.py)
-    person: float = gap("sway: Abrahamova 2008, order of magnitude; body measures")
+    person: float = strength("sway: Abrahamova 2008, order of magnitude; body measures")
     # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
-    clutter: float = gap("ordinary equipment: order of magnitude; drift: thermal expansion")
+    clutter: float = strength("ordinary equipment: order of magnitude; drift: thermal expansion")
     # errors of the antenna patterns (radartwin/radar/antenna_errors.py)
-    antenna: float = gap("side lobes: Wang 2018; back lobe and ripple: diffraction at an edge, order of magnitude")
+    antenna: float = strength("side lobes: Wang 2018; back lobe and ripple: diffraction at an edge, order of magnitude")
     # errors of the radar hardware (radartwin/radar/hardware.py)
-    hardware: float = gap("data sheets AWR1243, IWR1443 and AWR2944P; two public captures")
+    hardware: float = strength("data sheets AWR1243, IWR1443 and AWR2944P; two public captures")
     # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
-    trajectory: float = gap("odometry: Borenstein 1996; turntable and rail: order of magnitude")
+    trajectory: float = strength("odometry: Borenstein 1996; turntable and rail: order of magnitude")
     # errors of the target's position (radartwin/testbed/motion_errors.py)
-    placement: float = gap("a tape read to half a centimetre: order of magnitude")
+    placement: float = strength("a tape read to half a centimetre: order of magnitude")
     # above 0: the testbed traces more rays and one more reflection (radartwin/testbed/testbed.py)
-    solver: float = gap("four times the tubes and one more bounce: order of magnitude")
+    solver: float = strength("four times the tubes and one more bounce: order of magnitude")
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            if not entry.metadata.get("source"):
-                raise ConfigError(
-                    f"measured.gap.{entry.name} has no source; state it in radartwin/config/study.py before any table is scored"
-                )
-        check_fields(self, "measured.gap")
-
-    def sources(self) -> dict[str, str]:
-        """Return the source of the size of each gap at strength 1."""
-        return {entry.name: entry.metadata["source"] for entry in fields(self)}
+        self.check("measured.gap")
 
 
 @dataclass
@@ -140,6 +147,30 @@ class EncoderConfig:
 
 
 @dataclass
+class RandomiseConfig(_Strengths):
+    """Strength of the randomisation of each quantity in the copies of simulated turntable recordings (domain randomisation).
+
+    Strength 0 keeps the quantity nominal, and strength 1 draws it from the range of its source. radartwin/recognize/randomise.py states
+    the ranges.
+    """
+
+    wobble: float = strength("half a degree of tilt: order of magnitude")
+    eccentricity: float = strength("an object centred by eye to 5 mm: order of magnitude")
+    start: float = strength("no mark of the start angle: any angle")
+    speed: float = strength("2 % of a small motor's rate: order of magnitude")
+    distance: float = strength("a tape read to half a centimetre at both ends: order of magnitude")
+    level: float = strength("3 dB of transmitter, feed lines and receiver: order of magnitude")
+    if_filter: float = strength("options of the high-pass stages in TI mmWaveLink")
+    channels: float = strength("spread of a measured AWR1843L calibration")
+    noise: float = strength("noise figures of TI data sheets: 14 to 16 dB")
+    wall: float = strength("spread between rows of ITU-R P.2040-4; thickness of walls: order of magnitude")
+    mesh: float = strength("ISO 2768-1, class m")
+
+    def __post_init__(self) -> None:
+        self.check("supervision.randomise")
+
+
+@dataclass
 class SupervisionConfig:
     """The measured recordings that the training of a classifier may use, and the settings of the training."""
 
@@ -148,6 +179,8 @@ class SupervisionConfig:
     seeds: int = positive(5)  # number of trainings with different random seeds whose results are averaged
     copies: int = positive(30)  # number of noisy copies of each simulated recording in the training data
     trees: int = positive(100)  # number of trees in a random forest
+    variants: int = positive(6)  # number of drawn turntables and targets per simulated recording, over which the copies are divided
+    randomise: RandomiseConfig = field(default_factory=RandomiseConfig)
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
     def __post_init__(self) -> None:
@@ -213,11 +246,17 @@ class ProfileConfig:
     strength_rover_draws: int = positive(1)  # the same number of the rover's drives
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
     exact_objects: bool = False  # whether tables of identity also show a testbed whose objects equal the catalogue
+    # quantities of supervision.randomise that the table randomisation_ablation leaves out, one at a time
+    left_out: list[str] = field(default_factory=lambda: ["level", "if_filter", "channels", "noise"])
     layout_turns: int = not_negative(0)  # revolutions in the recordings of the paper's layout (table labelled_probe); 0 leaves them out
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:
         check_fields(self, "profile")
+        known = [entry.name for entry in fields(RandomiseConfig)]
+        for name in self.left_out:
+            if name not in known:
+                raise ConfigError(f"profile.left_out={name} is not known; options: {', '.join(known)}")
 
 
 @dataclass

@@ -36,6 +36,8 @@ from radartwin.runs.experiment import Result, check_rows, save
 from radartwin.store.products import Store
 
 SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10"]
+# A fake campaign has no target that a turntable turns, so its copies draw the receiver only.
+SMALL += [f"supervision.randomise.{name}=0" for name in ("wobble", "eccentricity", "start", "speed", "distance", "wall", "mesh")]
 OBJECTS = ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil")
 
 

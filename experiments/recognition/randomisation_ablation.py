@@ -1,0 +1,96 @@
+"""Randomisation ablation: does it help recognition if copies of a simulated recording differ in more than their noise?
+
+The encoder is trained on copies of simulated turntable revolutions. The user of a simulation does not know some quantities, such as the
+wobble of the turntable, so the copies draw them at random (radartwin.recognize.randomise). The table trains the encoder with all quantities
+drawn, with none of them drawn (as in the paper, where only noise differs), and with each quantity left out. Measured revolutions are
+classified without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from experiments import draws
+from experiments.campaign.source import RecordingSource
+from experiments.claims import Claim
+from experiments.recognition.figures import bars
+from experiments.recognition.protocol import RecognitionRows, anchors, correct, encoders, scaled, settings
+from experiments.recognition.readings import measured_and_copies
+from radartwin.config.config import Config
+from radartwin.config.study import RandomiseConfig
+from radartwin.io.progress import Progress
+from radartwin.recognize.encoder import nearest_text
+from radartwin.recognize.probes import leave_one_out_centroid
+from radartwin.recognize.samples import Samples
+from radartwin.recognize.score import uniform_chance
+from radartwin.recognize.split import label_free
+from radartwin.runs.experiment import Result, Table
+from radartwin.store.products import Store
+
+TABLE = Table(
+    name="randomisation_ablation",
+    title="What randomised copies are worth",
+    caption="An encoder is trained on copies of simulated revolutions in which the named quantities are drawn at random. Measured "
+    "revolutions are classified by the nearest text (no labels), and by the nearest class centroid of other recordings. 'noise only' "
+    "draws nothing but noise, as in the paper. The differences are against copies in which every quantity is drawn. "
+    "The testbed draws some of these quantities too, from other ranges. Intervals are bootstraps over objects and distances.",
+)
+
+ALL, NOISE_ONLY = "all drawn", "noise only"
+TEXT, CENTROID = "nearest text", "other recordings"
+QUANTITIES = tuple(one.name for one in fields(RandomiseConfig))
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
+
+
+def copied(config: Config, left_out: tuple[str, ...]) -> Config:
+    """Return the configuration whose copies keep the quantities `left_out` nominal."""
+    chosen = replace(config.supervision.randomise, **dict.fromkeys(left_out, 0.0))
+    return replace(config, supervision=replace(config.supervision, randomise=chosen))
+
+
+def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
+    """Build the rows of each kind of copies and probe."""
+    kinds = {ALL: (), NOISE_ONLY: QUANTITIES} | {f"without {name}": (name,) for name in config.profile.left_out}
+    hits: dict[str, dict[str, np.ndarray]] = {}
+    keys: set[str] = set()
+    measured: Samples | None = None
+    for kind, left_out in progress.over(list(kinds.items()), "copies"):
+        own = copied(config, left_out)
+        theirs, copies = measured_and_copies(own, source, store, progress)
+        keys |= {*theirs.keys, *copies.keys}
+        measured = scaled(theirs.samples)
+        for probe, found in _hits(own, measured, scaled(copies.samples)).items():
+            hits.setdefault(probe, {})[kind] = found
+    assert measured is not None
+    rows, shown = RecognitionRows(config), {}
+    chance, used = uniform_chance(measured), sorted(keys)
+    for probe, of in hits.items():
+        shown[probe] = {}
+        for kind, found in of.items():
+            case = {"level": "label_free" if probe == TEXT else "few_shot", "probe": probe, "copies": kind}
+            shown[probe][kind] = rows.share(case, found, measured, used, chance)
+            if kind != ALL:
+                claim = Claim("drawing all quantities helps") if kind == NOISE_ONLY else Claim()
+                rows.gain(case | {"copies": f"{ALL} - {kind}"}, of[ALL], found, measured, used, claim)
+    figures: dict[str, Any] = {"randomisation_ablation": lambda: bars(shown, "accuracy", grey=NOISE_ONLY)}
+    metrics = {f"accuracy_{probe.replace(' ', '_')}_{kind.replace(' ', '_')}": float(found.mean()) for probe, of in hits.items()
+               for kind, found in of.items() if kind in (ALL, NOISE_ONLY)}  # fmt: skip
+    return Result(TABLE.name, rows, figures, metrics, used)
+
+
+def _hits(config: Config, measured: Samples, copies: Samples) -> dict[str, np.ndarray]:
+    """Return for each probe whether each answer is correct, (seeds, N)."""
+    trained = encoders(config, label_free(copies, measured))
+    texts, temperature = anchors(measured.classes), settings(config).temperature
+    named = [nearest_text(encoder, measured.unlabelled(), texts, temperature) for encoder in trained]
+    found = {TEXT: correct(named, measured.label)}
+    if all(np.unique(measured.source[measured.label == label]).size > 1 for label in measured.classes):
+        answers = [leave_one_out_centroid(encoder.embedded(measured), measured.source) for encoder in trained]
+        found[CENTROID] = correct(answers, measured.label)
+    return found

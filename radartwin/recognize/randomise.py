@@ -1,0 +1,182 @@
+"""Draw what the user of a simulation cannot know, so that copies of a simulated turntable recording differ (domain randomisation).
+
+A classifier that is trained on equal copies of a recording trusts features that a slightly different set-up changes. Each quantity below is
+drawn uniformly from a range. The range is half as large at strength 0.5, and strength 0 leaves the quantity unchanged. All ranges were
+chosen before any table was computed, without the sizes of the testbed's errors (radartwin.testbed), and have these sources:
+- wobble: +-0.5 degrees of tilt of the axis, and of the object on the disc, about each horizontal direction; order of magnitude.
+- eccentricity: +-5 mm from the axis along x and y, for an object centred by eye; order of magnitude.
+- start: any angle, because nobody marks the start of a revolution.
+- speed: +-2 % of the rotation rate of a small motor; order of magnitude.
+- distance: +-1 cm along x and y, for a tape that is read to half a centimetre at both ends; order of magnitude.
+- level: +-3 dB for transmit power, feed lines and receiver gain; order of magnitude. The data sheet of the IWR1843 has typical values only.
+- if_filter: corner frequencies of the two high-pass stages, drawn from the options of TI's mmWaveLink (radartwin.radar.if_filter).
+- channels: +-1 dB and +-9 degrees of each channel, which have the standard deviations of a measured AWR1843L calibration
+  (radartwin.radar.hardware).
+- noise: +-3 dB around the noise of the measured recordings; the data sheets of these radars give 14 to 16 dB of noise figure.
+- wall: +-10 % of thickness and of the real permittivity, and a factor of up to two of the loss of the target's walls, as rows of
+  ITU-R P.2040-4 for one material differ (radartwin.testbed.variation has the figures).
+- mesh: +-0.3 mm, the tolerance of class m of ISO 2768-1 for sizes of 30 to 120 mm, of the radius, of the height, and of deviations of the
+  radius with two and three maxima around the object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.features.processed import Processed
+from radartwin.materials import Layered, layered, varied
+from radartwin.radar.if_filter import IfFilter
+from radartwin.scene.objects.vessels import smoothed
+from radartwin.scene.surface import Surface
+
+WOBBLE_DEG, ECCENTRIC_M, RATE, DISTANCE_M = 0.5, 5e-3, 0.02, 0.01
+LEVEL_DB, CHANNEL_DB, CHANNEL_DEG, NOISE_DB = 3.0, 1.0, 9.0, 3.0
+CORNERS_HZ = ((175e3, 235e3, 350e3, 700e3), (350e3, 700e3, 1400e3, 2800e3))  # of the first and the second high-pass stage
+WALL, LOSS = 0.10, 2.0
+MESH_M = 0.3e-3
+_EXACT = ("metal", "air", "vacuum")
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """Strengths of the randomisation of each quantity, as factors on its range; 0 leaves the quantity unchanged.
+
+    The module's docstring gives range and source of each quantity. The configuration's `supervision.randomise` has the same field names.
+    """
+
+    wobble: float = 1.0
+    eccentricity: float = 1.0
+    start: float = 1.0
+    speed: float = 1.0
+    distance: float = 1.0
+    level: float = 1.0
+    if_filter: float = 1.0
+    channels: float = 1.0
+    noise: float = 1.0
+    wall: float = 1.0
+    mesh: float = 1.0
+
+    @property
+    def moves_target(self) -> bool:
+        """Whether target or turntable are randomised, so that copies need simulations of their own."""
+        return any((self.wobble, self.eccentricity, self.start, self.speed, self.distance, self.wall, self.mesh))
+
+
+OFF = Randomisation(**{one.name: 0.0 for one in fields(Randomisation)})
+
+
+def poses(nominal: NDArray[np.float64], strengths: Randomisation, seed: int | Sequence[int]) -> NDArray[np.float64]:
+    """Draw the poses (F, 4, 4) of an object on a turntable from its nominal poses (F, 4, 4), which turn about the world's vertical axis.
+
+    Equal seeds give the same draw at every strength, in proportion to the strength.
+    """
+    rng = _generator(seed, b"poses")
+    tilts = np.radians(WOBBLE_DEG) * strengths.wobble * rng.uniform(-1, 1, (2, 2))
+    eccentric = ECCENTRIC_M * strengths.eccentricity * rng.uniform(-1, 1, 2)
+    start = np.pi * strengths.start * rng.uniform(-1, 1)
+    rate = RATE * strengths.speed * rng.uniform(-1, 1)
+    offset = DISTANCE_M * strengths.distance * rng.uniform(-1, 1, 2)
+    turned = np.unwrap(np.arctan2(nominal[:, 1, 0], nominal[:, 0, 0]))
+    fixed, turning = (Rotation.from_rotvec([x, y, 0.0]).as_matrix() for x, y in tilts)
+    spun = Rotation.from_rotvec((start + rate * (turned - turned[0]))[:, None] * [0.0, 0.0, 1.0]).as_matrix() @ nominal[:, :3, :3]
+    out = nominal.copy()
+    out[:, :3, :3] = fixed @ spun @ turning
+    out[:, :3, 3] += (fixed @ spun @ np.append(eccentric, 0.0)[:, None])[..., 0]
+    out[:, :2, 3] += offset
+    return out
+
+
+def target(surfaces: Sequence[Surface], strengths: Randomisation, seed: int | Sequence[int]) -> list[Surface]:
+    """Draw walls and shape of an object from its nominal surfaces, in the object's own frame. All surfaces follow the same deformation."""
+    walls, shape = _generator(seed, b"walls"), _generator(seed, b"mesh")
+    thickness, real = 1 + WALL * strengths.wall * walls.uniform(-1, 1, 2)
+    loss = LOSS ** (strengths.wall * walls.uniform(-1, 1))
+    radius, higher, two, three = MESH_M * strengths.mesh * shape.uniform(-1, 1, 4)
+    at = shape.uniform(0, 2 * np.pi, 2)
+    points = np.concatenate([surface.mesh.vertices for surface in surfaces])
+    top, reach = float(points[:, 2].max()), float(np.hypot(points[:, 0], points[:, 1]).max())
+
+    def moved(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        x, y, z = xyz.T
+        r, azimuth = np.hypot(x, y), np.arctan2(y, x)
+        scale = 1 + (radius + two * np.cos(2 * azimuth - at[0]) + three * np.cos(3 * azimuth - at[1])) / np.maximum(r, reach / 2)
+        return np.stack([x * scale, y * scale, z * (1 + higher / max(top, reach))], axis=1)
+
+    out = []
+    for surface in surfaces:
+        if strengths.wall:
+            stack = layered(surface.material)
+            layers = [(_varied(name, real, loss), depth * float(thickness)) for name, depth in stack.layers]
+            simple = isinstance(surface.material, str)
+            backing = stack.backing if stack.layers else _varied(stack.backing, real, loss)
+            surface = surface.replaced(material=backing if simple and not layers else Layered(layers, backing=backing))
+        if strengths.mesh:
+            surface = surface.replaced(mesh=_deformed(surface.mesh, moved), role=surface.kind)
+        out.append(surface)
+    return out
+
+
+def exchanged(processed: Processed, nominal: NDArray[np.complexfloating], drawn: NDArray[np.complexfloating]) -> Processed:
+    """Return a recording whose target is exchanged: without the direct echo of the nominal target, with that of the drawn target.
+
+    Echoes that also touch the room stay those of the nominal target.
+
+    Args:
+        processed: simulated recording of the nominal target.
+        nominal, drawn: channels (F, A, B) of both targets alone in free space, on the range bins of `processed`.
+    """
+    return _with_channels(processed, (processed.channels + (drawn - nominal)).astype(np.complex64))
+
+
+def received(processed: Processed, strengths: Randomisation, seed: int | Sequence[int]) -> Processed:
+    """Draw level, IF filter and channel errors of the receiver, and return the recording that this receiver makes.
+
+    The gain of the IF filter at the centre of a range bin acts on the whole bin.
+    """
+    rng = _generator(seed, b"receiver")
+    gain = 10 ** (LEVEL_DB * strengths.level * rng.uniform(-1, 1) / 20)
+    corners = tuple(float(rng.choice(stage)) for stage in CORNERS_HZ)
+    count = processed.channels.shape[1]
+    unequal_db = CHANNEL_DB * strengths.channels * rng.uniform(-1, 1, count)
+    phase = np.radians(CHANNEL_DEG) * strengths.channels * rng.uniform(-1, 1, count)
+    response = np.full((count, len(processed.range_m)), gain, np.complex128)
+    response *= (10 ** (unequal_db / 20) * np.exp(1j * phase))[:, None]
+    if strengths.if_filter:
+        beat_hz = 2 * processed.range_m * processed.radar.slope_hz_per_s / SPEED_OF_LIGHT
+        response *= np.abs(IfFilter(corners).gain(beat_hz, processed.radar.band_hz)) ** strengths.if_filter
+    return _with_channels(processed, (processed.channels * response).astype(np.complex64), np.mean(np.abs(response) ** 2, axis=0))
+
+
+def noise_factor(strengths: Randomisation, seed: int | Sequence[int]) -> float:
+    """Draw the factor by which the noise power of a copy differs from that of the measured recordings."""
+    return float(10 ** (NOISE_DB * strengths.noise * _generator(seed, b"noise").uniform(-1, 1) / 10))
+
+
+def _with_channels(processed: Processed, channels: NDArray[np.complex64], noise_gain: NDArray | float = 1.0) -> Processed:
+    """Return a recording with other channels (F, A, B). The power of channels outside the azimuth row changes in the same ratio."""
+    before, after = (np.mean(np.abs(some) ** 2, axis=1) for some in (processed.channels, channels))
+    power = (processed.power * (after / np.maximum(before, np.finfo(np.float32).tiny))).astype(np.float32)
+    noise = None if processed.noise is None else (processed.noise * noise_gain).astype(np.float32)
+    return replace(processed, channels=channels, power=power, doppler=None, noise=noise)
+
+
+def _deformed(mesh: trimesh.Trimesh, move) -> trimesh.Trimesh:
+    """Move the vertices of a mesh. Smooth parts stay smooth and flat plates flat."""
+    merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    merged.merge_vertices()
+    return smoothed(trimesh.Trimesh(move(merged.vertices), merged.faces, process=False))
+
+
+def _varied(name: str, real: float, loss: float) -> str:
+    return name if name in _EXACT else varied(name, float(real), float(loss))
+
+
+def _generator(seed: int | Sequence[int], name: bytes) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence([*np.atleast_1d(seed).tolist(), *name]))
