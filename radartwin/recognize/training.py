@@ -1,22 +1,29 @@
-"""Train the contrastive encoder on a split: AdamW minimises the InfoNCE loss, with early stopping on held-out simulated recordings.
+"""Train an encoder on a split: AdamW minimises the InfoNCE loss, with early stopping on held-out simulated recordings.
 
-NumPy draws the initial weights, the held-out recordings and the order of the feature rows from one seed. torch computes on one thread, so
-the same seed gives the same bytes.
+All architectures (networks.py) share one training loop. NumPy draws the initial weights, the held-out recordings and the order of the
+feature rows from one seed. torch computes on one thread, so the same seed gives the same bytes.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.recognize.encoder import DEFAULTS, WEIGHTS, Encoder, Settings
+from radartwin.recognize.encoder import DEFAULTS, Encoder, Settings
+from radartwin.recognize.losses import pair_loss, text_loss
+from radartwin.recognize.networks import TWO_LAYERS, Network
 from radartwin.recognize.samples import MEASURED, SIMULATED, Samples
 from radartwin.recognize.split import Split
+
+E = TypeVar("E")
+# An additional loss term of a training step, computed from a random generator and the function that maps tensors (N, D) to (N, T).
+Term = Callable[[np.random.Generator, Callable[[Any], Any]], Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,17 +35,24 @@ class Trained:
 
 
 def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
-    """Train the encoder on the training rows of `split`. All features of the training rows must have comparable scales.
+    """Train the two-layer encoder on the training rows of `split`. Arguments and errors are those of `fit_network`."""
+    return Trained(*fit_network(TWO_LAYERS, split, anchors, settings, seed))
 
-    If the training rows include simulated rows, the encoder is trained twice. The first training holds out one simulated recording per
+
+def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray], settings: Settings, seed: int) -> tuple[E, int]:
+    """Train a network on the training rows of `split`. All features of the training rows must have comparable scales.
+
+    If the training rows include simulated rows, the network is trained twice. The first training holds out one simulated recording per
     class and finds the epoch with the lowest loss on the held-out recordings. The second training uses all training rows for this number of
-    epochs. Without simulated rows, the encoder is trained once, for `settings.epochs` epochs.
+    epochs. Without simulated rows, the network is trained once, for `settings.epochs` epochs.
 
     Args:
-        split: training and test rows; `fit` uses only the training rows.
+        network: architecture of the encoder.
+        split: training and test rows; `fit_network` uses only the training rows.
         anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
         settings: settings of the training.
         seed: seed of all random numbers in the training.
+    Returns: the trained encoder, and the number of epochs of its training.
     Raises:
         InputError: a class has no text embedding, or `settings.paired` is above 0 without labelled measured recordings.
     """
@@ -51,10 +65,10 @@ def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAU
     epochs = settings.epochs
     if held:
         mask = np.isin(rows.recording, list(held))
-        losses = train(rows.take(~mask), rows.take(mask), anchors, settings, seed, settings.epochs)[1]
+        losses = train(network, rows.take(~mask), rows.take(mask), anchors, settings, seed, settings.epochs)[1]
         epochs = int(np.argmin(losses)) + 1
-    encoder, _ = train(rows, None, anchors, settings, seed, epochs)
-    return Trained(encoder, epochs)
+    weights, _ = train(network, rows, None, anchors, settings, seed, epochs)
+    return network.encoder(weights), epochs
 
 
 def held_out(simulated: Samples, seed: int) -> frozenset[str]:
@@ -69,11 +83,15 @@ def held_out(simulated: Samples, seed: int) -> frozenset[str]:
 
 
 def train(
-    rows: Samples, held: Samples | None, anchors: Mapping[str, NDArray], settings: Settings, seed: int, epochs: int
-) -> tuple[Encoder, tuple[float, ...]]:
-    """Train an encoder for `epochs` epochs; training ends earlier if the held-out loss does not decrease for `settings.patience` epochs.
+    network: Network[Any], rows: Samples, held: Samples | None, anchors: Mapping[str, NDArray], settings: Settings, seed: int, epochs: int,
+    term: Term | None = None, start: Sequence[NDArray[np.float32]] | None = None,
+) -> tuple[list[NDArray[np.float32]], tuple[float, ...]]:  # fmt: skip
+    """Train a network for `epochs` epochs; training ends earlier if the held-out loss does not decrease for `settings.patience` epochs.
 
-    Returns: the encoder after the last epoch, and the loss on the held-out rows `held` after each epoch.
+    Args:
+        term: loss term that is added in each training step; None adds the paired term if `settings.paired` is above 0.
+        start: weights at the start of the training; None draws them.
+    Returns: the weights after the last epoch, and the loss on the held-out rows `held` after each epoch.
     """
     import torch
 
@@ -84,30 +102,29 @@ def train(
     x, y = _tensors(rows, index)
     weight = torch.bincount(y, minlength=len(classes)).float().reciprocal()
     weight = torch.where(torch.isfinite(weight), weight, 0.0)  # every class has the same total weight
-    cases = _cases(rows) if settings.paired else []
+    if term is None and settings.paired:
+        term = _paired_term(rows, x, settings)
     losses: list[float] = []
-    with _one_thread():
-        layers = _layers(rng, x.shape[1], settings.hidden, texts.shape[1])
+    with one_thread():
+        drawn = network.initial(rng, x.shape[1], texts.shape[1], settings)
+        layers = [torch.from_numpy(array.copy()).requires_grad_() for array in (drawn if start is None else start)]
         optimiser = torch.optim.AdamW(layers, lr=settings.learning_rate, weight_decay=settings.weight_decay)
         for _ in range(epochs):
             order = torch.from_numpy(rng.permutation(len(x)))
             for batch in order.split(settings.batch):
-                z = _forward(layers, x[batch])
-                loss = text_loss(z, y[batch], texts, weight, settings)
-                if cases:
-                    pairs = np.array([[rng.choice(ours), rng.choice(theirs)] for ours, theirs in cases])
-                    loss = loss + settings.paired * _pair_loss(*(_forward(layers, x[column]) for column in pairs.T), settings.temperature)
+                loss = text_loss(network.forward(layers, network.augmented(rng, x[batch])), y[batch], texts, weight, settings)
+                if term is not None:
+                    loss = loss + term(rng, lambda rows: network.forward(layers, rows))
                 optimiser.zero_grad()
                 loss.backward()
                 optimiser.step()
             if held is not None:
                 with torch.no_grad():
                     hx, hy = _tensors(held, index)
-                    losses.append(float(text_loss(_forward(layers, hx), hy, texts, torch.ones_like(weight), settings)))
+                    losses.append(float(text_loss(network.forward(layers, hx), hy, texts, torch.ones_like(weight), settings)))
                 if len(losses) - 1 - int(np.argmin(losses)) >= settings.patience:
                     break
-        arrays = [layer.detach().numpy().copy() for layer in layers]
-    return Encoder(dict(zip(WEIGHTS, arrays, strict=True))), tuple(losses)
+    return [layer.detach().numpy().copy() for layer in layers], tuple(losses)
 
 
 def _tensors(rows: Samples, index: Mapping[str, int]):
@@ -116,52 +133,15 @@ def _tensors(rows: Samples, index: Mapping[str, int]):
     return torch.from_numpy(rows.values.astype(np.float32)), torch.tensor([index[label] for label in rows.label])
 
 
-def _layers(rng: np.random.Generator, size: int, hidden: int, out: int):
-    """Draw the weights and biases of both layers uniformly in +-1/sqrt(number of inputs), as torch.nn.Linear does."""
-    import torch
+def _paired_term(rows: Samples, x: Any, settings: Settings) -> Term | None:
+    """Return the InfoNCE term of a simulated and a measured row of each case, or None if there is no case with both domains."""
+    cases = _cases(rows)
 
-    layers = []
-    for inputs, outputs in ((size, hidden), (hidden, out)):
-        bound = inputs**-0.5
-        for shape in ((outputs, inputs), (outputs,)):
-            layers.append(torch.from_numpy(rng.uniform(-bound, bound, shape).astype(np.float32)).requires_grad_())
-    return layers
+    def term(rng: np.random.Generator, forward: Callable[[Any], Any]) -> Any:
+        pairs = np.array([[rng.choice(ours), rng.choice(theirs)] for ours, theirs in cases])
+        return settings.paired * pair_loss(forward(x[pairs[:, 0]]), forward(x[pairs[:, 1]]), settings.temperature)
 
-
-def _forward(layers, x):
-    import torch
-    from torch.nn.functional import linear, normalize
-
-    return normalize(linear(torch.relu(linear(x, layers[0], layers[1])), layers[2], layers[3]), dim=1)
-
-
-def text_loss(z, y, texts, weight, settings: Settings):
-    """Return the InfoNCE loss of N radar embeddings (N, T) against the text embeddings (K, T) of all classes.
-
-    If `settings.symmetric` is True, return the mean of two InfoNCE losses: radar embeddings against text embeddings, and text against
-    radar.
-    """
-    import torch
-    from torch.nn.functional import cross_entropy
-
-    logits = z @ texts.T / settings.temperature
-    loss = cross_entropy(logits, y, weight=weight)
-    if not settings.symmetric:
-        return loss
-    own = torch.nn.functional.one_hot(y, len(texts)).T.float()
-    own, logits = own[own.sum(dim=1) > 0], logits.T[own.sum(dim=1) > 0]
-    to_rows = -(own * logits.log_softmax(dim=1)).sum(dim=1) / own.sum(dim=1)
-    return (loss + to_rows.mean()) / 2
-
-
-def _pair_loss(simulated, measured, temperature: float):
-    """Return the InfoNCE loss between paired embeddings, averaged over simulated-to-measured and measured-to-simulated direction."""
-    import torch
-    from torch.nn.functional import cross_entropy
-
-    logits = simulated @ measured.T / temperature
-    own = torch.arange(len(logits))
-    return (cross_entropy(logits, own) + cross_entropy(logits.T, own)) / 2
+    return term if cases else None
 
 
 def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
@@ -176,7 +156,8 @@ def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
 
 
 @contextlib.contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
+    """Let torch compute on one thread, and restore the number of threads afterwards."""
     import torch
 
     before = torch.get_num_threads()

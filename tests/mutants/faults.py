@@ -232,7 +232,7 @@ features/track: features/test_features
 _weighted | np.maximum(processed.power - processed.noise_floor, 0.0) * near | near * 1.0 | the track ignores power
 
 features/signature: features/test_features
-signature | np.fft.fftshift(1 + decibels / FLOOR_DB, axes=0) | 1 + decibels / FLOOR_DB | zero Doppler lies at the edge of the signature
+signature | np.fft.fftshift(levels(power), axes=0) | levels(power) | zero Doppler lies at the edge of the signature
 
 features/processed: features/test_features
 process | radar.num_chirps * np.sum(taps**2) | np.sum(taps**2) | the noise floor is that of a single chirp

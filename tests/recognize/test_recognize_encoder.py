@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
+from radartwin.recognize.losses import text_loss
+from radartwin.recognize.networks import TWO_LAYERS
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
 from radartwin.recognize.split import Split, draw_shots, label_free
-from radartwin.recognize.training import fit, held_out, text_loss, train
+from radartwin.recognize.training import fit, held_out, train
 
 OBJECTS = ("can", "mug", "bottle")
 SETTINGS = Settings(hidden=16, epochs=30, batch=64)
@@ -58,7 +60,7 @@ def test_early_stopping_uses_simulated_recordings():
     assert sorted(name.split()[1] for name in held) == sorted(OBJECTS)
     mask = np.isin(one.train.recording, list(held))
     patient = replace(SETTINGS, patience=3)
-    _, losses = train(one.train.take(~mask), one.train.take(mask), ANCHORS, patient, 0, SETTINGS.epochs)
+    _, losses = train(TWO_LAYERS, one.train.take(~mask), one.train.take(mask), ANCHORS, patient, 0, SETTINGS.epochs)
     trained = fit(one, ANCHORS, patient)
     assert trained.epochs == int(np.argmin(losses)) + 1
     assert len(losses) <= min(SETTINGS.epochs, trained.epochs + 3)

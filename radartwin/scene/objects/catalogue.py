@@ -63,12 +63,15 @@ class Entry:
         minc: category of the wall material in the MINC data set of material photographs.
         volume_ml: inside volume in millilitres: of a can filled to the brim, and of a bottle as printed on its label; None for the
             reflector.
-        description: description of the object in words, from which a text encoder computes a text embedding of the class name.
+        description: description of what the object looks like, from which a text encoder computes a text embedding of the class.
         source: publication or standard from which the dimensions come.
         build: function that returns the parts of the object, given its contents ("air" if the object is empty).
         aim_m: height in metres above the object's base at which a level radar aims.
         rover: whether the rover experiments use the object.
         outline_m: outline of a body of revolution about the z axis; None for other objects.
+        radar_description: description of the object's radar echo on a turntable, for a second text embedding of the class. It follows from
+            shape and material: a cylinder's echo is constant and grows with its length, a flat side flashes when it faces the radar, and
+            plastic with oil reflects less than plastic with water. It was written without any simulated or measured recording.
     """
 
     name: str
@@ -87,6 +90,7 @@ class Entry:
     aim_m: float
     rover: bool = True
     outline_m: vessels.Outline | None = None
+    radar_description: str = ""
 
     @property
     def symmetric(self) -> bool:
@@ -117,20 +121,20 @@ def _can(outline_m: vessels.Outline, look: str) -> Callable[[str], tuple[Part, .
     return lambda contents: (Part(shapes.revolution(outline_m, vessels.AROUND), "metal", "metal", look),)  # sheet metal is opaque
 
 
-def _food_can(size: str, height_m: float, water_oz: float, use: str, look: str, text: str, rover: bool = True) -> Entry:
+def _food_can(size: str, height_m: float, water_oz: float, use: str, look: str, text: str, radar: str, rover: bool = True) -> Entry:
     outline_m = vessels.food_can(CAN_M, height_m)
     return Entry(
         f"can_{size}", use, (CAN_M, CAN_M, height_m), 0.0002, "metal", None, "symmetric", "metal", "metal", OUNCE_ML * water_oz, text,
         f"{CMI}: {size.replace('_', ' x ')}, {water_oz} ounces of water; tinplate of 0.2 mm, seams 1.2 mm proud",
-        _can(outline_m, look), height_m / 2, rover, outline_m,
+        _can(outline_m, look), height_m / 2, rover, outline_m, radar,
     )  # fmt: skip
 
 
-def _drink_can(name: str, label: str, height_m: float, volume_ml: float, look: str, text: str, source: str) -> Entry:
+def _drink_can(name: str, label: str, height_m: float, volume_ml: float, look: str, text: str, radar: str, source: str) -> Entry:
     outline_m = vessels.drink_can(0.0661, height_m)
     return Entry(
         name, label, (0.0661, 0.0661, height_m), 0.0001, "metal", None, "symmetric", "metal", "metal", volume_ml, text, source,
-        _can(outline_m, look), height_m / 2, outline_m=outline_m,
+        _can(outline_m, look), height_m / 2, outline_m=outline_m, radar_description=radar,
     )  # fmt: skip
 
 
@@ -169,6 +173,7 @@ def reflector(leg_m: float, name: str) -> Entry:
         "a metal trihedral corner reflector: three flat right-angled triangular plates that meet in one corner and open to one side",
         f"chosen, not measured: a calibration target of {100 * leg_m:g} cm legs, {section:.1f} m^2 at 77 GHz by 4 pi L^4 / (3 lambda^2)",
         build, leg_m / 6**0.5,
+        radar_description="one very strong broad lobe each turn from three metal plates that meet in a corner, almost no echo from behind",
     )  # fmt: skip
 
 
@@ -207,48 +212,60 @@ DRESSING = (
 ENTRIES: tuple[Entry, ...] = (
     reflector(REFLECTOR_LEG_M, "corner_reflector"),
     _food_can("211_300", 0.0762, 7.93, "short food can", "label_green",
-              "a short metal food can, a round cylinder of tinplate with a paper label, 76 mm tall"),
+              "a short metal food can, a round cylinder of tinplate with a paper label, 76 mm tall",
+              "a steady but rather small metal echo from a short upright cylinder, with the same level at every angle of the turntable"),
     _food_can("211_304", 0.0826, 8.68, "food can", "label_blue",
-              "a small metal food can, a round cylinder of tinplate with a paper label, 83 mm tall", rover=False),
+              "a small metal food can, a round cylinder of tinplate with a paper label, 83 mm tall",
+              "a nearly constant return of modest strength from a round conducting wall as high as a hand, without flashes or nulls",
+              rover=False),
     _food_can("211_400", 0.1016, 10.94, "condensed soup can", "label_red",
-              "a metal can of condensed soup, a round cylinder of tinplate with a paper label, 102 mm tall"),
+              "a metal can of condensed soup, a round cylinder of tinplate with a paper label, 102 mm tall",
+              "a medium strong echo that does not vary during the revolution, from a vertical cylinder of tinplate of average height"),
     _food_can("211_414", 0.1238, 13.56, "tall food can", "label_yellow",
-              "a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"),
+              "a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall",
+              "a strong flat envelope over the whole turn, a single sharp peak in range from a tall slim metal cylinder with rims"),
     _drink_can("drink_can_355", "drink can", 0.1222, 355, "brushed_metal",
                "an aluminium drink can of 355 ml, a round cylinder with a necked top, 122 mm tall",
+               "a strong unchanging echo of a thin round aluminium wall whose tapered neck reflects upwards and away from the radar",
                "Can Manufacturers Institute 211 x 413, necked to a 202 end; wall of 66.1 mm, 0.1 mm thick"),
     _drink_can("drink_can_473", "tall drink can", 0.1572, 473, "label_blue",
                "a tall aluminium drink can of 473 ml, a round cylinder with a necked top, 157 mm tall",
+               "the largest constant return of all cylinders, because the aluminium side is longest, without modulation by rotation",
                "the US pint can: 6.19 inches on the wall and end of the 355 ml can"),
     Entry(
         "mug", "ceramic mug", (0.116, 0.082, 0.095), MUG_WALL_M, "glass", None, "symmetric", "ceramic", "ceramic", 330,
         "a white glazed ceramic coffee mug, a round cylinder with a handle on one side, 95 mm tall",
         "order of magnitude, no data sheet: the ordinary 11 ounce mug, 82 x 95 mm walls of 4 mm; porcelain takes the closest row, glass",
         _mug, 0.0475,
+        radar_description="a moderate echo of a hollow ceramic cylinder, a second peak from its rear wall, and a handle seen once per turn",
     ),
     Entry(
         "olive_oil", "olive oil bottle", (0.0566, 0.0566, 0.246), 0.0005, "pet", "oil", "asymmetric", "plastic", "plastic", 500,
         "a tall plastic bottle of olive oil with a square section, four flat sides and a thin neck, filled with oil",
         f"half a litre of the square Marasca kind in PET; {VOLUME}",
         _bottle(OLIVE_OIL, "pet", 0.0005, "green_plastic", (0.0155, 0.020), "plastic"), 0.123,
+        radar_description="four equal narrow flashes each turn from flat sides at right angles, weak because waves enter plastic and oil",
     ),
     Entry(
         "mouthwash", "mouthwash bottle", (0.081, 0.051, 0.195), 0.0005, "pet", "mouthwash", "asymmetric", "plastic", "plastic", 500,
         "a flat plastic bottle of mouthwash with broad flat front and back panels and a slight waist, filled with a watery liquid",
         f"half a litre in PET; {VOLUME}",
         _bottle(MOUTHWASH, "pet", 0.0005, "cyan_plastic", (0.0185, 0.022), "plastic"), 0.0975,
+        radar_description="two bright narrow flashes each turn from wide opposite panels, two smaller ones from the sides of a watery box",
     ),
     Entry(
         "mustard", "mustard bottle", (0.096, 0.0574, 0.192), 0.0008, "hdpe", "mustard", "asymmetric", "plastic", "plastic", 540,
         "a yellow plastic squeeze bottle of mustard with an oval section, a waist and a pointed cap, filled with mustard",
         "sections of the scanned YCB model 006_mustard_bottle (20 ounces, 567 g), .096 x .058 x .192 m; HDPE squeeze bottles have 0.8 mm",
         _bottle(MUSTARD, "hdpe", 0.0008, "yellow_plastic", (0.0170, 0.040), "yellow_plastic"), 0.096,
+        radar_description="two broad swells each turn from the rounded wide sides of an oval wet body whose waist scatters elsewhere",
     ),
     Entry(
         "dressing", "salad dressing bottle", (0.080, 0.0514, 0.211), 0.0005, "pet", "dressing", "asymmetric", "plastic", "plastic", 473,
         "a plastic bottle of salad dressing with an oval section, broad shoulders and a round neck, filled with dressing",
         f"16 fluid ounces in PET; {VOLUME}",
         _bottle(DRESSING, "pet", 0.0005, "cream_plastic", (0.0195, 0.022), "white_plastic"), 0.1055,
+        radar_description="the level rises and falls gently twice per revolution, from a tall elliptical emulsion with sloping shoulders",
     ),
 )  # fmt: skip
 
