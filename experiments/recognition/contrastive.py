@@ -20,9 +20,10 @@ from experiments import draws
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
+from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars, embedding_map
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, floor, scaled, settings
-from experiments.recognition.readings import FEATURES, measured_and_copies
+from experiments.recognition.readings import FEATURES
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.io.progress import Progress

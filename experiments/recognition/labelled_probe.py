@@ -5,8 +5,8 @@ encoder's embeddings. The same classifier (probe) on the features without the en
 Turntable revolutions of the same recording are nearly equal. The "other recordings" probe therefore leaves out all revolutions of the
 recording that is classified, so the remaining revolutions of the same object are at other distances. Paper (recognition with
 simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal
-distance 95.3 % with encoder and 90.3 % with raw features. This table adds two parts that the paper does not have: accuracy against the
-number of labelled recordings, and controls with shuffled class labels and shuffled domains.
+distance 95.3 % with encoder and 90.3 % with raw features. This table adds controls with shuffled class labels and shuffled domains,
+which the paper does not have. The table encoder_comparison has the accuracy with few labels.
 
 In the paper, each distance has about four objects and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
 rows with the layout "as in the paper" have recordings of this layout, of one draw of the testbed (profile.layout_turns). In all other
@@ -27,7 +27,8 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
-from experiments.recognition.figures import bars, confusions, label_curve
+from experiments.recognition.copies import rows_of_copies
+from experiments.recognition.figures import bars, confusions
 from experiments.recognition.protocol import (
     RecognitionRows,
     anchors,
@@ -40,15 +41,15 @@ from experiments.recognition.protocol import (
     settings,
     statistics_columns,
 )  # fmt: skip
-from experiments.recognition.readings import FEATURES, MOTION, noise_copies, shared_cases, vectors
+from experiments.recognition.readings import FEATURES, MOTION, shared_cases, vectors
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
-from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression, nearest_centroid
+from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
-from radartwin.recognize.split import Split, as_domains, draw_shots, label_free, most_shots, shuffled
+from radartwin.recognize.split import as_domains, label_free, shuffled
 from radartwin.recognize.training import fit
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
@@ -59,19 +60,17 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="labelled_probe",
     title="What training on simulation is worth",
-    caption="An encoder is trained on noisy copies of simulated revolutions and frozen. Measured revolutions are classified by the "
+    caption="An encoder is trained on randomised copies of simulated revolutions and frozen. Measured revolutions are classified by the "
     "nearest class centroid of other revolutions. For 'other recordings' these are at other distances, so that no part of a "
     "recording classifies another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same "
-    "physics as our tracer, so the comparison favours our tracer. Labels per class are drawn from half of each object's "
-    "recordings; the other half is scored. n counts recordings; the column answers counts revolutions. Intervals are "
-    "bootstraps over objects and distances. Rows with an entry in the column 'twin' belong to a simulation that knows only the surface of "
-    "vessels (paper profile). Rows with the layout 'as in the paper' have four objects at each distance and twelve revolutions in a "
-    "recording, of one draw (paper profile).",
+    "physics as our tracer, so the comparison favours our tracer. n counts recordings; the column answers counts revolutions. "
+    "Intervals are bootstraps over objects and distances. Rows with an entry in the column 'twin' belong to a simulation that knows only "
+    "the surface of vessels (paper profile). Rows with the layout 'as in the paper' have four objects at each distance and twelve "
+    "revolutions in a recording, of one draw (paper profile).",
 )
 
-SHOTS = (0, 1, 2, 4, 8, 14)
 RIVAL = "RF-Genesis (corrected)"
-PRETRAINED, RAW, SCRATCH = "trained on simulation", "raw features", "trained on the labels alone"
+PRETRAINED, RAW = "trained on simulation", "raw features"
 REVOLUTIONS, RECORDINGS, MATCHED = "other revolutions", "other recordings", "other revolutions, same distance"
 PROBES = {  # per probe: the paper's accuracy by method, and the paper's gain
     REVOLUTIONS: ({PRETRAINED: "95.3 %", RAW: "89.7 %", RIVAL: "90.1 %"}, "+5.6 points"),
@@ -126,7 +125,7 @@ def score(
     config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None,
     layout: RecordingSource | None = None,
 ) -> Result:  # fmt: skip
-    """Build the rows of every probe, of accuracy against the number of labels, and of the controls.
+    """Build the rows of every probe and of the controls.
 
     Args:
         rivals: the campaigns that other simulators simulated, by name.
@@ -150,10 +149,6 @@ def score(
         "labelled_probe": lambda: bars(shown, "accuracy", grey=RAW),
         "labelled_probe_confusion": lambda: confusions(panels, measured.classes),
     }
-    if RECORDINGS in probes:
-        curve = label_efficiency(rows, data, trained[PRETRAINED], chance)
-        if curve:
-            figures["label_efficiency"] = lambda: label_curve(curve, chance)
     _add_controls(rows, data, chance)
     used = {key for found in data.keys.values() for key in found}
     if layout is not None:
@@ -222,7 +217,7 @@ def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
     single = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
     if not single:
         return list(PROBES)
-    progress.say(f"{len(single)} objects have a single recording: no probe on other recordings and no accuracy by number of labels")
+    progress.say(f"{len(single)} objects have a single recording: no probe on other recordings")
     return [probe for probe in PROBES if probe != RECORDINGS]
 
 
@@ -240,50 +235,9 @@ def gather_data(config: Config, source: RecordingSource, store: Store, progress:
     copies = {}
     for method, simulated in {PRETRAINED: source, **rivals}.items():
         progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {method}")
-        copies[method] = noise_copies(config, store, simulated, twins, cases, measured_source=source)
+        copies[method] = rows_of_copies(config, store, simulated, twins, cases, measured_source=source)["features"]
     keys = {"measured": measured.keys, **{method: readings.keys for method, readings in copies.items()}}
     return Data(scaled(measured.samples), {method: scaled(readings.samples) for method, readings in copies.items()}, keys)
-
-
-def label_efficiency(rows: RecognitionRows, data: Data, trained: Sequence[Encoder], chance: float) -> dict[str, list[Mapping[str, Any]]]:
-    """Add the accuracy with k labelled measured revolutions per class. For k = 0 labelled revolutions, the class with the nearest text
-    embedding is predicted.
-
-    For k > 0 labelled revolutions, the class with the nearest centroid of these revolutions is predicted. Labelled revolutions are drawn
-    from one half of each object's recordings, and the accuracy is computed on the remaining half of the recordings. Returns {method: table
-    rows}; the column `shots` of each row is the number k of labelled revolutions.
-    """
-    measured = data.measured
-    found: dict[str, list[Mapping[str, Any]]] = {PRETRAINED: [], RAW: [], SCRATCH: []}
-    place = {name: row for row, name in enumerate(measured.recording)}
-    for shots in (k for k in SHOTS if k <= most_shots(measured)):
-        hits = {method: np.full((len(trained), len(measured)), np.nan) for method in found}
-        for number, (seed, encoder) in enumerate(zip(seeds(rows.config), trained, strict=True)):
-            known, rest = draw_shots(measured, shots, seed)
-            for method, prediction in _few_shot_predictions(rows.config, encoder, known, rest, shots, seed).items():
-                hits[method][number, [place[name] for name in rest.recording]] = prediction == rest.label
-        for method, some in hits.items():
-            scored = ~np.isnan(some).all(axis=0)
-            if scored.any():
-                case = CASE | {"probe": f"{shots} labels per class", "method": method}
-                row = rows.share(case, some[:, scored], measured.take(scored), data.keys_of(method), chance)
-                found[method].append(row | {"shots": shots})
-    return {method: some for method, some in found.items() if some}
-
-
-def _few_shot_predictions(
-    config: Config, encoder: Encoder, known: Samples, rest: Samples, shots: int, seed: int
-) -> dict[str, NDArray[np.str_]]:
-    """Predict with each method the classes of the rows `rest` from the labelled rows `known`."""
-    texts = anchors(rest.classes)
-    if not shots:
-        return {PRETRAINED: nearest_text(encoder, rest.unlabelled(), texts, settings(config).temperature)}
-    own = fit(Split("few_shot", known, rest, shots), texts, settings(config), seed).encoder
-    return {
-        PRETRAINED: nearest_centroid(encoder.embedded(known), encoder.embedded(rest)),
-        RAW: nearest_centroid(known, rest),
-        SCRATCH: nearest_centroid(own.embedded(known), own.embedded(rest)),
-    }
 
 
 def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:

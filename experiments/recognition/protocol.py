@@ -29,10 +29,10 @@ SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items(
 MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
 
 
-def anchors(objects: Iterable[str]) -> dict[str, NDArray]:
-    """Return {object: embedding vector of the object's text description}."""
+def anchors(objects: Iterable[str], text: str = "description") -> dict[str, NDArray]:
+    """Return {object: embedding vector of the object's text}. `text` is "description" (its looks) or "radar_description" (its echo)."""
     known, names = catalogue(), sorted(objects)
-    return dict(zip(names, embed([known[name].description for name in names]), strict=True))
+    return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
 
 
 def scaled(samples: Samples) -> Samples:

@@ -16,9 +16,9 @@ import numpy as np
 from experiments import draws
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
+from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars
 from experiments.recognition.protocol import RecognitionRows, anchors, correct, encoders, scaled, settings
-from experiments.recognition.readings import measured_and_copies
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
 from radartwin.io.progress import Progress

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.source import RecordingSource
-from experiments.recognition import alone
-from radartwin.config.config import Config
 from radartwin.errors import InputError
-from radartwin.features import envelope, sets, track
-from radartwin.features.log import Log, Nominal, distances
+from radartwin.features import envelope, sets
+from radartwin.features.log import Log, Nominal, angles, distances
+from radartwin.features.pictures import flattened, picture
 from radartwin.features.processed import Processed
-from radartwin.io.progress import Progress
-from radartwin.recognize import randomise
-from radartwin.recognize.augment import added_noise, noisy
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
-from radartwin.store.products import Store, save_arrays
 
-ROOTS = ["radartwin.features.sets", "radartwin.recognize.augment", "experiments.recognition.alone"]
 MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
 Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # returns feature names and values
 
@@ -38,8 +30,9 @@ class Readings:
 
 
 def recording_name(domain: str, case: Case) -> str:
-    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance and repetition."""
-    return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition} {domain}"
+    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance, repetition and draw."""
+    draw = f" draw {case.draw}" if case.draw else ""
+    return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition}{draw} {domain}"
 
 
 def stratum(case: Case) -> str:
@@ -82,6 +75,15 @@ def balanced(cases: Sequence[Case]) -> list[Case]:
 def vectors(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = ()) -> Readings:
     """Read one feature row per recording. For a turntable, read one feature row per revolution."""
     return _read(source, domain, cases, lambda processed, log: sets.vector(processed, log, features, without), by_revolution=True)
+
+
+def pictures(source: RecordingSource, domain: str, cases: Sequence[Case]) -> Readings:
+    """Read the picture of each turntable revolution (radartwin.features.pictures) as one row."""
+    return _read(source, domain, cases, picture_row, by_revolution=True)
+
+
+def picture_row(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
+    return flattened(picture(processed, angles(log, processed.num_frames), float(np.mean(distances(log, processed.num_frames)))))
 
 
 def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, materials: Any = None) -> Readings:
@@ -131,94 +133,11 @@ def read_rows(domain: str, recordings: Iterable[tuple[Case, str, Processed, Log]
     for case, key, processed, log in recordings:
         for suffix, piece, piece_log in revolutions(processed, log) if by_revolution else [("", processed, log)]:
             names, values = reader(piece, piece_log)
-            parts.append(_part(domain, case, values, suffix))
+            parts.append(part(domain, case, values, suffix))
         keys.append(key)
     return Readings(gather(names, parts), tuple(sorted(keys)))
 
 
-def _part(domain: str, case: Case, values: np.ndarray, suffix: str = "") -> Part:
+def part(domain: str, case: Case, values: np.ndarray, suffix: str = "") -> Part:
     name = recording_name(domain, case)
     return Part(name + suffix, case.object, MEASURED if domain == "measured" else SIMULATED, values, stratum(case), name)
-
-
-def measured_and_copies(
-    config: Config, source: RecordingSource, store: Store, progress: Progress, without: Sequence[str] = ()
-) -> tuple[Readings, Readings]:
-    """Return (features of measured turntable revolutions, features of noisy copies of simulated turntable revolutions)."""
-    cases, twins = shared_cases(source, MOTION)
-    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured recordings")
-    copied = noise_copies(config, store, source, twins, cases, without)
-    return vectors(source, "measured", cases, FEATURES, without), copied
-
-
-def noise_copies(
-    config: Config, store: Store, source: RecordingSource, simulated: Sequence[Case], measured: Sequence[Case],
-    without: Sequence[str] = (), measured_source: RecordingSource | None = None,
-) -> Readings:  # fmt: skip
-    """Compute features of `supervision.copies` noisy copies per simulated recording, with the noise level of measured recordings.
-
-    The noise level of a copy comes from the measured recordings at the same distance. The store keeps the computed feature rows of the
-    noisy copies. The noisy copies use target energies and noise floors of measured recordings, but no class labels.
-
-    Args:
-        measured_source: source of the measured recordings; None stands for the same source as the simulated recordings (`source`).
-    """
-    measured_source = measured_source or source
-    source.prepare([("twin", case) for case in simulated])
-    measured_source.prepare([("measured", case) for case in measured])
-    count, seed, noise = config.supervision.copies, config.seed, {}
-    for name in sorted({stratum(case) for case in simulated}):
-        ours = np.array([_energy(source, "twin", case) for case in simulated if stratum(case) == name])
-        theirs = np.array([_energy(measured_source, "measured", case) for case in measured if stratum(case) == name])
-        noise[name] = added_noise(ours[:, 0], theirs[:, 0], float(np.median(theirs[:, 1]))) if len(theirs) else 0.0
-    parts, keys, names = [], [], []
-    for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
-        key, processed = source.processed("twin", case)
-        log = source.log(case, "twin")
-
-        def build(folder: Path, case: Case = case, processed: Processed = processed, log: Log = log, number: int = number) -> None:
-            made = _copies(config, source, case, processed, noise[stratum(case)], [seed, number])
-            read = [sets.vector(copy, log, FEATURES, without) for copy in made]
-            save_arrays(folder, {"names": np.array(read[0][0]), "values": np.stack([values for _, values in read])})
-
-        spec = {
-            "recording": key, "features": FEATURES, "without": list(without), "noise": noise[stratum(case)], "count": count, "seed": seed,
-            "number": number, "randomise": asdict(config.supervision.randomise), "variants": config.supervision.variants,
-            "distance_m": log.distance_m, "angle_rad": log.angle_rad,
-        }  # fmt: skip
-        stored = store.fetch("noise_copies", spec, ROOTS, build).arrays()
-        names = [str(name) for name in stored["names"]]
-        parts.append(_part("twin", case, stored["values"]))
-        keys.append(key)
-    return Readings(gather(names, parts), tuple(sorted(keys)))
-
-
-def _copies(
-    config: Config, source: RecordingSource, case: Case, processed: Processed, noise_power: float, seed: Sequence[int]
-) -> Iterator[Processed]:
-    """Yield the copies of a simulated recording: drawn turntables and targets, each with several drawn receivers and noises."""
-    strengths = randomise.Randomisation(**asdict(config.supervision.randomise))
-    count = config.supervision.copies
-    variants = min(config.supervision.variants, count) if strengths.moves_target else 1
-    nominal = None
-    if strengths.moves_target:
-        assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
-        nominal = alone.record(source, case, randomise.OFF, seed)
-    for variant in range(variants):
-        target = processed
-        if nominal is not None and isinstance(source, Campaign):
-            target = randomise.exchanged(processed, nominal, alone.record(source, case, strengths, [*seed, variant]))
-        for number in range(variant, count, variants):
-            own = [*seed, number]
-            power = noise_power * randomise.noise_factor(strengths, own)
-            yield noisy(randomise.received(target, strengths, own), power, np.random.default_rng(own))
-
-
-def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
-    """Return (mean energy in the target gate, noise power per range bin) of a recording."""
-    _, processed = source.processed(domain, case)
-    log = source.log(case, domain)
-    range_m = distances(log, processed.num_frames)
-    if case.motion != MOTION:
-        range_m = track.around(processed, range_m, log.frame_rate_hz)
-    return float(envelope.target_energy(processed, range_m).mean()), float(processed.noise_floor.mean())

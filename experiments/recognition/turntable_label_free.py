@@ -11,9 +11,9 @@ from __future__ import annotations
 from experiments import draws
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
+from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars, confusions
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
-from experiments.recognition.readings import measured_and_copies
 from experiments.recognition.transfer import ranked
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress

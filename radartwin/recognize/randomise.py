@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -30,11 +31,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.features.processed import Processed
+from radartwin.features.processed import Processed, process
 from radartwin.materials import Layered, layered, varied
+from radartwin.radar.chirp import Radar
 from radartwin.radar.if_filter import IfFilter
 from radartwin.scene.objects.vessels import smoothed
+from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
+from radartwin.simulation.simulate import simulate
 
 WOBBLE_DEG, ECCENTRIC_M, RATE, DISTANCE_M = 0.5, 5e-3, 0.02, 0.01
 LEVEL_DB, CHANNEL_DB, CHANNEL_DEG, NOISE_DB = 3.0, 1.0, 9.0, 3.0
@@ -121,6 +125,26 @@ def target(surfaces: Sequence[Surface], strengths: Randomisation, seed: int | Se
             surface = surface.replaced(mesh=_deformed(surface.mesh, moved), role=surface.kind)
         out.append(surface)
     return out
+
+
+def alone(
+    surfaces: Sequence[Surface], radar: Radar, sensor_poses: NDArray[np.float64], nominal: NDArray[np.float64], strengths: Randomisation,
+    seed: int | Sequence[int], **options: Any,
+) -> NDArray[np.complex64]:  # fmt: skip
+    """Simulate the drawn target on the drawn turntable alone in free space.
+
+    Args:
+        surfaces: nominal surfaces of the target in its own frame, all with the same name.
+        sensor_poses: poses (F, 4, 4) or (1, 4, 4) of the sensor.
+        nominal: nominal poses (F, 4, 4) of the target.
+        options: options of radartwin.simulation.simulate.simulate.
+    Returns:
+        Channels (F, A, B), as radartwin.features.processed defines them.
+    """
+    drawn = target(surfaces, strengths, seed)
+    motion = {surfaces[0].name: poses(nominal, strengths, seed)}
+    made = simulate(Scene(drawn), replace(radar, num_chirps=1), sensor_poses, motion=motion, **options)
+    return process(made, doppler=False).channels
 
 
 def exchanged(processed: Processed, nominal: NDArray[np.complexfloating], drawn: NDArray[np.complexfloating]) -> Processed:

@@ -1,0 +1,158 @@
+"""Make randomised copies of simulated turntable revolutions, and read their feature rows.
+
+A copy draws what the user of a simulation cannot know (radartwin.recognize.randomise). Drawn turntables and targets are simulated alone in
+free space, `supervision.variants` of them for each recording. The store keeps their echoes and the rows of the copies. The noise power of
+the copies follows from target energies and noise floors of measured recordings, but from no class label.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import TWIN, Case
+from experiments.campaign.source import RecordingSource
+from experiments.recognition.readings import FEATURES, MOTION, Readings, part, picture_row, recording_name, shared_cases, stratum, vectors
+from radartwin.builders.radar import build_radar
+from radartwin.builders.simulator import simulator_options
+from radartwin.config.config import Config
+from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
+from radartwin.features import envelope, sets, track
+from radartwin.features.log import distances
+from radartwin.features.processed import Processed
+from radartwin.io.progress import Progress
+from radartwin.recognize import randomise
+from radartwin.recognize.augment import added_noise, noisy
+from radartwin.recognize.learners.interface import Reads
+from radartwin.recognize.samples import gather
+from radartwin.scene.objects.catalogue import with_other_reflectors
+from radartwin.store.products import Store, save_arrays
+
+ROOTS = ["radartwin.features.sets", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise"]
+NEAR_TARGET_M = 0.75  # the stored echoes of a target end this far from its nominal range; beyond it they are below -60 dB
+
+
+def measured_and_copies(
+    config: Config, source: RecordingSource, store: Store, progress: Progress, without: Sequence[str] = ()
+) -> tuple[Readings, Readings]:
+    """Return (features of measured turntable revolutions, features of copies of simulated turntable revolutions)."""
+    cases, twins = shared_cases(source, MOTION)
+    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured recordings")
+    copied = rows_of_copies(config, store, source, twins, cases, without)
+    return vectors(source, "measured", cases, FEATURES, without), copied["features"]
+
+
+def rows_of_copies(
+    config: Config, store: Store, source: RecordingSource, simulated: Sequence[Case], measured: Sequence[Case],
+    without: Sequence[str] = (), measured_source: RecordingSource | None = None,
+) -> dict[Reads, Readings]:  # fmt: skip
+    """Compute feature vectors and pictures of `supervision.copies` copies per simulated recording.
+
+    The noise level of a copy comes from the measured recordings at the same distance.
+
+    Args:
+        measured_source: source of the measured recordings; None stands for the same source as the simulated recordings (`source`).
+    """
+    measured_source = measured_source or source
+    source.prepare([("twin", case) for case in simulated])
+    measured_source.prepare([("measured", case) for case in measured])
+    noise: dict[str, float] = {}
+    for name in sorted({stratum(case) for case in simulated}):
+        ours = np.array([_energy(source, "twin", case) for case in simulated if stratum(case) == name])
+        theirs = np.array([_energy(measured_source, "measured", case) for case in measured if stratum(case) == name])
+        noise[name] = added_noise(ours[:, 0], theirs[:, 0], float(np.median(theirs[:, 1]))) if len(theirs) else 0.0
+    keys: list[str] = []
+    kinds: tuple[Reads, ...] = ("features", "pictures")
+    parts, names = {kind: [] for kind in kinds}, {kind: [] for kind in kinds}
+    for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
+        key, found = _rows(config, store, source, case, noise[stratum(case)], [config.seed, number], without)
+        for kind in kinds:
+            names[kind] = [str(name) for name in found[f"{kind}_names"]]
+            parts[kind].append(part("twin", case, found[kind]))
+        keys.append(key)
+    return {kind: Readings(gather(names[kind], parts[kind]), tuple(sorted(keys))) for kind in kinds}
+
+
+def _rows(
+    config: Config, store: Store, source: RecordingSource, case: Case, noise_power: float, seed: list[int], without: Sequence[str]
+) -> tuple[str, dict[str, NDArray]]:
+    """Return the store key of a simulated recording, and names and values of the rows of its copies by kind."""
+    key, processed = source.processed("twin", case)
+    log, chosen = source.log(case, "twin"), config.supervision
+
+    def build(folder: Path) -> None:
+        vectors_, pictures = [], []
+        for copy in _copies(config, store, source, case, processed, noise_power, seed):
+            vectors_.append(sets.vector(copy, log, FEATURES, without))
+            pictures.append(picture_row(copy, log))
+        found: dict[str, NDArray] = {}
+        for kind, made in (("features", vectors_), ("pictures", pictures)):
+            found |= {f"{kind}_names": np.array(made[0][0]), kind: np.stack([values for _, values in made])}
+        save_arrays(folder, found | {"pictures": found["pictures"].astype(np.float32)})
+
+    spec = {
+        "recording": key, "features": FEATURES, "without": list(without), "noise": noise_power, "count": chosen.copies, "seed": seed,
+        "randomise": asdict(chosen.randomise), "variants": chosen.variants, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
+    }  # fmt: skip
+    return key, store.fetch("copies", spec, ROOTS, build).arrays()
+
+
+def _copies(
+    config: Config, store: Store, source: RecordingSource, case: Case, processed: Processed, noise_power: float, seed: list[int]
+) -> Iterator[Processed]:
+    """Yield the copies of a simulated recording: drawn turntables and targets, each with several drawn receivers and noises."""
+    strengths = randomise.Randomisation(**asdict(config.supervision.randomise))
+    count = config.supervision.copies
+    targets = [processed]
+    if strengths.moves_target:
+        assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
+        nominal, *drawn = _alone(config, store, source, case, processed, strengths, seed)
+        targets = [randomise.exchanged(processed, nominal, one) for one in drawn]
+    for variant, target in enumerate(targets):
+        for number in range(variant, count, len(targets)):
+            own = [*seed, number]
+            power = noise_power * randomise.noise_factor(strengths, own)
+            yield noisy(randomise.received(target, strengths, own), power, np.random.default_rng(own))
+
+
+def _alone(
+    config: Config, store: Store, campaign: Campaign, case: Case, processed: Processed, strengths: randomise.Randomisation, seed: list[int]
+) -> list[NDArray[np.complex64]]:
+    """Return the channels (F, A, B) of the nominal target alone in free space, and of each drawn target on its drawn turntable."""
+    own, log = campaign.config, campaign.log(case, TWIN)
+    radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)
+    surfaces = with_other_reflectors()[case.object].surfaces(contents=own.contents)
+    turned = np.repeat(log.target_poses, log.frames // len(log.target_poses), axis=0)
+    simulator = MitsubaSimulator() if isinstance(own.simulator, AutoSimulator) else own.simulator
+    count = min(config.supervision.variants, config.supervision.copies)
+    near = np.abs(processed.range_m - float(np.mean(log.distance_m))) < NEAR_TARGET_M
+    physical = replace(strengths, level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
+
+    def build(folder: Path) -> None:
+        drawn = [(randomise.OFF, seed), *((strengths, [*seed, number]) for number in range(count))]
+        made = [randomise.alone(surfaces, radar, log.sensor_poses, turned, *one, **simulator_options(simulator)) for one in drawn]
+        save_arrays(folder, {"channels": np.stack(made)[..., near]})
+
+    spec = {
+        "object": case.object, "contents": own.contents, "radar": radar.to_dict(), "poses": [log.sensor_poses, turned], "near": near,
+        "simulator": simulator, "randomise": asdict(physical), "count": count, "seed": seed,
+    }  # fmt: skip
+    stored = store.fetch("targets_alone", spec, ROOTS, build).arrays()["channels"]
+    whole = np.zeros((*stored.shape[:-1], len(near)), np.complex64)
+    whole[..., near] = stored
+    return list(whole)
+
+
+def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
+    """Return (mean energy in the target gate, noise power per range bin) of a recording."""
+    _, processed = source.processed(domain, case)
+    log = source.log(case, domain)
+    range_m = distances(log, processed.num_frames)
+    if case.motion != MOTION:
+        range_m = track.around(processed, range_m, log.frame_rate_hz)
+    return float(envelope.target_energy(processed, range_m).mean()), float(processed.noise_floor.mean())

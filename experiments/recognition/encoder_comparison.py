@@ -1,0 +1,145 @@
+"""Encoder comparison: which learner makes the most of the simulation, without labels and with a few labelled measured revolutions?
+
+All learners are trained on the same copies of simulated turntable revolutions, and classify the same measured revolutions. The two-layer
+network of the paper and gradient-boosted trees read the rotation features. The convolutional network reads pictures of a revolution. The
+two-layer network is trained towards two kinds of texts: what an object looks like, and how its radar echo varies over a revolution.
+
+Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the class with the nearest centroid of
+the labelled revolutions is predicted, in the embedding of the learner. Labelled revolutions come from one half of each object's recordings,
+and the other half is scored. The probe "other recordings" knows the labels of all recordings but the one that it classifies. Recordings of
+all draws of the testbed are scored together, so a labelled recording often shows another specimen of the object, with another radar board.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import draws
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.source import RecordingSource
+from experiments.claims import Claim
+from experiments.recognition.copies import rows_of_copies
+from experiments.recognition.figures import bars, label_curve
+from experiments.recognition.protocol import RecognitionRows, anchors, correct, scaled, seeds, settings
+from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.recognize.learners import LEARNERS, Fitted
+from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
+from radartwin.recognize.samples import Samples, join
+from radartwin.recognize.score import uniform_chance
+from radartwin.recognize.split import Split, draw_shots, label_free, most_shots
+from radartwin.runs.experiment import Result, Table
+from radartwin.store.products import Store
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TABLE = Table(
+    name="encoder_comparison",
+    title="Learners side by side",
+    caption="Each learner is trained on copies of simulated revolutions alone and classifies measured revolutions of all draws: without "
+    "labels, by the nearest class centroid of k labelled measured revolutions, and by that of all other recordings. 'trained on the "
+    "labels alone' is the two-layer network without simulation. n counts recordings. Intervals are bootstraps over objects and distances.",
+)
+
+SHOTS = (0, 1, 2, 4, 8, 14, 20)
+NETWORK, RADAR_TEXTS, CONVOLUTION, TREES = "two-layer network", "two-layer network, radar texts", "convolutional network", "boosted trees"
+METHODS = {  # method: (learner, kind of text)
+    NETWORK: ("network", "description"), RADAR_TEXTS: ("network", "radar_description"), CONVOLUTION: ("convolution", "description"),
+    TREES: ("trees", "description"),
+}  # fmt: skip
+RAW, SCRATCH = "raw features", "trained on the labels alone"
+RECORDINGS = "other recordings"
+Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the measured rows for each seed
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    return score(config, [Campaign(config, store, progress, draw) for draw in draws.numbers(config)], store, progress)
+
+
+def score(config: Config, sources: Sequence[RecordingSource], store: Store, progress: Progress) -> Result:
+    """Build the rows of every learner for the measured recordings of all `sources`, which share their simulated recordings."""
+    rows = RecognitionRows(config)
+    measured, copies, keys = gather_rows(config, sources, store, progress)
+    fitted: dict[str, list[Fitted]] = {}
+    for method, (kind, text) in progress.over(list(METHODS.items()), "learners"):
+        learner = LEARNERS[kind]
+        split, texts = label_free(copies[learner.reads], measured[learner.reads]), anchors(measured["features"].classes, text)
+        fitted[method] = [learner.fit(split, texts, settings(config), seed) for seed in seeds(config)]
+    truth = measured["features"]
+    chance = uniform_chance(truth)
+    curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*METHODS, RAW, SCRATCH)}
+    for method, some in fitted.items():
+        predicted = [one.predict(measured[LEARNERS[METHODS[method][0]].reads].unlabelled()) for one in some]
+        claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else Claim()
+        case = {"level": "label_free", "labels per class": 0, "method": method}
+        curve[method].append(rows.share(case, correct(predicted, truth.label), truth, keys, chance, claim) | {"shots": 0})
+    embedded = {method: [one.embedded(measured[LEARNERS[METHODS[method][0]].reads]) for one in some] for method, some in fitted.items()} | {
+        RAW: [truth] * len(seeds(config))
+    }
+    _add_shots(rows, embedded, truth, keys, chance, curve)
+    _add_other_recordings(rows, embedded, truth, keys, chance)
+    figures: dict[str, Callable[[], Figure]] = {
+        "encoder_comparison": lambda: bars({"no labels": {m: curve[m][0] for m in METHODS}}, "accuracy", grey=TREES),
+        "label_efficiency": lambda: label_curve({method: some for method, some in curve.items() if some}, chance),
+    }
+    metrics = {f"accuracy_{method.replace(', ', '_').replace(' ', '_')}": float(curve[method][0]["value"]) for method in METHODS}
+    return Result(TABLE.name, rows, figures, metrics | {"chance": chance}, keys)
+
+
+def gather_rows(
+    config: Config, sources: Sequence[RecordingSource], store: Store, progress: Progress
+) -> tuple[dict[str, Samples], dict[str, Samples], list[str]]:
+    """Return (measured rows, rows of copies, store keys). Both have an entry for each kind of rows that a learner reads."""
+    keys: set[str] = set()
+    parts: dict[str, list[Samples]] = {"features": [], "pictures": []}
+    for source in sources:
+        cases, _ = shared_cases(source, MOTION)
+        for kind, read in (("features", vectors(source, "measured", cases, FEATURES)), ("pictures", pictures(source, "measured", cases))):
+            parts[kind].append(read.samples)
+            keys |= set(read.keys)
+    cases, twins = shared_cases(sources[0], MOTION)
+    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each")
+    drawn = rows_of_copies(config, store, sources[0], twins, cases)
+    measured = {"features": scaled(join(*parts["features"])), "pictures": join(*parts["pictures"])}
+    copies = {"features": scaled(drawn["features"].samples), "pictures": drawn["pictures"].samples}
+    return measured, copies, sorted(keys | set(drawn["features"].keys))
+
+
+def _add_shots(
+    rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float, curve: Mapping[str, list]
+) -> None:
+    """Add the accuracy with k labelled measured revolutions per class, and the gain of each learner over raw features."""
+    place = {name: row for row, name in enumerate(truth.recording)}
+    most = most_shots(truth)
+    for shots in (k for k in SHOTS if 0 < k <= most):
+        hits = {method: np.full((len(seeds(rows.config)), len(truth)), np.nan) for method in (*embedded, SCRATCH)}
+        for number, seed in enumerate(seeds(rows.config)):
+            known, rest = draw_shots(truth, shots, seed)
+            chosen, scored = np.isin(truth.recording, known.recording), [place[name] for name in rest.recording]
+            for method, some in embedded.items():
+                hits[method][number, scored] = nearest_centroid(some[number].take(chosen), some[number].take(scored)) == rest.label
+            own = LEARNERS["network"].fit(Split("few_shot", known, rest, shots), anchors(truth.classes), settings(rows.config), seed)
+            hits[SCRATCH][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
+        counted = ~np.isnan(hits[RAW]).all(axis=0)
+        for method, found in hits.items():
+            case = {"level": "few_shot", "labels per class": shots, "method": method}
+            row = rows.share(case, found[:, counted], truth.take(counted), keys, chance)
+            curve[method].append(row | {"shots": shots})
+
+
+def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float) -> None:
+    """Add the accuracy of the nearest class centroid of all other recordings, and the gain of each learner over raw features."""
+    if any(np.unique(truth.source[truth.label == label]).size < 2 for label in truth.classes):
+        return
+    hits = {method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()}
+    for method, found in hits.items():
+        case = {"level": "few_shot", "labels per class": RECORDINGS, "method": method}
+        rows.share(case, found, truth, keys, chance)
+        if method != RAW:
+            claim = Claim("training on simulation beats the raw features") if method == NETWORK else Claim()
+            rows.gain(case | {"method": f"{method} - {RAW}"}, found, hits[RAW], truth, keys, claim)
