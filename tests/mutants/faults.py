@@ -234,6 +234,10 @@ _weighted | np.maximum(processed.power - processed.noise_floor, 0.0) * near | ne
 features/signature: features/test_features
 signature | np.fft.fftshift(levels(power), axes=0) | levels(power) | zero Doppler lies at the edge of the signature
 
+features/pictures: features/test_pictures
+sector_weights | np.minimum(apart, frames - apart) | apart | the revolution of a picture does not close
+picture | rows // 2 - kept // 2 | 0 | zero Doppler of a short revolution is not in the middle row
+
 features/processed: features/test_features
 process | radar.num_chirps * np.sum(taps**2) | np.sum(taps**2) | the noise floor is that of a single chirp
 

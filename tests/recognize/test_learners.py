@@ -96,7 +96,7 @@ def test_the_order_of_the_class_names_does_not_matter(name: str) -> None:
 
 @each_learner
 def test_rows_of_classes_outside_the_training_are_embedded(name: str) -> None:
-    """A learner of three classes separates rows of a fourth class from the others well enough for a centroid of labelled rows."""
+    """A learner of three classes predicts one of them for rows of a fourth class, and embeds these rows."""
     known = OBJECTS[:3]
     one = label_free(samples(name, SIMULATED, 1, objects=known), samples(name, MEASURED, 2))
     fitted = SMALL[name].fit(one, ANCHORS, SETTINGS, 0)

@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.recognize.encoder import Settings
+from radartwin.recognize.encoder import Settings, text_scores
 from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
@@ -20,7 +20,10 @@ Reads = Literal["features", "pictures"]
 
 
 class Fitted(Protocol):
-    """A trained learner."""
+    """A trained learner. `classes` holds the names of the K training classes, sorted."""
+
+    @property
+    def classes(self) -> tuple[str, ...]: ...
 
     def embedded(self, samples: Samples) -> Samples:
         """Return the same rows with their values replaced by embeddings (N, T). The class labels of the rows are not used."""
@@ -28,6 +31,10 @@ class Fitted(Protocol):
 
     def predict(self, rows: Unlabelled) -> NDArray[np.str_]:
         """Return for each row (N,) the most likely class of the training rows, without any measured class label."""
+        ...
+
+    def probabilities(self, rows: Unlabelled) -> NDArray[np.float64]:
+        """Return the class probabilities (N, K) of each row, for equally frequent classes."""
         ...
 
 
@@ -71,22 +78,28 @@ class TextClassifier:
         classes: names of the K training classes, sorted.
         texts: (K, T) text embedding of each class.
         epochs: number of epochs of the training.
+        temperature: divisor of the similarities in the softmax over the classes.
     """
 
     encoder: Embedder
     classes: tuple[str, ...]
     texts: NDArray[np.float32]
     epochs: int
+    temperature: float
 
     def embedded(self, samples: Samples) -> Samples:
         vectors = self.encoder.embed(samples.values)
         return samples.with_values(vectors, [f"embedding {number}" for number in range(vectors.shape[1])])
 
     def predict(self, rows: Unlabelled) -> NDArray[np.str_]:
-        return np.array(self.classes)[(self.encoder.embed(rows.values) @ self.texts.T).argmax(axis=1)]
+        return np.array(self.classes)[self.probabilities(rows).argmax(axis=1)]
+
+    def probabilities(self, rows: Unlabelled) -> NDArray[np.float64]:
+        return text_scores(self.encoder.embed(rows.values), self.texts, self.temperature)
 
 
-def text_classifier(encoder: Embedder, split: Split, anchors: Mapping[str, NDArray], epochs: int) -> TextClassifier:
+def text_classifier(encoder: Embedder, split: Split, anchors: Mapping[str, NDArray], epochs: int, settings: Settings) -> TextClassifier:
     """Return the classifier by nearest text embedding among the classes of the split's training rows."""
     classes = split.train.classes
-    return TextClassifier(encoder, classes, np.stack([anchors[label] for label in classes]).astype(np.float32), epochs)
+    texts = np.stack([anchors[label] for label in classes]).astype(np.float32)
+    return TextClassifier(encoder, classes, texts, epochs, settings.temperature)

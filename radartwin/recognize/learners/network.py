@@ -19,4 +19,4 @@ class Network:
 
     def fit(self, split: Split, anchors: Mapping[str, NDArray], settings: Settings, seed: int) -> TextClassifier:
         trained = fit(split, anchors, settings, seed)
-        return text_classifier(trained.encoder, split, anchors, trained.epochs)
+        return text_classifier(trained.encoder, split, anchors, trained.epochs, settings)

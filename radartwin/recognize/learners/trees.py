@@ -31,14 +31,18 @@ class Forest:
 
     model: Any
 
+    @property
+    def classes(self) -> tuple[str, ...]:
+        return tuple(map(str, self.model.classes_))
+
     def embedded(self, samples: Samples) -> Samples:
-        names = [f"log probability {label}" for label in self.model.classes_]
-        return samples.with_values(np.log(np.maximum(self._probabilities(samples), SMALLEST)), names)
+        names = [f"log probability {label}" for label in self.classes]
+        return samples.with_values(np.log(np.maximum(self.probabilities(samples), SMALLEST)), names)
 
     def predict(self, rows: Unlabelled) -> NDArray[np.str_]:
-        return np.asarray(self.model.classes_)[self._probabilities(rows).argmax(axis=1)]
+        return np.array(self.classes)[self.probabilities(rows).argmax(axis=1)]
 
-    def _probabilities(self, rows: Unlabelled) -> NDArray[np.float64]:
+    def probabilities(self, rows: Unlabelled) -> NDArray[np.float64]:
         with _one_thread():
             return self.model.predict_proba(rows.values)
 
