@@ -15,7 +15,8 @@ NAMES = (  # of the experiments, conf/experiment/NAME.yaml
     "campaign", "scan", "labels", "gallery", "gaps", "gap_attribution",
     "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment",
     "rover_fidelity", "rover_disentangle", "point_clouds", "corner_reflector_calibration", "sensitivity",
-    "labelled_probe", "encoder_comparison", "randomisation_ablation", "turntable_label_free", "contrastive", "rover_recognition",
+    "labelled_probe", "encoder_comparison", "randomisation_ablation", "unlabelled_adaptation",
+    "turntable_label_free", "contrastive", "rover_recognition",
     "reconstruction_ablation", "material_errors", "headline", "positioning",
 )  # fmt: skip
 

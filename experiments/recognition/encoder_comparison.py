@@ -65,6 +65,8 @@ def score(config: Config, sources: Sequence[RecordingSource], store: Store, prog
     """Build the rows of every learner for the measured recordings of all `sources`, which share their simulated recordings."""
     rows = RecognitionRows(config)
     measured, copies, keys = gather_rows(config, sources, store, progress)
+    for of in (measured, copies):
+        of["features"] = scaled(of["features"])  # pictures have levels from 0 to 1
     fitted: dict[str, list[Fitted]] = {}
     for method, (kind, text) in progress.over(list(METHODS.items()), "learners"):
         learner = LEARNERS[kind]
@@ -94,7 +96,7 @@ def score(config: Config, sources: Sequence[RecordingSource], store: Store, prog
 def gather_rows(
     config: Config, sources: Sequence[RecordingSource], store: Store, progress: Progress
 ) -> tuple[dict[str, Samples], dict[str, Samples], list[str]]:
-    """Return (measured rows, rows of copies, store keys). Both have an entry for each kind of rows that a learner reads."""
+    """Return (measured rows, rows of copies, store keys). Both have an entry for each kind of rows that a learner reads, not scaled."""
     keys: set[str] = set()
     parts: dict[str, list[Samples]] = {"features": [], "pictures": []}
     for source in sources:
@@ -105,9 +107,8 @@ def gather_rows(
     cases, twins = shared_cases(sources[0], MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each")
     drawn = rows_of_copies(config, store, sources[0], twins, cases)
-    measured = {"features": scaled(join(*parts["features"])), "pictures": join(*parts["pictures"])}
-    copies = {"features": scaled(drawn["features"].samples), "pictures": drawn["pictures"].samples}
-    return measured, copies, sorted(keys | set(drawn["features"].keys))
+    measured = {kind: join(*some) for kind, some in parts.items()}
+    return measured, {kind: found.samples for kind, found in drawn.items()}, sorted(keys | set(drawn["features"].keys))
 
 
 def _add_shots(

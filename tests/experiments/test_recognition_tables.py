@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, is_dataclass, replace
 from pathlib import Path
 
 import fake_campaign
@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign, draw_all, find
 
-from experiments.campaign.cases import Case
+from experiments.campaign.cases import Case, planned
 from experiments.claims import Claim
+from experiments.generators import choices
 from experiments.recognition import (
     contrastive,
     corner_reflector_calibration,
@@ -26,6 +27,7 @@ from experiments.recognition import (
     reconstruction_ablation,
     rover_recognition,
     turntable_label_free,
+    unlabelled_adaptation,
 )
 from experiments.recognition.protocol import RecognitionRows
 from experiments.recognition.readings import shared_cases
@@ -129,6 +131,16 @@ def test_every_learner_recognises_different_objects(tmp_path: Path):
 def test_single_recordings_have_no_labelled_rows(tmp_path: Path):
     result = compared(tmp_path, turntable(repetitions=1, keep=lambda domain, case: case.distance_m == 1.0))
     assert {one["labels per class"] for one in result.rows} == {0}
+
+
+def test_adaptation_scores_balanced_and_skewed_batches(tmp_path: Path):
+    chosen = config("unlabelled_adaptation")
+    result = checked(unlabelled_adaptation.score(chosen, [turntable()], Store(tmp_path / "cache"), Progress()))
+    for method in unlabelled_adaptation.METHODS:
+        for batch in ("balanced", "skewed"):
+            assert find(result, batch=batch, method=method)["metric"] == "accuracy"
+    assert find(result, batch="balanced", method=unlabelled_adaptation.STATISTICS)["value"] > 0.8
+    assert find(result, batch="skewed", method=unlabelled_adaptation.STATISTICS)["n"] <= 24
 
 
 def test_the_ablation_of_randomisation_has_a_row_for_each_kind_of_copies(tmp_path: Path):
@@ -299,20 +311,39 @@ def test_all_correct_has_the_exact_interval_and_one_cell_has_none():
     assert {row["verdict"] for row in rows} == {"untestable"}
 
 
-def test_no_setting_was_chosen_on_measured_recordings():
+def test_no_setting_was_chosen_on_reported_recordings():
     """The file of recorded choices names the data on which each setting was chosen, and contains every numeric setting with its current
     value.
     """
-    content = json.loads((Path(labelled_probe.__file__).parent / "recognition_choices.json").read_text())
+    content = json.loads(choices.OUTPUT.read_text())
     given = compose(["experiment=labelled_probe"])
     for choice in content["choices"]:
-        assert choice["chosen_on"] in ("none", "synthetic", "simulated")
+        assert choice["chosen_on"] in ("none", "synthetic", "simulated", "selection")
         found = given
         for part in choice["setting"].split("."):
             found = getattr(found, part)
-        assert found == choice["value"], choice["setting"]
+        assert (asdict(found) if is_dataclass(found) else found) == choice["value"], choice["setting"]
     recorded = {choice["setting"] for choice in content["choices"]}
     numbers = {f"supervision.encoder.{field.name}" for field in fields(given.supervision.encoder)} - {
         "supervision.encoder.symmetric", "supervision.encoder.paired", "supervision.encoder.weight_decay",
     }  # fmt: skip
     assert numbers <= recorded
+
+
+def test_no_reported_recording_was_among_those_of_the_selection():
+    selection = json.loads(choices.OUTPUT.read_text())["selection"]
+    assert selection["recordings"] == choices.recordings(choices.configured())
+    for profile in ("quick", "paper"):
+        given = compose(["experiment=labelled_probe", f"profile={profile}"])
+        reported = {choices.named(case, given) for case in planned(given.profile.campaign, measured=True)}
+        assert reported
+        assert not reported & set(selection["recordings"])
+        seeds = {int(name.split()[0]) for name in reported}
+        assert selection["seed"] not in seeds
+
+
+def test_the_recorded_scores_name_the_chosen_learners():
+    selection = json.loads(choices.OUTPUT.read_text())["selection"]
+    assert selection["chosen"] == choices.chosen(selection["scores"]) == {
+        "no labels": encoder_comparison.NETWORK, "other recordings": encoder_comparison.TREES,
+    }  # fmt: skip
