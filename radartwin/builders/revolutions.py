@@ -143,7 +143,10 @@ def plan(
     if frames < FEWEST_FRAMES:
         raise InputError(f"{frames} frames per revolution are too few for the features; give at least --frames {FEWEST_FRAMES}")
     check_distances(distances_m)
-    radar = replace(radar, frame_rate_hz=frames / trajectory.period_s)
+    try:
+        radar = replace(radar, frame_rate_hz=frames / trajectory.period_s)
+    except InputError as error:  # the chirps of a frame take longer than a frame
+        raise InputError(f"--frames {frames} in {trajectory.period_s:g} s: {error}") from error
     room = build_room(config.scene, config.materials, config.seed)
     described = describe_room(room, config.scene, config.materials)
     found: list[Revolution] = []
