@@ -29,7 +29,7 @@ def turning(frames: int, turns: float = 1.0) -> tuple[Processed, Nominal]:
     """Return a recording of an echo at 1 m whose power depends smoothly on the angle, with `frames` frames per revolution."""
     radar = Radar.iwr1843()
     angle = 2 * np.pi * np.arange(round(frames * turns)) / frames
-    range_m = np.arange(100) * radar.range_resolution_m
+    range_m = np.arange(100, dtype=np.float64) * radar.range_resolution_m
     power = np.zeros((len(angle), 100), np.float32)
     power[:, np.abs(range_m - 1).argmin()] = 2 + np.cos(angle) + 0.5 * np.cos(3 * angle + 1)
     channels = np.repeat(np.sqrt(power)[:, None].astype(np.complex64), 8, axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from radartwin.scene.surface import Surface
 @pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
 def test_a_sphere_is_the_same_solid_from_stl_and_from_obj(kind: str, tmp_path: Path) -> None:
     sphere = objects.sphere(0.05)
-    content = sphere.export(file_type=kind)
+    content: Any = sphere.export(file_type=kind)
     (tmp_path / "ball.stl").write_bytes(content if isinstance(content, bytes) else content.encode())
     (mesh,) = read_meshes(tmp_path / "ball.stl").values()
     assert len(mesh.faces) == len(sphere.faces)
