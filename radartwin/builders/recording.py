@@ -110,10 +110,30 @@ def simulate_scene(
         store, say: see `radartwin.builders.simulator.choose_simulator`.
     """
     setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
+    return simulate_setup(setup, config, config.scene.target, noise, store, say, out)
+
+
+def simulate_setup(
+    setup: Setup,
+    config: Config,
+    target: str,
+    noise: bool = False,
+    store: Store | None = None,
+    say: Callable[[str], None] = lambda line: None,
+    out: Path | None = None,
+) -> Recording:
+    """Simulate a recording of a radar, a room and a target that are already built. Only the simulator, the features and the seed are read
+    from the configuration.
+
+    Args:
+        target: name of the target. If the repeatability of the target's features is unknown, simulator=auto uses the limits pooled over all
+            objects.
+        noise, store, say, out: as in `simulate_scene`.
+    """
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):
         probe = setup.probe(config.features, simulator.variant)
-        simulator = choose_simulator(simulator, probe, Limits.shipped(setup.measured_motion, config.scene.target), store, say)
+        simulator = choose_simulator(simulator, probe, Limits.shipped(setup.measured_motion, target), store, say)
     return simulate(
         simulated_parts(simulator, setup.room) + setup.target, setup.radar, setup.course.sensor_poses, motion=setup.motion or None,
         noise=noise, seed=config.seed, out=out, provenance=setup.provenance, **simulator_options(simulator),

@@ -156,6 +156,17 @@ def _add_results(group: Verbs) -> None:
     classify.add_argument("--distance", metavar="METRES", type=float, help="from the radar to the target at the start (default: found)")
     classify.add_argument("--period", metavar="SECONDS", type=float, help="of one revolution of the turntable (default: the model's)")
 
+    text = "a recogniser of your own objects, trained on simulation alone: meshes and materials to a model for classify"
+    train = _add(group, "train", verbs.train, text, resumes=True)
+    train.add_argument("objects", metavar="OBJECTS", type=Path, help=".yaml: the objects with their meshes and materials")
+    _overrides(train, "[radar=...] [trajectory.KEY=value ...] [supervision.KEY=value ...] [seed=N] [simulator=...] [key=value ...]")
+    train.add_argument("--out", metavar="MODEL", type=Path, required=True, help="folder of the model; a model in it is replaced")
+    train.add_argument("--room", metavar="SCENE", type=Path, help="scene folder with materials around the objects (default: free space)")
+    metres = "from the radar to the axis of the turntable, in metres (default: 0.5,1,1.5,2)"
+    train.add_argument("--distances", metavar="D,D,...", type=_distances, default=(0.5, 1.0, 1.5, 2.0), help=metres)
+    whole = "per revolution, at least 13 (default: the radar's frames in trajectory.period_s)"
+    train.add_argument("--frames", metavar="N", type=int, help=whole)
+
     dashboard = _add(group, "dashboard", verbs.dashboard, "the MLflow server on loopback")
     dashboard.add_argument("--port", type=_port, help="default: 5000, or a free port if 5000 is taken")
     _output(dashboard)
@@ -215,6 +226,13 @@ def _frames(text: str) -> slice:
     if not separator or not all(part == "" or part.isdecimal() for part in (first, end)) or (end and int(end) <= int(first or 0)):
         raise argparse.ArgumentTypeError(f"{text!r} is not FIRST:END, two frame numbers from 0 of which END is larger")
     return slice(int(first) if first else None, int(end) if end else None)
+
+
+def _distances(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of metres, such as 0.5,1,1.5,2") from None
 
 
 def _experiments() -> list[str]:

@@ -94,7 +94,15 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "radartwin classify capture.bin --model outputs/cache/run/KEY/models/recogniser --distance 1.0 --period 25",
             "a turntable recording; KEY is the key of a run",
         ),
-        ("radartwin classify outputs/recordings/lab --model recogniser", "a simulated recording"),
+        ("radartwin classify outputs/recordings/lab --model my-model", "a simulated recording, by a model of radartwin train"),
+    ),
+    "train": (
+        ("radartwin train objects.yaml --out my-model", "your objects, in free space"),
+        ("radartwin train objects.yaml --out my-model --room room 'trajectory.position_m=[1.0,2.0,1.0]'", "in your room"),
+        (
+            "radartwin train objects.yaml --out my-model --distances 0.8,1.2 --frames 128 trajectory.period_s=20 radar=openradar_77ghz",
+            "for your turntable and radar",
+        ),
     ),
     "dashboard": (
         ("radartwin dashboard", "the runs in outputs"),

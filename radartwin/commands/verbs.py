@@ -172,6 +172,12 @@ def classify(options: argparse.Namespace) -> int:
     return 0
 
 
+def train(options: argparse.Namespace) -> int:
+    from radartwin.commands.train import train
+
+    return train(options)
+
+
 def dashboard(options: argparse.Namespace) -> int:
     from radartwin.config.compose import compose
     from radartwin.runs.dashboard import dashboard

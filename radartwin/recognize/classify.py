@@ -23,6 +23,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.recognize.model import Recogniser
 
 _TURNS = "rotation"
+FEWEST_SHARE = 0.8  # smallest number of frames per revolution, relative to the training; the entropy then changes by less than 5 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,7 @@ def classify(
     recogniser = model if isinstance(model, Recogniser) else Recogniser.load(model)
     processed = process(load_capture(recording, radar, iq_swapped=iq_swapped), doppler=False)
     log = nominal(processed, recogniser, distance_m, period_s)
+    processed, log = thinned(processed, log, recogniser)
     name, without = str(recogniser.features.get("set", "")), tuple(map(str, recogniser.features.get("without", ())))
     try:
         names, values = sets.vector(processed, log, name, without)
@@ -92,6 +94,34 @@ def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | No
         )
     where = changing_range(processed) if distance_m is None else distance_m
     return Nominal(rate, np.full(frames, where, dtype=np.float64), 2 * np.pi * np.arange(frames, dtype=np.float64) / (period * rate))
+
+
+def thinned(processed: Processed, log: Nominal, recogniser: Recogniser) -> tuple[Processed, Nominal]:
+    """Reduce a turntable recording to the number of frames per revolution of the model's training, if the model states this number.
+
+    Crest factor and entropy of a revolution depend on its number of frames. The function keeps the frames nearest to equal angles. A
+    recording with at most as many frames per revolution as the training is not changed.
+
+    Raises:
+        InputError: the recording has fewer frames per revolution than FEWEST_SHARE of the training.
+    """
+    frames = recogniser.features.get("frames_per_turn")
+    if frames is None or log.angle_rad is None:
+        return processed, log
+    if not isinstance(frames, int) or frames < 1:
+        raise InputError(f"the model's number of frames per revolution, {frames!r}, is not a whole number above zero; train it again")
+    recorded = 2 * np.pi / float(log.angle_rad[1] - log.angle_rad[0])
+    if recorded < FEWEST_SHARE * frames:
+        raise InputError(
+            f"the recording has {recorded:.0f} frames per revolution, but the model was trained with {frames}; turn more slowly, record "
+            f"more frames per second, or train with --frames {recorded:.0f}"
+        )
+    if recorded <= frames:
+        return processed, log
+    chosen = np.round(np.arange(int(processed.num_frames * frames / recorded + 1e-6)) * recorded / frames).astype(int)
+    chosen = chosen[chosen < processed.num_frames]
+    rate = log.frame_rate_hz * frames / recorded
+    return processed.frames(chosen), Nominal(rate, log.distance_m[chosen], 2 * np.pi * np.arange(len(chosen)) / frames)
 
 
 def changing_range(processed: Processed) -> float:

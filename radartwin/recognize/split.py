@@ -34,6 +34,7 @@ class Split:
         test: measured rows that the classifier is tested on; their class labels are only used to count correct predictions.
         shots: maximum number of measured recordings per class in the training rows, at level few_shot.
         calibration_object: object of the calibration recording at level calibrated; this object is not tested.
+        tested: False for a training without measured recordings; `test` then has no rows.
         unlabelled: the test rows without class labels, which training may use for normalisation.
     Raises:
         LeakError: the supervision level forbids some of the training or test rows.
@@ -44,6 +45,7 @@ class Split:
     test: Samples
     shots: int = 0
     calibration_object: str = ""
+    tested: bool = True
     unlabelled: Unlabelled = field(init=False)
 
     def __post_init__(self) -> None:
@@ -51,8 +53,8 @@ class Split:
             raise LeakError(f"supervision level {self.level!r} is unknown; choose {', '.join(LEVELS)}")
         if self.train.names != self.test.names:
             raise LeakError("training and test rows have different features; compute both with the same feature set")
-        if not len(self.train) or not len(self.test):
-            raise LeakError("a split needs training rows and test rows")
+        if not len(self.train) or bool(len(self.test)) != self.tested:
+            raise LeakError("a split needs training rows and test rows" if self.tested else "a split without test needs training rows only")
         if (self.test.domain != MEASURED).any():
             raise LeakError("a simulated recording is in the test; score measured recordings only")
         if shared := np.intersect1d(self.train.source, self.test.source).tolist():
@@ -95,6 +97,11 @@ def label_free(simulated: Samples, measured: Samples) -> Split:
     recording.
     """
     return Split("label_free", simulated, measured)
+
+
+def simulation_only(simulated: Samples) -> Split:
+    """Return the division of simulated feature rows that a classifier trains on if there are no measured recordings."""
+    return Split("label_free", simulated, simulated.take(np.zeros(len(simulated), dtype=bool)), tested=False)
 
 
 def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Samples]:

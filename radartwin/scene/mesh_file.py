@@ -25,7 +25,7 @@ from radartwin.errors import InputError, MeshError, MissingError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside
 
-MESH_SUFFIXES = (".glb", ".ply", ".obj")
+MESH_SUFFIXES = (".glb", ".ply", ".obj", ".stl")
 HEAD_BYTES = 65_536  # bytes at the start of an .obj that are searched for the names of its material files
 MAX_INSTANCES = 1_000_000  # largest number of mesh copies that the node tree of a .glb places
 MAX_BYTES = 16 << 30  # largest size in bytes of all mesh copies together
@@ -41,9 +41,10 @@ class TextureWarning(UserWarning):
 
 
 def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
-    """Read the triangle meshes of a .glb, .ply or .obj, and return them in a dictionary by name.
+    """Read the triangle meshes of a .glb, .ply, .obj or .stl, and return them in a dictionary by name.
 
-    Node transforms are applied. No mesh is merged with a second mesh or dropped.
+    Node transforms are applied. No mesh is merged with a second mesh or dropped. The triangles of a .stl share no vertices in the file, so
+    that vertices at the same position are merged.
 
     Raises:
         MissingError: the file does not exist.
@@ -68,6 +69,8 @@ def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
         if isinstance(geometry, trimesh.Trimesh):
             if not np.array_equal(transform, np.eye(4)):
                 geometry = geometry.copy().apply_transform(transform)
+            if path.suffix.lower() == ".stl":
+                geometry.merge_vertices()
             if len(geometry.faces) and not 0 <= geometry.faces.min() <= geometry.faces.max() < len(geometry.vertices):
                 raise MeshError(f"{path} has a face whose vertex is missing; export it again")
             _use_plain_colour_without_picture(geometry)

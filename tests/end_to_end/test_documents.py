@@ -24,10 +24,12 @@ from radartwin.config.compose import Composer, combinations, compose
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.runs import sweep
 from radartwin.runs.search import space
+from radartwin.scene import objects
+from radartwin.scene.scene import Scene, Surface
 
 PAGES = sorted(DOCS.rglob("*.md"))
 README = ROOT / "README.md"
-RUN_HERE = {"extending.md", "recording-sets.md"}
+RUN_HERE = {"extending.md", "own-objects.md", "recording-sets.md"}
 # Commands that take too long or need a cluster, by their first words, with the reason. They are composed only.
 COMPOSED = {
     "radartwin run -m experiment=environment materials=vlm,uniform,void seed": "nine jobs of minutes; sweeps of small ones: test_faults.py",
@@ -131,6 +133,17 @@ def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixtur
     assert "sweep: 2 done, 0 cached" in said.out or "sweep: 1 done, 1 cached" in said.out
 
 
+def test_own_objects_are_trained_and_classified_as_printed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The page docs/own-objects.md trains on own meshes in free space and in a room. The test takes fewer frames, distances and copies."""
+    small = ["--frames", "24", "--distances", "0.8,1.6", "supervision.copies=3", "tracking=off"]
+    walls = {"floor": objects.box([0, 0, -0.1], [4, 4, 0]), "wall": objects.box([4, 0, 0], [4.1, 4, 2.5])}
+    Scene(Surface(mesh, "plasterboard", name) for name, mesh in walls.items()).save(here / "room")
+    assert follow(blocks(DOCS / "own-objects.md"), here, lambda words: [*words, *(small if words[0] == "train" else [])]) == 4
+    said = capsys.readouterr()
+    assert said.out.split("label probability\n")[1].startswith("mug ")
+    assert {path.name for path in (here / "my-model").iterdir()} == {"README.md", "model.json", "model.safetensors"}
+
+
 def test_recording_sets_are_made_as_printed(here: Path, shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The page docs/recording-sets.md imports one capture and then a folder of captures with a mapping file, checks the recording set, and
     loops over its recordings.
@@ -206,6 +219,7 @@ def test_what_a_page_points_to_exists(page: Path) -> None:
 def test_a_command_in_the_text_is_taken(command: str) -> None:
     words = shlex.split(command)[1:]
     needed = {"reconstruct": ["--out", "x"], "export": ["--out", "x"], "import": ["x", "--out", "x"], "classify": ["x", "--model", "x"]}
+    needed["train"] = ["x", "--out", "x"]
     positional = {"label": ["x"], "view": ["x"], "process": ["x"], "reconstruct": ["x"]}
     extra = needed.get(words[0], []) if "--out" not in words and "--model" not in words else []
     try:

@@ -56,6 +56,7 @@ def place(shared_disk: Disk) -> Disk:
         pass
     asked = prepare(folder / "scene", Scene.load(folder / "scene")).questions
     answers = [{"id": question.id, "material": "wood", "finish": "smooth", "confidence": 0.5, "reason": "grain"} for question in asked]
+    (folder / "objects.yaml").write_text("objects: [{name: a, catalogue: corner_reflector}, {name: b, catalogue: mug}]")
     (folder / "answers.jsonl").write_text("".join(json.dumps(answer) + "\n" for answer in answers))
     return shared_disk
 
@@ -71,6 +72,10 @@ VERBS = {
     "label": ["label", "{d}/scene", "--import", "{d}/answers.jsonl", "--model", "me"],
     "questions": ["label", "{d}/scene", "--export", "{d}/questions"],
     "view": ["view", "{d}/scene"],
+    "train": [
+        "train", "{d}/objects.yaml", "--out", "{d}/model", "--output", "{d}/out", "--frames", "13", "--distances", "1", "tracking=off",
+        "radar.num_chirps=2", "supervision.copies=1", "supervision.encoder.epochs=1",
+    ],
     "import": [
         "import", "{d}/recording.bin", "--out", "{d}/set", "object=none", "room=lab", "motion=static", "licence=MIT", "who=a", "sensor=b",
         "when=2026-01-01", "units=amplitude",

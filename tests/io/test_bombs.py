@@ -24,6 +24,7 @@ from radartwin.label.photos import load_photos
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.recognize.model import Recogniser
+from radartwin.recognize.own.object_list import read_objects
 from radartwin.reconstruct.frames.folder import load_own
 from radartwin.reconstruct.frames.pictures import picture_size, read_picture
 from radartwin.recordings.mapping import read_mapping
@@ -160,7 +161,7 @@ LAUGHS = b"a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + b"".join(
 )
 
 
-@pytest.mark.parametrize("read", [Layout.load, read_mapping, Radar.from_file])
+@pytest.mark.parametrize("read", [Layout.load, read_mapping, read_objects, Radar.from_file])
 def test_yaml_with_aliases_or_python_objects_is_refused(read: Callable[[Path], object], tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     for before in (b"", b"captures:\n  - file: a.bin\n    object: *a11\n", b"objects: *a11\n"):

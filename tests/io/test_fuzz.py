@@ -28,6 +28,7 @@ from radartwin.label.photos import load_photos
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.recognize.model import Recogniser
+from radartwin.recognize.own.object_list import read_objects
 from radartwin.reconstruct.frames.folder import load_own
 from radartwin.reconstruct.frames.formats import load_arkit, load_pose_file, load_tum
 from radartwin.reconstruct.frames.frames import Frames
@@ -88,7 +89,8 @@ READERS: dict[Callable[[Path], object], tuple[str, ...]] = {
     read_track: ("track.txt", "track.csv"),
     Layout.load: ("layout.yaml",),
     read_mapping: ("map.csv", "map.yaml"),
-    read_meshes: ("a.obj", "a.ply"),
+    read_meshes: ("a.obj", "a.ply", "a.stl"),
+    read_objects: ("objects.yaml",),
 }
 COMMON = [
     *(_text(name, "bytes", read) for read, names in READERS.items() for name in names),

@@ -17,7 +17,7 @@ The following text is an example of an object layout file, in YAML:
       - object: corner_reflector
         position_m: [3.0, 0.0, 1.0]
         held: true                   # the support is not modelled, so the object may float
-      - object: meshes/bottle.obj    # a .glb, .ply or .obj; the path starts at the layout file; it stands on its lowest point
+      - object: meshes/bottle.obj    # a .glb, .ply, .obj or .stl; the path starts at the layout file; it stands on its lowest point
         material: hdpe               # of the whole mesh: a name, or {layers: [[hdpe, 0.001]], backing: water}
         unit: mm                     # of the mesh: m (default), cm, mm or in
         up: y                        # its upward axis: z (default) or y

@@ -62,7 +62,7 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
     """Read a mesh file as an object: in metres, with z up, standing on z = 0, and centred on the z axis.
 
     Args:
-        path: .obj, .ply or .glb file, whose texture and colours are kept.
+        path: .glb, .ply, .obj or .stl file, whose texture and colours are kept.
         material: material of the whole object.
         unit: length unit of the file's coordinates: m, cm, mm or in.
         up: axis of the file's coordinates that points up: z or y.

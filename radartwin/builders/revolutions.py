@@ -1,0 +1,208 @@
+"""Simulate one turntable revolution of each of the user's objects at each distance, and compute feature rows of its copies.
+
+The radar is level with the aim height of the object (`OwnObject.aim_m`), and the axis of the turntable is on the boresight. The store keeps
+two results for each revolution: the processed recording without noise, and the feature rows of its copies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.adaptive.limits import Limits
+from radartwin.builders.radar import build_radar
+from radartwin.builders.recording import Setup, simulate_setup
+from radartwin.builders.scene import TARGET, add_layout, build_room, describe_room
+from radartwin.builders.trajectory import build_course, check_course
+from radartwin.config.config import Config
+from radartwin.config.simulator import AutoSimulator
+from radartwin.config.trajectory import TurntableTrajectory
+from radartwin.errors import ConfigError, InputError, SceneError
+from radartwin.features.envelope import HARMONICS
+from radartwin.features.log import Nominal
+from radartwin.features.processed import Processed, process
+from radartwin.features.profile import FAR_M, NEAR_M
+from radartwin.recognize.own.copies import feature_rows
+from radartwin.recognize.own.object_list import OwnObject
+from radartwin.recognize.samples import SIMULATED, Part
+from radartwin.scene import objects, rooms
+from radartwin.scene.collision import first_crossing, overlap_m
+from radartwin.scene.scene import Scene
+from radartwin.scene.storage import material_to_json
+from radartwin.scene.trajectories.trajectory import pose
+from radartwin.store import array_cache
+from radartwin.store.digest import array_digest
+from radartwin.store.products import Store, save_arrays
+
+REVOLUTION, COPIES = "revolution", "revolution_copies"  # kinds of stored results
+ROOTS = ["radartwin.builders.recording", "radartwin.features.processed"]
+COPIES_ROOTS = ["radartwin.recognize.own.copies"]
+FEWEST_FRAMES = 2 * HARMONICS + 1  # the harmonics of a revolution need more than two frames per cycle
+
+
+@dataclass(frozen=True, eq=False)
+class Revolution:
+    """One revolution of an object at one distance, before its simulation.
+
+    Attributes:
+        label: name of the object.
+        config: configuration, of which only the simulator, the features, the seed and the number of copies are read.
+        root: folder of the store.
+    """
+
+    label: str
+    distance_m: float
+    setup: Setup
+    config: Config
+    root: Path
+
+    @property
+    def frames(self) -> int:
+        return len(self.setup.course.target_poses)
+
+    @property
+    def log(self) -> Nominal:
+        angle_rad = self.setup.course.angle_rad
+        assert angle_rad is not None
+        return Nominal(self.setup.radar.frame_rate_hz, np.full(len(angle_rad), self.distance_m), angle_rad)
+
+    @cached_property
+    def spec(self) -> dict[str, Any]:
+        """Return the specification that decides the store key of the revolution. The name of the object is not part of it."""
+        course, simulator = self.setup.course, self.config.simulator
+        spec: dict[str, Any] = {
+            "room": _identity(self.setup.room), "object": _identity(self.setup.target), "radar": self.setup.radar.to_dict(),
+            "sensor": array_digest(np.round(course.sensor_poses, 9)), "poses": array_digest(np.round(course.target_poses, 9)),
+            "simulator": simulator,
+        }  # fmt: skip
+        if isinstance(simulator, AutoSimulator):
+            spec |= {"features": self.config.features, "limits": Limits.shipped(self.setup.measured_motion, self.label).of}
+        return spec
+
+    def is_stored(self, store: Store) -> bool:
+        """Return whether the store holds the copies of the revolution."""
+        key = store.key(REVOLUTION, self.spec, ROOTS)
+        return store.holds(REVOLUTION, self.spec, ROOTS) and store.holds(COPIES, self._copies_spec(key), COPIES_ROOTS)
+
+    def part(self, store: Store) -> tuple[str, tuple[str, ...], Part]:
+        """Return the store key, the feature names and the feature rows of the copies. Missing results are computed."""
+        product = store.fetch(REVOLUTION, self.spec, ROOTS, self._simulate)
+        key = product.key
+
+        def build(folder: Path) -> None:
+            count, seed = self.config.supervision.copies, [self.config.seed, int(key[:8], 16)]
+            names, values = feature_rows(Processed.load(product.path), self.log, count, seed)
+            save_arrays(folder, {"names": np.array(names), "values": values})
+
+        stored = store.fetch(COPIES, self._copies_spec(key), COPIES_ROOTS, build).arrays()
+        stratum = f"{self.distance_m:g} m"
+        part = Part(f"{self.label} {stratum}", self.label, SIMULATED, stored["values"], stratum)
+        return key, tuple(map(str, stored["names"])), part
+
+    def _copies_spec(self, key: str) -> dict[str, Any]:
+        log = self.log
+        return {
+            "of": key, "count": self.config.supervision.copies, "seed": self.config.seed,
+            "distance_m": log.distance_m, "angle_rad": log.angle_rad,
+        }  # fmt: skip
+
+    def _simulate(self, folder: Path) -> dict[str, int]:
+        with array_cache.in_folder(self.root / "paths") if len(self.setup.room) else contextlib.nullcontext():
+            recording = simulate_setup(self.setup, self.config, self.label, store=Store(self.root))
+        process(recording, doppler=False).save(folder)
+        return {"frames": recording.num_frames}
+
+
+def compute(revolution: Revolution) -> None:
+    """Simulate a revolution and compute its copies, unless the store holds them. Worker processes call this function."""
+    revolution.part(Store(revolution.root))
+
+
+def plan(
+    config: Config, own: Sequence[OwnObject], distances_m: Sequence[float], frames: int | None, root: Path
+) -> tuple[list[Revolution], dict[str, Any]]:
+    """Return the revolutions of all objects at all distances, and a description of the room (see `describe_room`).
+
+    Args:
+        frames: number of frames per revolution; None takes the frame rate of the configured radar.
+        root: folder of the store.
+    Raises:
+        UserError: a distance, the number of frames, the radar or the room cannot be used, or an object does not fit into the room.
+    """
+    trajectory = config.trajectory
+    if not isinstance(trajectory, TurntableTrajectory):
+        raise ConfigError(f"trajectory={trajectory.kind} has no turntable; leave it out, because train reads trajectory=turntable only")
+    radar = build_radar(config.radar)
+    frames = round(trajectory.period_s * radar.frame_rate_hz) if frames is None else frames
+    if frames < FEWEST_FRAMES:
+        raise InputError(f"{frames} frames per revolution are too few for the features; give at least --frames {FEWEST_FRAMES}")
+    check_distances(distances_m)
+    try:
+        radar = replace(radar, frame_rate_hz=frames / trajectory.period_s)
+    except InputError as error:  # the chirps of a frame take longer than a frame
+        raise InputError(f"--frames {frames} in {trajectory.period_s:g} s: {error}") from error
+    room = build_room(config.scene, config.materials, config.seed)
+    described = describe_room(room, config.scene, config.materials)
+    found: list[Revolution] = []
+    for distance_m in distances_m:
+        course = build_course(replace(trajectory, distance_m=distance_m), radar, room)
+        if not found:
+            room = add_layout(config.scene, room, course.sensor_poses[0])
+            check_course(room, radar, course)
+        for one in own:
+            facing = pose([0.0, 0.0, -one.aim_m], np.diag([-1.0, -1.0, 1.0]))  # in the first frame, the front faces the radar
+            target = Scene(surface.moved(facing).replaced(name=TARGET) for surface in one.surfaces)
+            axis = course.target_poses[0, :3, 3]
+            _check_place(room, one, course.sensor_poses[0, :3, 3], axis, distance_m)
+            placed = rooms.support(axis - [0, 0, one.aim_m + rooms.GAP]) + target if config.scene.stand else target
+            setup = Setup(room, placed, radar, course, {TARGET: course.target_poses}, described)
+            found.append(Revolution(one.name, distance_m, setup, config, root))
+    return found, described
+
+
+def check_distances(distances_m: Sequence[float]) -> None:
+    """Raise InputError for distances that are outside the range of the features, that occur twice, or that are missing."""
+    if not distances_m:
+        raise InputError("no distance is given; give --distances in metres, such as 0.5,1,1.5,2")
+    for number, distance_m in enumerate(distances_m):
+        if not NEAR_M <= distance_m <= FAR_M:
+            raise InputError(f"--distances: {distance_m:g} m is not between {NEAR_M} and {FAR_M} m, where the features exist; change it")
+        if distance_m in distances_m[:number]:
+            raise InputError(f"--distances: {distance_m:g} m is given twice; leave one out")
+
+
+def _check_place(room: Scene, one: OwnObject, sensor: np.ndarray, axis: np.ndarray, distance_m: float) -> None:
+    """Raise SceneError if the turning object would touch the radar or a surface of the room, or if a surface hides it from the radar."""
+    where = f"{one.name} at {distance_m:g} m"
+    remedy = "move the radar (trajectory.position_m, trajectory.heading_deg) or change --distances"
+    if one.radius_m >= distance_m:
+        raise SceneError(f"{where} reaches {one.radius_m:.2f} m from its axis and touches the radar; use a larger distance")
+    height = float(one.size_m[2])
+    swept = objects.cylinder(one.radius_m, height, 24).apply_transform(pose(axis + np.array([0, 0, height / 2 - one.aim_m])))
+    for surface in room:
+        if first_crossing(sensor[None], axis[None], surface.mesh) is not None:
+            raise SceneError(f"{where} is hidden from the radar by surface '{surface.name}'; {remedy}")
+        if (depth := overlap_m(swept, surface.mesh)) > 0:
+            raise SceneError(f"{where} overlaps surface '{surface.name}' by {100 * depth:.0f} cm while it turns; {remedy}")
+
+
+def _identity(scene: Scene) -> list[dict[str, Any]]:
+    """Return what decides the echo of each surface, for a store key."""
+    return [
+        {
+            "vertices": array_digest(np.asarray(surface.mesh.vertices, dtype=np.float64)),
+            "faces": array_digest(np.asarray(surface.mesh.faces, dtype=np.int64)),
+            "material": material_to_json(surface.material),
+            "roughness_m": surface.roughness_m,
+            "correlation_m": surface.correlation_m,
+            "role": surface.kind,
+            "moves": surface.name == TARGET,
+        }
+        for surface in scene
+    ]

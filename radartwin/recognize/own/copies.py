@@ -1,0 +1,45 @@
+"""Compute feature rows of varied copies of a simulated revolution. Only `varied` decides how a copy differs from the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.features import sets
+from radartwin.features.log import Log
+from radartwin.features.processed import Processed, process
+from radartwin.radar.chirp import Radar
+from radartwin.radar.dca1000 import frame_shape
+from radartwin.radar.recording import Recording
+from radartwin.recognize.augment import copies
+from radartwin.simulation.signal.synthesis import thermal_noise
+
+FEATURES, WITHOUT = "rotation", ("brightness",)  # brightness is an absolute level, and the gain of a user's radar is unknown
+NOISE_FRAMES = 8  # frames of noise from which its power is computed, to about 1 %
+
+
+def varied(processed: Processed, log: Log, count: int, seed: Sequence[int]) -> Iterator[Processed]:
+    """Yield `count` copies of a simulated revolution. Each copy has its own thermal noise of the radar.
+
+    Args:
+        processed: simulated revolution without noise.
+        log: nominal motion of the revolution.
+        seed: seed of the random generators; equal seeds give equal copies.
+    """
+    return copies(processed, thermal_power(processed.radar), count, list(seed))
+
+
+def feature_rows(processed: Processed, log: Log, count: int, seed: Sequence[int]) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Return the names of the D features, and the feature rows (count, D) of the copies that `varied` yields."""
+    rows = [sets.vector(copy, log, FEATURES, WITHOUT) for copy in varied(processed, log, count, seed)]
+    return tuple(rows[0][0]), np.stack([values for _, values in rows]).astype(np.float64)
+
+
+def thermal_power(radar: Radar) -> float:
+    """Return the power of the radar's thermal noise per range bin of a processed recording, as the mean over all range bins."""
+    noise = thermal_noise((NOISE_FRAMES, *frame_shape(radar)), radar, np.random.default_rng(0))
+    if radar.real_sampling:
+        noise.imag = 0
+    return float(process(Recording(noise, radar), doppler=False).power.mean())
