@@ -7,7 +7,7 @@ the copies follows from target energies and noise floors of measured recordings,
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from radartwin.features.log import distances
 from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
 from radartwin.recognize import randomise
-from radartwin.recognize.augment import added_noise, noisy
+from radartwin.recognize.augment import added_noise
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.samples import gather
 from radartwin.scene.objects.catalogue import with_other_reflectors
@@ -84,10 +84,15 @@ def _rows(
     """Return the store key of a simulated recording, and names and values of the rows of its copies by kind."""
     key, processed = source.processed("twin", case)
     log, chosen = source.log(case, "twin"), config.supervision
+    strengths = randomise.Randomisation(**asdict(chosen.randomise))
 
     def build(folder: Path) -> None:
         vectors_, pictures = [], []
-        for copy in _copies(config, store, source, case, processed, noise_power, seed):
+        echoes: list[NDArray] = []
+        if strengths.moves_target:
+            assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
+            echoes = _alone(config, store, source, case, processed, strengths, seed)
+        for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, strengths, seed):
             vectors_.append(sets.vector(copy, log, FEATURES, without))
             pictures.append(picture_row(copy, log))
         found: dict[str, NDArray] = {}
@@ -100,24 +105,6 @@ def _rows(
         "randomise": asdict(chosen.randomise), "variants": chosen.variants, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
     }  # fmt: skip
     return key, store.fetch("copies", spec, ROOTS, build).arrays()
-
-
-def _copies(
-    config: Config, store: Store, source: RecordingSource, case: Case, processed: Processed, noise_power: float, seed: list[int]
-) -> Iterator[Processed]:
-    """Yield the copies of a simulated recording: drawn turntables and targets, each with several drawn receivers and noises."""
-    strengths = randomise.Randomisation(**asdict(config.supervision.randomise))
-    count = config.supervision.copies
-    targets = [processed]
-    if strengths.moves_target:
-        assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
-        nominal, *drawn = _alone(config, store, source, case, processed, strengths, seed)
-        targets = [randomise.exchanged(processed, nominal, one) for one in drawn]
-    for variant, target in enumerate(targets):
-        for number in range(variant, count, len(targets)):
-            own = [*seed, number]
-            power = noise_power * randomise.noise_factor(strengths, own)
-            yield noisy(randomise.received(target, strengths, own), power, np.random.default_rng(own))
 
 
 def _alone(
@@ -134,9 +121,9 @@ def _alone(
     physical = replace(strengths, level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
 
     def build(folder: Path) -> None:
-        drawn = [(randomise.OFF, seed), *((strengths, [*seed, number]) for number in range(count))]
-        made = [randomise.alone(surfaces, radar, log.sensor_poses, turned, *one, **simulator_options(simulator)) for one in drawn]
-        save_arrays(folder, {"channels": np.stack(made)[..., near]})
+        options = simulator_options(simulator)
+        made = randomise.echoes_alone(surfaces, radar, log.sensor_poses, turned, strengths, count, seed, **options)
+        save_arrays(folder, {"channels": made[..., near]})
 
     spec = {
         "object": case.object, "contents": own.contents, "radar": radar.to_dict(), "poses": [log.sensor_poses, turned], "near": near,

@@ -113,12 +113,9 @@ def _result(config: Config, hits: dict[tuple[str, str], NDArray], whole: Samples
         shown.setdefault(batch, {})[method] = rows.share(case, found[:, scored], whole.take(scored), keys, chance)
         if method != STATISTICS:
             claim = Claim("unequal class shares are corrected") if (batch, method) == ("skewed", WEIGHTED) else Claim()
-            both = scored & ~np.isnan(found + hits[batch, STATISTICS]).any(axis=0)
-            if both.any():
-                truth = whole.take(both)
-                rows.gain(
-                    case | {"method": f"{method} - {STATISTICS}"}, found[:, both], hits[batch, STATISTICS][:, both], truth, keys, claim
-                )
+            # A row of a skewed batch is not in the batches of all seeds.
+            ours, theirs = (np.nanmean(one[:, scored], axis=0, keepdims=True) for one in (found, hits[batch, STATISTICS]))
+            rows.gain(case | {"method": f"{method} - {STATISTICS}"}, ours, theirs, whole.take(scored), keys, claim)
     metrics = {
         f"accuracy_{batch}_{method.replace(' ', '_')}": float(row["value"]) for batch, of in shown.items() for method, row in of.items()
     }

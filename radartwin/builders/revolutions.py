@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,10 @@ from radartwin.adaptive.limits import Limits
 from radartwin.builders.radar import build_radar
 from radartwin.builders.recording import Setup, simulate_setup
 from radartwin.builders.scene import TARGET, add_layout, build_room, describe_room
+from radartwin.builders.simulator import simulator_options
 from radartwin.builders.trajectory import build_course, check_course
 from radartwin.config.config import Config
-from radartwin.config.simulator import AutoSimulator
+from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.errors import ConfigError, InputError, SceneError
 from radartwin.features.envelope import HARMONICS
@@ -30,6 +31,7 @@ from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.recognize.own.copies import feature_rows
 from radartwin.recognize.own.object_list import OwnObject
+from radartwin.recognize.randomise import Randomisation, echoes_alone
 from radartwin.recognize.samples import SIMULATED, Part
 from radartwin.scene import objects, rooms
 from radartwin.scene.collision import first_crossing, overlap_m
@@ -96,8 +98,10 @@ class Revolution:
         key = product.key
 
         def build(folder: Path) -> None:
-            count, seed = self.config.supervision.copies, [self.config.seed, int(key[:8], 16)]
-            names, values = feature_rows(Processed.load(product.path), self.log, count, seed)
+            chosen, seed = self.config.supervision, [self.config.seed, int(key[:8], 16)]
+            strengths = Randomisation(**asdict(chosen.randomise))
+            echoes = self._echoes(strengths, seed) if strengths.moves_target else []
+            names, values = feature_rows(Processed.load(product.path), self.log, echoes, chosen.copies, strengths, seed)
             save_arrays(folder, {"names": np.array(names), "values": values})
 
         stored = store.fetch(COPIES, self._copies_spec(key), COPIES_ROOTS, build).arrays()
@@ -109,8 +113,17 @@ class Revolution:
         log = self.log
         return {
             "of": key, "count": self.config.supervision.copies, "seed": self.config.seed,
-            "distance_m": log.distance_m, "angle_rad": log.angle_rad,
+            "distance_m": log.distance_m, "angle_rad": log.angle_rad, "variants": self.config.supervision.variants,
+            "randomise": asdict(self.config.supervision.randomise),
         }  # fmt: skip
+
+    def _echoes(self, strengths: Randomisation, seed: Sequence[int]) -> Sequence[np.ndarray]:
+        """Return the channels of the nominal object alone in free space, and of the drawn objects (`randomise.echoes_alone`)."""
+        course, chosen = self.setup.course, self.config.supervision
+        surfaces = [surface for surface in self.setup.target if surface.name == TARGET]
+        simulator = MitsubaSimulator() if isinstance(self.config.simulator, AutoSimulator) else self.config.simulator
+        count, options = min(chosen.variants, chosen.copies), simulator_options(simulator)
+        return list(echoes_alone(surfaces, self.setup.radar, course.sensor_poses, course.target_poses, strengths, count, seed, **options))
 
     def _simulate(self, folder: Path) -> dict[str, int]:
         with array_cache.in_folder(self.root / "paths") if len(self.setup.room) else contextlib.nullcontext():

@@ -1,4 +1,4 @@
-"""Make noisy copies of simulated recordings, at the signal-to-noise ratio of the measured recordings.
+"""Add noise to simulated recordings, at the signal-to-noise ratio of the measured recordings.
 
 The paper (recognition with simulation-trained representations) uses 30 noise-augmented copies per object, matched to the measured SNR.
 Receiver noise is white over the samples of a chirp, so this module draws noise samples for each chirp and applies the range FFT to the
@@ -9,8 +9,6 @@ recordings, but not their class labels.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +55,3 @@ def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) ->
     power = np.maximum(processed.power + gain, 0).astype(np.float32)
     floor = (processed.noise_floor + added).astype(np.float32)
     return Processed(processed.radar, processed.range_m, power, changed, None, processed.velocity_mps, floor)
-
-
-def copies(processed: Processed, noise_power: float, count: int, seed: int | list[int]) -> Iterator[Processed]:
-    for number in range(count):
-        yield noisy(processed, noise_power, np.random.default_rng([*np.atleast_1d(seed).tolist(), number]))

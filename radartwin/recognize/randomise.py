@@ -21,7 +21,7 @@ chosen before any table was computed, without the sizes of the testbed's errors 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -35,6 +35,7 @@ from radartwin.features.processed import Processed, process
 from radartwin.materials import Layered, layered, varied
 from radartwin.radar.chirp import Radar
 from radartwin.radar.if_filter import IfFilter
+from radartwin.recognize.augment import noisy
 from radartwin.scene.objects.vessels import smoothed
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
@@ -127,6 +128,34 @@ def target(surfaces: Sequence[Surface], strengths: Randomisation, seed: int | Se
     return out
 
 
+def copies(
+    processed: Processed, echoes: Sequence[NDArray[np.complexfloating]], noise_power: float, count: int, strengths: Randomisation,
+    seed: Sequence[int],
+) -> Iterator[Processed]:  # fmt: skip
+    """Yield `count` copies of a simulated revolution, each with a drawn receiver and drawn noise.
+
+    Args:
+        echoes: channels (F, A, B) of the nominal target alone, then of each drawn target, over which the copies are divided. Without
+            echoes, all copies have the nominal target.
+        noise_power: noise power per range bin, around which the noise of the copies is drawn.
+    """
+    targets = [exchanged(processed, echoes[0], one) for one in echoes[1:]] or [processed]
+    for variant, drawn in enumerate(targets):
+        for number in range(variant, count, len(targets)):
+            own = [*seed, number]
+            power = noise_power * noise_factor(strengths, own)
+            yield noisy(received(drawn, strengths, own), power, np.random.default_rng(own))
+
+
+def echoes_alone(
+    surfaces: Sequence[Surface], radar: Radar, sensor_poses: NDArray[np.float64], nominal: NDArray[np.float64], strengths: Randomisation,
+    count: int, seed: Sequence[int], **options: Any,
+) -> NDArray[np.complex64]:  # fmt: skip
+    """Return the channels (1 + count, F, A, B) of the nominal target alone in free space, then of `count` drawn ones; see `alone`."""
+    drawn = [(OFF, seed), *((strengths, [*seed, number]) for number in range(count))]
+    return np.stack([alone(surfaces, radar, sensor_poses, nominal, *one, **options) for one in drawn])
+
+
 def alone(
     surfaces: Sequence[Surface], radar: Radar, sensor_poses: NDArray[np.float64], nominal: NDArray[np.float64], strengths: Randomisation,
     seed: int | Sequence[int], **options: Any,
@@ -191,7 +220,7 @@ def _with_channels(processed: Processed, channels: NDArray[np.complex64], noise_
     return replace(processed, channels=channels, power=power, doppler=None, noise=noise)
 
 
-def _deformed(mesh: trimesh.Trimesh, move) -> trimesh.Trimesh:
+def _deformed(mesh: trimesh.Trimesh, move: Callable[[NDArray], NDArray]) -> trimesh.Trimesh:
     """Move the vertices of a mesh. Smooth parts stay smooth and flat plates flat."""
     merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     merged.merge_vertices()

@@ -12,7 +12,7 @@ import pytest
 from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
-from radartwin.recognize.augment import added_noise, copies, noisy
+from radartwin.recognize.augment import added_noise, noisy
 
 RADAR = Radar.iwr1843()
 
@@ -51,9 +51,9 @@ def test_power_and_channels_of_a_copy_agree():
 
 def test_copies_differ_and_are_reproducible():
     processed = replace(echo(frames=5), noise=None)
-    one, two = copies(processed, 1e-6, 2, 7)
+    one, two = (noisy(processed, 1e-6, np.random.default_rng(seed)) for seed in (7, 8))
     assert not np.array_equal(one.channels, two.channels)
-    assert np.array_equal(one.channels, next(copies(processed, 1e-6, 2, 7)).channels)
+    assert np.array_equal(one.channels, noisy(processed, 1e-6, np.random.default_rng(7)).channels)
 
 
 def test_simulated_targets_get_the_measured_signal_to_noise_ratio():

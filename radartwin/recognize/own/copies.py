@@ -1,8 +1,8 @@
-"""Compute feature rows of varied copies of a simulated revolution. Only `varied` decides how a copy differs from the simulation."""
+"""Compute feature rows of randomised copies of a simulated revolution of the user's own objects."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,27 +13,25 @@ from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import frame_shape
 from radartwin.radar.recording import Recording
-from radartwin.recognize.augment import copies
+from radartwin.recognize.randomise import Randomisation, copies
 from radartwin.simulation.signal.synthesis import thermal_noise
 
 FEATURES, WITHOUT = "rotation", ("brightness",)  # brightness is an absolute level, and the gain of a user's radar is unknown
 NOISE_FRAMES = 8  # frames of noise from which its power is computed, to about 1 %
 
 
-def varied(processed: Processed, log: Log, count: int, seed: Sequence[int]) -> Iterator[Processed]:
-    """Yield `count` copies of a simulated revolution. Each copy has its own thermal noise of the radar.
+def feature_rows(
+    processed: Processed, log: Log, echoes: Sequence[NDArray], count: int, strengths: Randomisation, seed: Sequence[int]
+) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+    """Return the names of the D features, and the feature rows (count, D) of randomised copies of a simulated revolution.
 
     Args:
         processed: simulated revolution without noise.
         log: nominal motion of the revolution.
-        seed: seed of the random generators; equal seeds give equal copies.
+        echoes, strengths, seed: see `randomise.copies`.
     """
-    return copies(processed, thermal_power(processed.radar), count, list(seed))
-
-
-def feature_rows(processed: Processed, log: Log, count: int, seed: Sequence[int]) -> tuple[tuple[str, ...], NDArray[np.float64]]:
-    """Return the names of the D features, and the feature rows (count, D) of the copies that `varied` yields."""
-    rows = [sets.vector(copy, log, FEATURES, WITHOUT) for copy in varied(processed, log, count, seed)]
+    made = copies(processed, echoes, thermal_power(processed.radar), count, strengths, seed)
+    rows = [sets.vector(copy, log, FEATURES, WITHOUT) for copy in made]
     return tuple(rows[0][0]), np.stack([values for _, values in rows]).astype(np.float64)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin.adaptive.limits import Limits
 from radartwin.recognize.encoder import Settings
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import standardised
@@ -33,12 +34,15 @@ class Training:
     features: Mapping[str, Any]
 
     def recogniser(self, rows: Samples, provenance: Mapping[str, Any] | None = None) -> Recogniser:
-        """Train on all rows, which are simulated. The features are scaled by their mean and standard deviation over the rows."""
-        trained = fit(simulation_only(standardised(rows)), self.anchors, self.settings, self.seed)
+        """Train on all rows, which are simulated. The features are scaled by their mean, and by their standard deviation over the rows or
+        their repeatability, whichever is larger.
+        """
+        floor = Limits.shipped("turntable").deviations(rows.names)
+        trained = fit(simulation_only(standardised(rows, floor)), self.anchors, self.settings, self.seed)
         prototypes = np.stack([self.anchors[label] for label in rows.classes])
         return Recogniser(
             trained.encoder, rows.classes, prototypes, self.settings.temperature, rows.names, dict(self.features),
-            rows.values.mean(axis=0), rows.values.std(axis=0), {**(provenance or {}), "epochs": trained.epochs},
+            rows.values.mean(axis=0), np.maximum(rows.values.std(axis=0), floor), {**(provenance or {}), "epochs": trained.epochs},
         )  # fmt: skip
 
 

@@ -87,7 +87,10 @@ def _training(trained: TrainedOn, epochs: int) -> list[tuple[str, str]]:
         ("frames per revolution", str(trained.frames)),
         ("duration of a revolution", f"{trained.period_s:g} s"),
         ("simulated recordings, one revolution each", str(trained.recordings)),
-        ("copies of each recording", f"{trained.copies}, each with its own thermal noise"),
+        (
+            "copies of each recording",
+            f"{trained.copies}, each with its own receiver and noise (supervision.randomise)",
+        ),
         ("features", "rotation without brightness"),
         ("class vectors", vectors),
         ("seed", str(trained.seed)),
