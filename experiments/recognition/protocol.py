@@ -13,17 +13,18 @@ from experiments.claims import NONE, Claim, Row, RowList
 from experiments.statistics import Estimate, clustered
 from radartwin.adaptive.limits import Limits
 from radartwin.config.config import Config
-from radartwin.recognize.encoder import Encoder, Settings
-from radartwin.recognize.probes import standardised
+from radartwin.recognize.encoder import Encoder, Settings, nearest_text
+from radartwin.recognize.probes import leave_one_out_centroid, standardised
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import binomial_p, exact_interval
-from radartwin.recognize.split import Split
+from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
 LEVEL = 0.05  # largest p value at which a claim holds
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as one: one recording in fifty
+TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
 MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
@@ -72,6 +73,20 @@ def statistics_columns(answers: int, chance: float | None = None, shares: NDArra
     """Build extra columns of a score: number of predictions, chance, and the standard deviation of the accuracies `shares` (seeds,)."""
     spread = float(np.std(shares, ddof=1)) if shares is not None and len(shares) > 1 else None
     return {"answers": answers, "chance": chance, "seed_sd": spread}
+
+
+def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, NDArray[np.bool_]]:
+    """Train the encoder on scaled rows of simulated copies, and return for each probe whether each answer is correct, (seeds, N).
+
+    The probe TEXT needs no labels. The probe CENTROID needs at least two recordings of each object, and is left out without them.
+    """
+    trained = encoders(config, label_free(copies, measured))
+    texts, temperature = anchors(measured.classes), settings(config).temperature
+    found = {TEXT: correct([nearest_text(one, measured.unlabelled(), texts, temperature) for one in trained], measured.label)}
+    if all(np.unique(measured.source[measured.label == label]).size > 1 for label in measured.classes):
+        answers = [leave_one_out_centroid(one.embedded(measured), measured.source) for one in trained]
+        found[CENTROID] = correct(answers, measured.label)
+    return found
 
 
 def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:

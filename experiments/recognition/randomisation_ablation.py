@@ -18,15 +18,12 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars
-from experiments.recognition.protocol import RecognitionRows, anchors, correct, encoders, scaled, settings
+from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
 from radartwin.io.progress import Progress
-from radartwin.recognize.encoder import nearest_text
-from radartwin.recognize.probes import leave_one_out_centroid
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import uniform_chance
-from radartwin.recognize.split import label_free
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
@@ -40,7 +37,6 @@ TABLE = Table(
 )
 
 ALL, NOISE_ONLY = "all drawn", "noise only"
-TEXT, CENTROID = "nearest text", "other recordings"
 QUANTITIES = tuple(one.name for one in fields(RandomiseConfig))
 
 
@@ -65,7 +61,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
         theirs, copies = measured_and_copies(own, source, store, progress)
         keys |= {*theirs.keys, *copies.keys}
         measured = scaled(theirs.samples)
-        for probe, found in _hits(own, measured, scaled(copies.samples)).items():
+        for probe, found in probe_hits(own, measured, scaled(copies.samples)).items():
             hits.setdefault(probe, {})[kind] = found
     assert measured is not None
     rows, shown = RecognitionRows(config), {}
@@ -82,15 +78,3 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     metrics = {f"accuracy_{probe.replace(' ', '_')}_{kind.replace(' ', '_')}": float(found.mean()) for probe, of in hits.items()
                for kind, found in of.items() if kind in (ALL, NOISE_ONLY)}  # fmt: skip
     return Result(TABLE.name, rows, figures, metrics, used)
-
-
-def _hits(config: Config, measured: Samples, copies: Samples) -> dict[str, np.ndarray]:
-    """Return for each probe whether each answer is correct, (seeds, N)."""
-    trained = encoders(config, label_free(copies, measured))
-    texts, temperature = anchors(measured.classes), settings(config).temperature
-    named = [nearest_text(encoder, measured.unlabelled(), texts, temperature) for encoder in trained]
-    found = {TEXT: correct(named, measured.label)}
-    if all(np.unique(measured.source[measured.label == label]).size > 1 for label in measured.classes):
-        answers = [leave_one_out_centroid(encoder.embedded(measured), measured.source) for encoder in trained]
-        found[CENTROID] = correct(answers, measured.label)
-    return found

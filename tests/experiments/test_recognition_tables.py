@@ -26,10 +26,11 @@ from experiments.recognition import (
     randomisation_ablation,
     reconstruction_ablation,
     rover_recognition,
+    simulation_parts,
     turntable_label_free,
     unlabelled_adaptation,
 )
-from experiments.recognition.protocol import RecognitionRows
+from experiments.recognition.protocol import TEXT, RecognitionRows
 from experiments.recognition.readings import shared_cases
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -134,6 +135,16 @@ def test_single_recordings_have_no_labelled_rows(tmp_path: Path):
     assert {one["labels per class"] for one in result.rows} == {0}
 
 
+def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: Path):
+    chosen = config("simulation_parts")
+    twins = {name: turntable(gap=0.5 if name == simulation_parts.RIVAL else 0.1) for name in simulation_parts.configured(chosen)}
+    result = checked(simulation_parts.score(chosen, turntable(), twins, Store(tmp_path / "cache"), Progress()))
+    for name in twins:
+        assert find(result, probe=TEXT, simulation=name)["metric"] == "accuracy"
+    difference = f"{simulation_parts.EVERYTHING} - {simulation_parts.RIVAL}"
+    assert find(result, probe=TEXT, simulation=difference)["value"] > 0
+
+
 def test_adaptation_scores_balanced_and_skewed_batches(tmp_path: Path):
     chosen = config("unlabelled_adaptation")
     result = checked(unlabelled_adaptation.score(chosen, [turntable()], Store(tmp_path / "cache"), Progress()))
@@ -151,7 +162,7 @@ def test_the_ablation_of_randomisation_has_a_row_for_each_kind_of_copies(tmp_pat
     left_out = {f"without {name}" for name in chosen.profile.left_out}
     assert kinds == {randomisation_ablation.ALL, randomisation_ablation.NOISE_ONLY, *left_out}
     difference = f"{randomisation_ablation.ALL} - {randomisation_ablation.NOISE_ONLY}"
-    assert find(result, copies=difference, probe=randomisation_ablation.TEXT)["metric"] == "gain in accuracy"
+    assert find(result, copies=difference, probe=TEXT)["metric"] == "gain in accuracy"
 
 
 def test_the_layout_of_the_paper_has_four_objects_at_each_distance(tmp_path: Path):

@@ -1,0 +1,106 @@
+"""Simulation parts: what do near field, absolute level and room contribute to an encoder that is trained on simulation alone?
+
+The protocol is that of labelled_probe. The encoder is trained on copies of simulated revolutions, without one part of the simulation at a
+time:
+- "plane waves" assumes plane waves across the antenna array, so that the channels know nothing of the near field.
+- "no level" leaves the brightness out of the features, in both domains.
+- "no room" simulates target and stand without the room.
+- RF-Genesis (corrected) lacks all three, and more. Its re-implementation is described in radartwin.simulation.backends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments import draws
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.source import RecordingSource
+from experiments.claims import Claim
+from experiments.recognition.copies import rows_of_copies
+from experiments.recognition.figures import bars
+from experiments.recognition.labelled_probe import RIVAL
+from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
+from experiments.recognition.readings import FEATURES, MOTION, shared_cases, vectors
+from radartwin.config.config import Config
+from radartwin.config.materials import VoidMaterials
+from radartwin.config.simulator import RFGenesisSimulator
+from radartwin.io.progress import Progress
+from radartwin.recognize.samples import Samples
+from radartwin.recognize.score import uniform_chance
+from radartwin.runs.experiment import Result, Table
+from radartwin.store.products import Store
+
+TABLE = Table(
+    name="simulation_parts",
+    title="What each part of the simulation is worth",
+    caption="An encoder is trained on copies of simulated revolutions with one part of the simulation switched off. Measured revolutions "
+    "are classified by the nearest text (no labels), and by the nearest class centroid of other recordings. Differences are 'everything' "
+    "minus the named simulation. The testbed uses the same physics as our tracer. Intervals are bootstraps over objects and distances.",
+)
+
+EVERYTHING, PLANE, NO_LEVEL, NO_ROOM = "everything", "plane waves", "no level", "no room"
+WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that a simulation leaves out
+
+
+def configured(config: Config) -> dict[str, Config]:
+    """Return the configuration of each simulation."""
+    rival = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
+    return {
+        EVERYTHING: config,
+        PLANE: replace(config, simulator=replace(config.simulator, elements="planar")),
+        NO_LEVEL: config,
+        NO_ROOM: replace(config, materials=VoidMaterials()),
+        RIVAL: replace(config, simulator=rival),
+    }
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    def scored(campaign: Campaign) -> Result:
+        twins = {name: Campaign(own, store, progress) for name, own in configured(config).items()}
+        return score(config, campaign, twins, store, progress)
+
+    return draws.scored(config, store, progress, scored)
+
+
+def score(config: Config, source: RecordingSource, twins: Mapping[str, RecordingSource], store: Store, progress: Progress) -> Result:
+    """Build the rows of each simulation and probe.
+
+    Args:
+        source: source of the measured recordings.
+        twins: source of the simulated recordings of each simulation.
+    """
+    hits: dict[str, dict[str, NDArray[np.bool_]]] = {}
+    keys: set[str] = set()
+    truth: Samples | None = None
+    for name, twin in progress.over(list(twins.items()), "simulations"):
+        cases, simulated = shared_cases(source, MOTION)
+        without = WITHOUT.get(name, ())
+        measured = vectors(source, "measured", cases, FEATURES, without)
+        copies = rows_of_copies(config, store, twin, simulated, cases, without, measured_source=source)["features"]
+        keys |= {*measured.keys, *copies.keys}
+        rows = scaled(measured.samples)
+        truth = rows if truth is None else truth
+        for probe, found in probe_hits(config, rows, scaled(copies.samples)).items():
+            hits.setdefault(probe, {})[name] = found
+    assert truth is not None
+    return _result(config, hits, truth, sorted(keys))
+
+
+def _result(config: Config, hits: Mapping[str, Mapping[str, NDArray]], truth: Samples, keys: list[str]) -> Result:
+    rows, chance = RecognitionRows(config), uniform_chance(truth)
+    shown: dict[str, dict[str, Any]] = {}
+    for probe, of in hits.items():
+        for name, found in of.items():
+            case = {"level": "label_free" if probe == TEXT else "few_shot", "probe": probe, "simulation": name}
+            shown.setdefault(probe, {})[name] = rows.share(case, found, truth, keys, chance)
+            if name != EVERYTHING:
+                claim = Claim("our simulation teaches more" if name == RIVAL else f"it helps that the simulation is not '{name}'")
+                rows.gain(case | {"simulation": f"{EVERYTHING} - {name}"}, of[EVERYTHING], found, truth, keys, claim)
+    metrics = {f"accuracy_{probe}_{name}".replace(" ", "_").replace("(", "").replace(")", ""): float(row["value"])
+               for probe, of in shown.items() for name, row in of.items()}  # fmt: skip
+    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy", grey=RIVAL)}, metrics, keys)
