@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.cases import TWIN, Case
 from experiments.campaign.source import RecordingSource
 from experiments.recognition.readings import FEATURES, MOTION, Readings, part, picture_row, recording_name, shared_cases, stratum, vectors
@@ -24,8 +24,9 @@ from radartwin.config.config import Config
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.features import envelope, sets, track
 from radartwin.features.log import distances
-from radartwin.features.processed import Processed
+from radartwin.features.processed import MAX_RANGE_M
 from radartwin.io.progress import Progress
+from radartwin.radar.processing import range_axis
 from radartwin.recognize import randomise
 from radartwin.recognize.augment import added_noise
 from radartwin.recognize.learners.interface import Reads
@@ -69,8 +70,8 @@ def rows_of_copies(
     keys: list[str] = []
     kinds: tuple[Reads, ...] = ("features", "pictures")
     parts, names = {kind: [] for kind in kinds}, {kind: [] for kind in kinds}
-    for number, case in enumerate(sorted(simulated, key=lambda case: recording_name("twin", case))):
-        key, found = _rows(config, store, source, case, noise[stratum(case)], [config.seed, number], without)
+    for case, own in _seeded(config, simulated):
+        key, found = _rows(config, store, source, case, noise[stratum(case)], own, without)
         for kind in kinds:
             names[kind] = [str(name) for name in found[f"{kind}_names"]]
             parts[kind].append(part("twin", case, found[kind]))
@@ -91,7 +92,7 @@ def _rows(
         echoes: list[NDArray] = []
         if strengths.moves_target:
             assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
-            echoes = _alone(config, store, source, case, processed, strengths, seed)
+            echoes = _alone(config, store, source, case, seed)
         for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, strengths, seed):
             vectors_.append(sets.vector(copy, log, FEATURES, without))
             pictures.append(picture_row(copy, log))
@@ -107,17 +108,41 @@ def _rows(
     return key, store.fetch("copies", spec, ROOTS, build).arrays()
 
 
-def _alone(
-    config: Config, store: Store, campaign: Campaign, case: Case, processed: Processed, strengths: randomise.Randomisation, seed: list[int]
-) -> list[NDArray[np.complex64]]:
+def calls(config: Config) -> list[Call]:
+    """Return the simulations of all drawn targets of a configuration, as together.py runs them in several workers."""
+    if not randomise.Randomisation(**asdict(config.supervision.randomise)).moves_target:
+        return []
+    _, twins = shared_cases(_campaign(config), MOTION)
+    return [(simulate_targets, config, case, seed) for case, seed in _seeded(config, twins)]
+
+
+def simulate_targets(config: Config, case: Case, seed: list[int]) -> None:
+    """Simulate the drawn targets of a recording, unless the store holds them. Worker processes call this function."""
+    campaign = _campaign(config)
+    _alone(config, campaign.store, campaign, case, seed)
+
+
+def _campaign(config: Config) -> Campaign:
+    return Campaign(config, Store(Path(config.output) / "cache"), Progress(quiet=True))
+
+
+def _seeded(config: Config, simulated: Sequence[Case]) -> list[tuple[Case, list[int]]]:
+    """Return each simulated recording with the seed of its copies."""
+    ordered = sorted(simulated, key=lambda case: recording_name("twin", case))
+    return [(case, [config.seed, number]) for number, case in enumerate(ordered)]
+
+
+def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: list[int]) -> list[NDArray[np.complex64]]:
     """Return the channels (F, A, B) of the nominal target alone in free space, and of each drawn target on its drawn turntable."""
+    strengths = randomise.Randomisation(**asdict(config.supervision.randomise))
     own, log = campaign.config, campaign.log(case, TWIN)
     radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)
     surfaces = with_other_reflectors()[case.object].surfaces(contents=own.contents)
     turned = np.repeat(log.target_poses, log.frames // len(log.target_poses), axis=0)
     simulator = MitsubaSimulator() if isinstance(own.simulator, AutoSimulator) else own.simulator
     count = min(config.supervision.variants, config.supervision.copies)
-    near = np.abs(processed.range_m - float(np.mean(log.distance_m))) < NEAR_TARGET_M
+    range_m = range_axis(radar, radar.num_samples)
+    near = np.abs(range_m[range_m <= MAX_RANGE_M] - float(np.mean(log.distance_m))) < NEAR_TARGET_M
     physical = replace(strengths, level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
 
     def build(folder: Path) -> None:

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
-from experiments.recognition.copies import rows_of_copies
+from experiments.recognition import copies
 from experiments.recognition.figures import bars, confusions
 from experiments.recognition.protocol import (
     RecognitionRows,
@@ -99,10 +99,9 @@ class Data:
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
-    simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
 
     def scored(own: Config) -> Result:
-        rivals = {RIVAL: Campaign(replace(own, simulator=simulator), store, progress)} if own is config else {}
+        rivals = {RIVAL: Campaign(rf_genesis(own), store, progress)} if own is config else {}
         first, layout = draws.numbers(own)[0], _layout_campaign(own, store, progress)
 
         def of_draw(campaign: Campaign) -> Result:
@@ -111,6 +110,17 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         return draws.scored(own, store, progress, of_draw)
 
     return draws.beside_unknown(config, scored)
+
+
+def calls(config: Config) -> list[Call]:
+    """Return the simulations of the drawn targets of both simulators (experiments/together.py)."""
+    return [*copies.calls(config), *copies.calls(rf_genesis(config))]
+
+
+def rf_genesis(config: Config) -> Config:
+    """Return the configuration in which RF-Genesis (corrected) simulates the twin."""
+    simulator = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
+    return replace(config, simulator=simulator)
 
 
 def _layout_campaign(config: Config, store: Store, progress: Progress) -> Campaign | None:
@@ -245,12 +255,12 @@ def gather_data(config: Config, source: RecordingSource, store: Store, progress:
     cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(cases)} measured {MOTION} recordings")
     measured = vectors(source, "measured", cases, FEATURES)
-    copies = {}
+    rows = {}
     for method, simulated in {PRETRAINED: source, **rivals}.items():
         progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {method}")
-        copies[method] = rows_of_copies(config, store, simulated, twins, cases, measured_source=source)["features"]
-    keys = {"measured": measured.keys, **{method: readings.keys for method, readings in copies.items()}}
-    return Data(scaled(measured.samples), {method: scaled(readings.samples) for method, readings in copies.items()}, keys)
+        rows[method] = copies.rows_of_copies(config, store, simulated, twins, cases, measured_source=source)["features"]
+    keys = {"measured": measured.keys, **{method: readings.keys for method, readings in rows.items()}}
+    return Data(scaled(measured.samples), {method: scaled(readings.samples) for method, readings in rows.items()}, keys)
 
 
 def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:

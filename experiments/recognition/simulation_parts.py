@@ -23,12 +23,11 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import rows_of_copies
 from experiments.recognition.figures import bars
-from experiments.recognition.labelled_probe import RIVAL
+from experiments.recognition.labelled_probe import RIVAL, rf_genesis
 from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
 from experiments.recognition.readings import FEATURES, MOTION, shared_cases, vectors
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
-from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import uniform_chance
@@ -49,13 +48,12 @@ WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that a simulation leav
 
 def configured(config: Config) -> dict[str, Config]:
     """Return the configuration of each simulation."""
-    rival = RFGenesisSimulator(variant=config.simulator.variant, elements=config.simulator.elements, version="corrected")
     return {
         EVERYTHING: config,
         PLANE: replace(config, simulator=replace(config.simulator, elements="planar")),
         NO_LEVEL: config,
         NO_ROOM: replace(config, materials=VoidMaterials()),
-        RIVAL: replace(config, simulator=rival),
+        RIVAL: rf_genesis(config),
     }
 
 

@@ -122,7 +122,7 @@ def test_every_learner_recognises_different_objects(tmp_path: Path):
     for method in encoder_comparison.METHODS:
         found = find(result, method=method, **{"labels per class": 0})
         assert (found["n"], found["answers"], found["chance"]) == (24, 48, pytest.approx(1 / 6))
-        least = 0.4 if method == encoder_comparison.CONVOLUTION else 0.8  # 36 pictures are few for a convolutional network
+        least = 0.8 if method == encoder_comparison.NETWORK else 0.4  # 36 copies are few for trees and convolutions
         assert find(result, method=method, **{"labels per class": encoder_comparison.RECORDINGS})["value"] > least
     assert find(result, method=encoder_comparison.NETWORK, **{"labels per class": 0})["verdict"] == "holds"
     assert find(result, method=encoder_comparison.RAW, **{"labels per class": 4})["n"] < 24
@@ -137,12 +137,13 @@ def test_single_recordings_have_no_labelled_rows(tmp_path: Path):
 
 def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: Path):
     chosen = config("simulation_parts")
-    twins = {name: turntable(gap=0.5 if name == simulation_parts.RIVAL else 0.1) for name in simulation_parts.configured(chosen)}
+    # The rival simulates all objects equal.
+    twins = {name: turntable(signature=float(name != simulation_parts.RIVAL)) for name in simulation_parts.configured(chosen)}
     result = checked(simulation_parts.score(chosen, turntable(), twins, Store(tmp_path / "cache"), Progress()))
     for name in twins:
         assert find(result, probe=TEXT, simulation=name)["metric"] == "accuracy"
     difference = f"{simulation_parts.EVERYTHING} - {simulation_parts.RIVAL}"
-    assert find(result, probe=TEXT, simulation=difference)["value"] > 0
+    assert find(result, probe=TEXT, simulation=difference)["value"] > 0.3
 
 
 def test_adaptation_scores_balanced_and_skewed_batches(tmp_path: Path):
