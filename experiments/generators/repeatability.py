@@ -29,6 +29,7 @@ from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
 REPEATS = 5
+DRAW = 501  # draw of the testbed; no table reports it, and no learner is chosen on it
 DISTANCE_M = 1.0
 ROOM = "squash_court"  # room of the drives
 DRIVEN = ("track", "multipath", "window", "extent", "brightness", "profile")
@@ -53,7 +54,7 @@ def repeated(config: Config, motion: Motion) -> list[list[Case]]:
         objects, room = campaign.rail_objects, BENCH_ROOM
     else:
         objects, room = campaign.rover_objects, ROOM
-    return [[Case(name, room, motion, DISTANCE_M, number) for number in range(REPEATS)] for name in objects]
+    return [[Case(name, room, motion, DISTANCE_M, number, DRAW) for number in range(REPEATS)] for name in objects]
 
 
 def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
@@ -76,7 +77,8 @@ def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
         motion: {"pooled": rounded(list(of.values())), "objects": {name: rounded([one]) for name, one in of.items()}}
         for motion, of in groups.items()
     }
-    source = f"testbed, {REPEATS} recordings of each object at {DISTANCE_M:g} m, each set up anew; experiments/generators/repeatability.py"
+    recorded = f"testbed, {REPEATS} recordings of each object at {DISTANCE_M:g} m in draw {DRAW}, each set up anew"
+    source = f"{recorded}; experiments/generators/repeatability.py"
     return {"source": source, "motions": motions}
 
 

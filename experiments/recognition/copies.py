@@ -19,9 +19,8 @@ from experiments.campaign.cases import TWIN, Case
 from experiments.campaign.source import RecordingSource
 from experiments.recognition.readings import FEATURES, MOTION, Readings, part, picture_row, recording_name, shared_cases, stratum, vectors
 from radartwin.builders.radar import build_radar
-from radartwin.builders.simulator import simulator_options
+from radartwin.builders.simulator import fixed_simulator, simulator_options
 from radartwin.config.config import Config
-from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.features import envelope, sets, track
 from radartwin.features.log import distances
 from radartwin.features.processed import MAX_RANGE_M
@@ -34,7 +33,10 @@ from radartwin.recognize.samples import gather
 from radartwin.scene.objects.catalogue import with_other_reflectors
 from radartwin.store.products import Store, save_arrays
 
-ROOTS = ["radartwin.features.sets", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise"]
+ROOTS = [
+    "radartwin.features.sets", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise",
+    "radartwin.builders.simulator", "experiments.recognition.copies",
+]  # fmt: skip
 NEAR_TARGET_M = 0.75  # the stored echoes of a target end this far from its nominal range; beyond it they are below -60 dB
 
 
@@ -139,7 +141,7 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
     radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)
     surfaces = with_other_reflectors()[case.object].surfaces(contents=own.contents)
     turned = np.repeat(log.target_poses, log.frames // len(log.target_poses), axis=0)
-    simulator = MitsubaSimulator() if isinstance(own.simulator, AutoSimulator) else own.simulator
+    simulator = fixed_simulator(own.simulator)
     count = min(config.supervision.variants, config.supervision.copies)
     range_m = range_axis(radar, radar.num_samples)
     near = np.abs(range_m[range_m <= MAX_RANGE_M] - float(np.mean(log.distance_m))) < NEAR_TARGET_M

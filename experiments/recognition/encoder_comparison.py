@@ -6,8 +6,8 @@ two-layer network is trained towards two kinds of texts: what an object looks li
 
 Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the class with the nearest centroid of
 the labelled revolutions is predicted, in the embedding of the learner. Labelled revolutions come from one half of each object's recordings,
-and the other half is scored. The probe "other recordings" knows the labels of all recordings but the one that it classifies. Recordings of
-all draws of the testbed are scored together, so a labelled recording often shows another specimen of the object, with another radar board.
+and the other half is scored. The largest k depends on the number of revolutions of a recording (profile.campaign.turns). The probe "other
+recordings" knows the labels of all recordings but the one that it classifies; these are at other distances.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments import draws
-from experiments.campaign.campaign import Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import rows_of_copies
@@ -28,8 +27,9 @@ from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.learners import LEARNERS, Fitted
+from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
-from radartwin.recognize.samples import Samples, join
+from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots
 from radartwin.runs.experiment import Result, Table
@@ -41,9 +41,10 @@ if TYPE_CHECKING:
 TABLE = Table(
     name="encoder_comparison",
     title="Learners side by side",
-    caption="Each learner is trained on copies of simulated revolutions alone and classifies measured revolutions of all draws: without "
+    caption="Each learner is trained on copies of simulated revolutions alone and classifies measured revolutions: without "
     "labels, by the nearest class centroid of k labelled measured revolutions, and by that of all other recordings. 'trained on the "
-    "labels alone' is the two-layer network without simulation. n counts recordings. Intervals are bootstraps over objects and distances.",
+    "labels alone' is the two-layer network without simulation. n counts recordings. Intervals are bootstraps over draws, objects and "
+    "distances.",
 )
 
 SHOTS = (0, 1, 2, 4, 8, 14, 20)
@@ -58,20 +59,21 @@ Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the m
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, [Campaign(config, store, progress, draw) for draw in draws.numbers(config)], store, progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
 
 
-def score(config: Config, sources: Sequence[RecordingSource], store: Store, progress: Progress) -> Result:
-    """Build the rows of every learner for the measured recordings of all `sources`, which share their simulated recordings."""
+def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
+    """Build the rows of every learner."""
     rows = RecognitionRows(config)
-    measured, copies, keys = gather_rows(config, sources, store, progress)
+    measured, copies, keys = gather_rows(config, source, store, progress)
     for of in (measured, copies):
         of["features"] = scaled(of["features"])  # pictures have levels from 0 to 1
     fitted: dict[str, list[Fitted]] = {}
     for method, (kind, text) in progress.over(list(METHODS.items()), "learners"):
         learner = LEARNERS[kind]
         split, texts = label_free(copies[learner.reads], measured[learner.reads]), anchors(measured["features"].classes, text)
-        fitted[method] = [learner.fit(split, texts, settings(config), seed) for seed in seeds(config)]
+        chosen = seeds(config)[:1] if kind == "trees" else seeds(config)  # boosted trees draw nothing at random
+        fitted[method] = [learner.fit(split, texts, settings(config), seed) for seed in chosen]
     truth = measured["features"]
     chance = uniform_chance(truth)
     curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*METHODS, RAW, SCRATCH)}
@@ -94,21 +96,15 @@ def score(config: Config, sources: Sequence[RecordingSource], store: Store, prog
 
 
 def gather_rows(
-    config: Config, sources: Sequence[RecordingSource], store: Store, progress: Progress
-) -> tuple[dict[str, Samples], dict[str, Samples], list[str]]:
+    config: Config, source: RecordingSource, store: Store, progress: Progress
+) -> tuple[dict[Reads, Samples], dict[Reads, Samples], list[str]]:
     """Return (measured rows, rows of copies, store keys). Both have an entry for each kind of rows that a learner reads, not scaled."""
-    keys: set[str] = set()
-    parts: dict[str, list[Samples]] = {"features": [], "pictures": []}
-    for source in sources:
-        cases, _ = shared_cases(source, MOTION)
-        for kind, read in (("features", vectors(source, "measured", cases, FEATURES)), ("pictures", pictures(source, "measured", cases))):
-            parts[kind].append(read.samples)
-            keys |= set(read.keys)
-    cases, twins = shared_cases(sources[0], MOTION)
+    cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each")
-    drawn = rows_of_copies(config, store, sources[0], twins, cases)
-    measured = {kind: join(*some) for kind, some in parts.items()}
-    return measured, {kind: found.samples for kind, found in drawn.items()}, sorted(keys | set(drawn["features"].keys))
+    vector, picture = vectors(source, "measured", cases, FEATURES), pictures(source, "measured", cases)
+    copies = rows_of_copies(config, store, source, twins, cases)
+    keys = sorted({*vector.keys, *copies["features"].keys})
+    return {"features": vector.samples, "pictures": picture.samples}, {kind: found.samples for kind, found in copies.items()}, keys
 
 
 def _add_shots(
@@ -123,7 +119,8 @@ def _add_shots(
             known, rest = draw_shots(truth, shots, seed)
             chosen, scored = np.isin(truth.recording, known.recording), [place[name] for name in rest.recording]
             for method, some in embedded.items():
-                hits[method][number, scored] = nearest_centroid(some[number].take(chosen), some[number].take(scored)) == rest.label
+                own_rows = some[min(number, len(some) - 1)]  # a learner without random numbers has the same rows for all seeds
+                hits[method][number, scored] = nearest_centroid(own_rows.take(chosen), own_rows.take(scored)) == rest.label
             own = LEARNERS["network"].fit(Split("few_shot", known, rest, shots), anchors(truth.classes), settings(rows.config), seed)
             hits[SCRATCH][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
         counted = ~np.isnan(hits[RAW]).all(axis=0)

@@ -5,7 +5,8 @@ time:
 - "plane waves" assumes plane waves across the antenna array, so that the channels know nothing of the near field.
 - "no level" leaves the brightness out of the features, in both domains.
 - "no room" simulates target and stand without the room.
-- RF-Genesis (corrected) lacks all three, and more. Its re-implementation is described in radartwin.simulation.backends.
+- RF-Genesis (corrected) is our re-implementation of another simulator (radartwin/simulation/backends/rfgenesis.py). It has no mirror
+  reflection of the room and one phase for each patch of a surface.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
-from experiments.recognition.copies import rows_of_copies
+from experiments.recognition import copies
 from experiments.recognition.figures import bars
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis
 from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
@@ -43,6 +44,9 @@ TABLE = Table(
 )
 
 EVERYTHING, PLANE, NO_LEVEL, NO_ROOM = "everything", "plane waves", "no level", "no room"
+HELPS = {
+    PLANE: "the near field helps", NO_LEVEL: "the level helps", NO_ROOM: "the room helps", RIVAL: "our simulation teaches more",
+}  # fmt: skip
 WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that a simulation leaves out
 
 
@@ -55,6 +59,11 @@ def configured(config: Config) -> dict[str, Config]:
         NO_ROOM: replace(config, materials=VoidMaterials()),
         RIVAL: rf_genesis(config),
     }
+
+
+def calls(config: Config) -> list[Call]:
+    """Return the simulations of the drawn targets (experiments/together.py)."""
+    return [call for name, own in configured(config).items() if name not in (NO_LEVEL, NO_ROOM) for call in copies.calls(own)]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -79,11 +88,11 @@ def score(config: Config, source: RecordingSource, twins: Mapping[str, Recording
         cases, simulated = shared_cases(source, MOTION)
         without = WITHOUT.get(name, ())
         measured = vectors(source, "measured", cases, FEATURES, without)
-        copies = rows_of_copies(config, store, twin, simulated, cases, without, measured_source=source)["features"]
-        keys |= {*measured.keys, *copies.keys}
+        drawn = copies.rows_of_copies(config, store, twin, simulated, cases, without, measured_source=source)["features"]
+        keys |= {*measured.keys, *drawn.keys}
         rows = scaled(measured.samples)
         truth = rows if truth is None else truth
-        for probe, found in probe_hits(config, rows, scaled(copies.samples)).items():
+        for probe, found in probe_hits(config, rows, scaled(drawn.samples)).items():
             hits.setdefault(probe, {})[name] = found
     assert truth is not None
     return _result(config, hits, truth, sorted(keys))
@@ -97,7 +106,7 @@ def _result(config: Config, hits: Mapping[str, Mapping[str, NDArray]], truth: Sa
             case = {"level": "label_free" if probe == TEXT else "few_shot", "probe": probe, "simulation": name}
             shown.setdefault(probe, {})[name] = rows.share(case, found, truth, keys, chance)
             if name != EVERYTHING:
-                claim = Claim("our simulation teaches more" if name == RIVAL else f"it helps that the simulation is not '{name}'")
+                claim = Claim(HELPS[name])
                 rows.gain(case | {"simulation": f"{EVERYTHING} - {name}"}, of[EVERYTHING], found, truth, keys, claim)
     metrics = {f"accuracy_{probe}_{name}".replace(" ", "_").replace("(", "").replace(")", ""): float(row["value"])
                for probe, of in shown.items() for name, row in of.items()}  # fmt: skip

@@ -3,8 +3,9 @@
 The two-layer network classifies measured turntable revolutions without any measured class label. The methods differ in what they take from
 the measured batch (radartwin.recognize.adaptation and alignment):
 - "none" scales the measured features by the mean and the spread of the simulated features.
-- "statistics" gives the measured batch the mean and the spread of the simulated rows. It assumes equally frequent classes in both domains.
-- "weighted statistics" does the same with simulated rows weighted by class shares, which are estimated from the batch.
+- "statistics" standardises each domain by its own mean and spread, as all other tables do. It assumes equally frequent classes.
+- "weighted statistics" gives the measured batch the mean and spread of simulated rows that are weighted by class shares. It estimates the
+  shares from the batch.
 - "continued training" trains the encoder further on simulated rows alone, as the control of the two methods below.
 - "prototypes" and "views" train it further with a loss of the unlabelled measured rows: towards confident nearest texts, or so that two
   noisy views of a row are neighbours.
@@ -20,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.campaign import Campaign
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.encoder_comparison import gather_rows
@@ -28,7 +28,7 @@ from experiments.recognition.figures import bars
 from experiments.recognition.protocol import RecognitionRows, anchors, floor, scaled, seeds, settings
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
-from radartwin.recognize.adaptation import skewed, statistics, weighted_statistics
+from radartwin.recognize.adaptation import skewed, weighted_statistics
 from radartwin.recognize.alignment import Alignment, align
 from radartwin.recognize.encoder import Encoder, nearest_text, text_scores
 from radartwin.recognize.samples import Samples, Unlabelled
@@ -43,7 +43,7 @@ TABLE = Table(
     title="What unlabelled measured recordings are worth",
     caption="Accuracy of the two-layer network without measured labels, by what it takes from the unlabelled measured batch. In a balanced "
     "batch all classes are equally frequent; in a skewed batch a third of them has a single recording. Differences are against "
-    "'statistics', which the other tables use. n counts recordings of all draws. Intervals are bootstraps over objects and distances.",
+    "'statistics', which the other tables use. n counts recordings. Intervals are bootstraps over draws, objects and distances.",
 )
 
 NONE, STATISTICS, WEIGHTED, CONTINUED, PROTOTYPES, VIEWS = (
@@ -54,16 +54,16 @@ METHODS = (NONE, STATISTICS, WEIGHTED, *ALIGNMENTS)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, [Campaign(config, store, progress, draw) for draw in draws.numbers(config)], store, progress)
+    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
 
 
-def score(config: Config, sources: Sequence[RecordingSource], store: Store, progress: Progress) -> Result:
-    """Build the rows of each batch and method for the measured recordings of all `sources`."""
-    measured, copies, keys = gather_rows(config, sources, store, progress)
+def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
+    """Build the rows of each batch and method. Without a second recording of an object, there is no skewed batch."""
+    measured, copies, keys = gather_rows(config, source, store, progress)
     whole, simulated = measured["features"], scaled(copies["features"])
     place = {name: row for row, name in enumerate(whole.recording)}
     texts, chosen = anchors(whole.classes), settings(config)
-    batches = ("balanced", "skewed")
+    batches = ("balanced", "skewed") if len(skewed(whole, config.seed)) < len(whole) else ("balanced",)
     hits = {(batch, method): np.full((len(seeds(config)), len(whole)), np.nan) for batch in batches for method in METHODS}
     for number, seed in enumerate(progress.over(seeds(config), "seeds")):
         encoder = fit(label_free(simulated, whole), texts, chosen, seed).encoder
@@ -98,7 +98,7 @@ def _predict(
     elif method == WEIGHTED:
         adapted = weighted_statistics(simulated, batch, probabilities).measured
     else:
-        adapted = statistics(simulated, batch).measured
+        adapted = scaled(batch)
     if method in ALIGNMENTS:
         encoder = align(encoder, label_free(simulated, adapted), texts, chosen, seed, ALIGNMENTS[method])
     return nearest_text(encoder, adapted.unlabelled(), texts, chosen.temperature)

@@ -19,10 +19,10 @@ from radartwin.adaptive.limits import Limits
 from radartwin.builders.radar import build_radar
 from radartwin.builders.recording import Setup, simulate_setup
 from radartwin.builders.scene import TARGET, add_layout, build_room, describe_room
-from radartwin.builders.simulator import simulator_options
+from radartwin.builders.simulator import fixed_simulator, simulator_options
 from radartwin.builders.trajectory import build_course, check_course
 from radartwin.config.config import Config
-from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
+from radartwin.config.simulator import AutoSimulator
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.errors import ConfigError, InputError, SceneError
 from radartwin.features.envelope import HARMONICS
@@ -44,7 +44,7 @@ from radartwin.store.products import Store, save_arrays
 
 REVOLUTION, COPIES = "revolution", "revolution_copies"  # kinds of stored results
 ROOTS = ["radartwin.builders.recording", "radartwin.features.processed"]
-COPIES_ROOTS = ["radartwin.recognize.own.copies"]
+COPIES_ROOTS = ["radartwin.recognize.own.copies", "radartwin.builders.revolutions"]
 FEWEST_FRAMES = 2 * HARMONICS + 1  # the harmonics of a revolution need more than two frames per cycle
 
 
@@ -93,7 +93,7 @@ class Revolution:
         return store.holds(REVOLUTION, self.spec, ROOTS) and store.holds(COPIES, self._copies_spec(key), COPIES_ROOTS)
 
     def part(self, store: Store) -> tuple[str, tuple[str, ...], Part]:
-        """Return the store key, the feature names and the feature rows of the copies. Missing results are computed."""
+        """Return the store key of the copies, and the names and rows of their features. Missing results are computed."""
         product = store.fetch(REVOLUTION, self.spec, ROOTS, self._simulate)
         key = product.key
 
@@ -104,10 +104,11 @@ class Revolution:
             names, values = feature_rows(Processed.load(product.path), self.log, echoes, chosen.copies, strengths, seed)
             save_arrays(folder, {"names": np.array(names), "values": values})
 
-        stored = store.fetch(COPIES, self._copies_spec(key), COPIES_ROOTS, build).arrays()
+        copied = store.fetch(COPIES, self._copies_spec(key), COPIES_ROOTS, build)
+        stored = copied.arrays()
         stratum = f"{self.distance_m:g} m"
         part = Part(f"{self.label} {stratum}", self.label, SIMULATED, stored["values"], stratum)
-        return key, tuple(map(str, stored["names"])), part
+        return copied.key, tuple(map(str, stored["names"])), part
 
     def _copies_spec(self, key: str) -> dict[str, Any]:
         log = self.log
@@ -121,8 +122,7 @@ class Revolution:
         """Return the channels of the nominal object alone in free space, and of the drawn objects (`randomise.echoes_alone`)."""
         course, chosen = self.setup.course, self.config.supervision
         surfaces = [surface for surface in self.setup.target if surface.name == TARGET]
-        simulator = MitsubaSimulator() if isinstance(self.config.simulator, AutoSimulator) else self.config.simulator
-        count, options = min(chosen.variants, chosen.copies), simulator_options(simulator)
+        count, options = min(chosen.variants, chosen.copies), simulator_options(fixed_simulator(self.config.simulator))
         return list(echoes_alone(surfaces, self.setup.radar, course.sensor_poses, course.target_poses, strengths, count, seed, **options))
 
     def _simulate(self, folder: Path) -> dict[str, int]:

@@ -50,6 +50,13 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
     return tuple(family for family in families if family not in config.without)
 
 
+def fixed_simulator(config: SimulatorConfig) -> SimulatorConfig:
+    """Return a simulator for a target alone. For simulator=auto, this is the default tracer with the settings that the user fixed, because
+    the search needs a whole recording.
+    """
+    return MitsubaSimulator(variant=config.variant, **config.fixed()) if isinstance(config, AutoSimulator) else config
+
+
 def choose_simulator(
     config: AutoSimulator, probe: Probe, limits: Limits, store: Store | None, say: Callable[[str], None]
 ) -> MitsubaSimulator:

@@ -110,6 +110,8 @@ def trained_on(config: Config, own: Sequence[OwnObject], planned: Sequence[Revol
         frames=planned[0].frames,
         period_s=config.trajectory.period_s,
         copies=config.supervision.copies,
+        variants=config.supervision.variants,
+        randomise=asdict(config.supervision.randomise),
         seed=config.seed,
         recordings=len(planned),
         described=any(one.description for one in own),

@@ -2,19 +2,21 @@
 
 A classifier that is trained on equal copies of a recording trusts features that a slightly different set-up changes. Each quantity below is
 drawn uniformly from a range. The range is half as large at strength 0.5, and strength 0 leaves the quantity unchanged. All ranges were
-chosen before any table was computed, without the sizes of the testbed's errors (radartwin.testbed), and have these sources:
-- wobble: +-0.5 degrees of tilt of the axis, and of the object on the disc, about each horizontal direction; order of magnitude.
+chosen before any table was computed. Where no publication gives a range, it was not taken from the testbed (radartwin.testbed). Sources:
+- wobble: +-0.5 degrees of tilt of the axis, and of the object on the disc, about each horizontal direction through the origin of the
+  object's frame; order of magnitude.
 - eccentricity: +-5 mm from the axis along x and y, for an object centred by eye; order of magnitude.
 - start: any angle, because nobody marks the start of a revolution.
 - speed: +-2 % of the rotation rate of a small motor; order of magnitude.
 - distance: +-1 cm along x and y, for a tape that is read to half a centimetre at both ends; order of magnitude.
-- level: +-3 dB for transmit power, feed lines and receiver gain; order of magnitude. The data sheet of the IWR1843 has typical values only.
-- if_filter: corner frequencies of the two high-pass stages, drawn from the options of TI's mmWaveLink (radartwin.radar.if_filter).
+- level: +-3 dB of receiver gain, for echoes and noise; order of magnitude. The data sheet of the IWR1843 has typical values only.
+- if_filter: corner frequencies of the two high-pass stages, drawn from the options of TI's mmWaveLink (radartwin.radar.if_filter). Any
+  strength above 0 draws them. A radar whose description has an IF filter keeps it.
 - channels: +-1 dB and +-9 degrees of each channel, which have the standard deviations of a measured AWR1843L calibration
-  (radartwin.radar.hardware).
+  (radartwin.radar.hardware). The testbed's boards have the same standard deviations.
 - noise: +-3 dB around the noise of the measured recordings; the data sheets of these radars give 14 to 16 dB of noise figure.
 - wall: +-10 % of thickness and of the real permittivity, and a factor of up to two of the loss of the target's walls, as rows of
-  ITU-R P.2040-4 for one material differ (radartwin.testbed.variation has the figures).
+  ITU-R P.2040-4 for one material differ (figures in radartwin.testbed.variation, whose own walls deviate by 10 % too).
 - mesh: +-0.3 mm, the tolerance of class m of ISO 2768-1 for sizes of 30 to 120 mm, of the radius, of the height, and of deviations of the
   radius with two and three maxima around the object.
 """
@@ -106,13 +108,13 @@ def target(surfaces: Sequence[Surface], strengths: Randomisation, seed: int | Se
     radius, higher, two, three = MESH_M * strengths.mesh * shape.uniform(-1, 1, 4)
     at = shape.uniform(0, 2 * np.pi, 2)
     points = np.concatenate([surface.mesh.vertices for surface in surfaces])
-    top, reach = float(points[:, 2].max()), float(np.hypot(points[:, 0], points[:, 1]).max())
+    base, top, reach = float(points[:, 2].min()), float(np.ptp(points[:, 2])), float(np.hypot(points[:, 0], points[:, 1]).max())
 
     def moved(xyz: NDArray[np.float64]) -> NDArray[np.float64]:
         x, y, z = xyz.T
         r, azimuth = np.hypot(x, y), np.arctan2(y, x)
         scale = 1 + (radius + two * np.cos(2 * azimuth - at[0]) + three * np.cos(3 * azimuth - at[1])) / np.maximum(r, reach / 2)
-        return np.stack([x * scale, y * scale, z * (1 + higher / max(top, reach))], axis=1)
+        return np.stack([x * scale, y * scale, base + (z - base) * (1 + higher / max(top, reach))], axis=1)
 
     out = []
     for surface in surfaces:
@@ -144,7 +146,7 @@ def copies(
         for number in range(variant, count, len(targets)):
             own = [*seed, number]
             power = noise_power * noise_factor(strengths, own)
-            yield noisy(received(drawn, strengths, own), power, np.random.default_rng(own))
+            yield received(noisy(drawn, power, np.random.default_rng(own)), strengths, own)
 
 
 def echoes_alone(
@@ -201,9 +203,9 @@ def received(processed: Processed, strengths: Randomisation, seed: int | Sequenc
     phase = np.radians(CHANNEL_DEG) * strengths.channels * rng.uniform(-1, 1, count)
     response = np.full((count, len(processed.range_m)), gain, np.complex128)
     response *= (10 ** (unequal_db / 20) * np.exp(1j * phase))[:, None]
-    if strengths.if_filter:
+    if strengths.if_filter and processed.radar.if_filter is None:  # else the simulation contains the known filter of this radar
         beat_hz = 2 * processed.range_m * processed.radar.slope_hz_per_s / SPEED_OF_LIGHT
-        response *= np.abs(IfFilter(corners).gain(beat_hz, processed.radar.band_hz)) ** strengths.if_filter
+        response *= np.abs(IfFilter(corners).gain(beat_hz, processed.radar.band_hz))
     return _with_channels(processed, (processed.channels * response).astype(np.complex64), np.mean(np.abs(response) ** 2, axis=0))
 
 

@@ -113,8 +113,8 @@ def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Pa
     assert labelled_probe.RECORDINGS not in probes
 
 
-def compared(tmp_path: Path, *sources: FakeCampaign) -> Result:
-    return checked(encoder_comparison.score(config("encoder_comparison"), sources, Store(tmp_path / "cache"), Progress()))
+def compared(tmp_path: Path, source: FakeCampaign) -> Result:
+    return checked(encoder_comparison.score(config("encoder_comparison"), source, Store(tmp_path / "cache"), Progress()))
 
 
 def test_every_learner_recognises_different_objects(tmp_path: Path):
@@ -148,7 +148,7 @@ def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: 
 
 def test_adaptation_scores_balanced_and_skewed_batches(tmp_path: Path):
     chosen = config("unlabelled_adaptation")
-    result = checked(unlabelled_adaptation.score(chosen, [turntable()], Store(tmp_path / "cache"), Progress()))
+    result = checked(unlabelled_adaptation.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
     for method in unlabelled_adaptation.METHODS:
         for batch in ("balanced", "skewed"):
             assert find(result, batch=batch, method=method)["metric"] == "accuracy"
@@ -351,8 +351,9 @@ def test_no_reported_recording_was_among_those_of_the_selection():
         reported = {choices.named(case, given) for case in planned(given.profile.campaign, measured=True)}
         assert reported
         assert not reported & set(selection["recordings"])
-        seeds = {int(name.split()[0]) for name in reported}
-        assert selection["seed"] not in seeds
+        prefixes = {name.partition(":")[0] for name in (*reported, *selection["recordings"])}
+        boards, seeds = zip(*(tuple(prefix.split()[1::2])[::-1] for prefix in prefixes), strict=True)
+        assert len(set(boards)) == len(set(seeds)) == len(prefixes)  # every draw has its own board and its own seed
 
 
 def test_the_recorded_scores_name_the_chosen_learners():

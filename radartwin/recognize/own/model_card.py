@@ -26,6 +26,8 @@ class TrainedOn:
         frames: number of frames per revolution.
         period_s: duration of one revolution in seconds.
         copies: number of copies of each simulated revolution.
+        variants: number of drawn turntables and objects, over which the copies are divided.
+        randomise: strength of the randomisation of each quantity (radartwin.recognize.randomise).
         described: whether descriptions of the objects are the class vectors.
     """
 
@@ -37,6 +39,8 @@ class TrainedOn:
     frames: int
     period_s: float
     copies: int
+    variants: int
+    randomise: Mapping[str, float]
     seed: int
     recordings: int
     described: bool
@@ -87,9 +91,10 @@ def _training(trained: TrainedOn, epochs: int) -> list[tuple[str, str]]:
         ("frames per revolution", str(trained.frames)),
         ("duration of a revolution", f"{trained.period_s:g} s"),
         ("simulated recordings, one revolution each", str(trained.recordings)),
+        ("copies of each recording", str(trained.copies)),
         (
-            "copies of each recording",
-            f"{trained.copies}, each with its own receiver and noise (supervision.randomise)",
+            "drawn at random in the copies (factors on the ranges)",
+            _randomised(trained),
         ),
         ("features", "rotation without brightness"),
         ("class vectors", vectors),
@@ -136,6 +141,11 @@ def _limits(trained: TrainedOn) -> list[str]:
         "The simulated objects are the meshes and materials that the table above states. Labels, caps, dents and fill levels are missing "
         "unless the meshes contain them.",
     ]
+
+
+def _randomised(trained: TrainedOn) -> str:
+    drawn = ", ".join(f"{name} {strength:g}" for name, strength in trained.randomise.items() if strength)
+    return f"{drawn}; {trained.variants} turntables and objects per revolution" if drawn else "nothing but noise"
 
 
 def _size(one: OwnObject) -> str:
