@@ -116,6 +116,18 @@ def test_the_model_states_its_training(trained: Path) -> None:
     assert len(model.provenance["recordings"]) == 6
 
 
+def test_other_copies_give_another_model(trained: Path, again, tmp_path: Path) -> None:
+    """A stored model must not answer for a training whose copies draw other quantities."""
+    done = again("supervision.randomise.wobble=0", "supervision.variants=2", out="other")
+    assert done.returncode == 0, done.stderr
+    assert "simulated 0 recordings" in done.stderr
+    card = (tmp_path / "other" / "README.md").read_text()
+    assert "2 turntables and objects per revolution" in card
+    assert "wobble" not in card
+    models = [Recogniser.load(folder) for folder in (trained / "model", tmp_path / "other")]
+    assert not np.array_equal(models[0].encoder.weights["hidden_weight"], models[1].encoder.weights["hidden_weight"])
+
+
 def test_a_repeated_training_simulates_nothing_and_writes_the_same_model(trained: Path, again, tmp_path: Path) -> None:
     done = again(out="copy")
     assert done.returncode == 0, done.stderr
