@@ -125,7 +125,7 @@ def main() -> None:
     store = Store(Path(config.output) / "cache", progress.say)
     content = json.loads(OUTPUT.read_text(encoding="utf-8"))
     found = scores(config, store, progress)
-    content["selection"] = {"draw": DRAW, "chosen": chosen(found), "scores": found, "recordings": recordings(config)}
+    content["selection"] |= {"draw": DRAW, "chosen": chosen(found), "scores": found, "recordings": recordings(config)}
     files.write_atomically(OUTPUT, json.dumps(content, indent=1) + "\n")
     for row in content["selection"]["scores"]:
         print(row)

@@ -5,7 +5,8 @@ network of the paper and gradient-boosted trees read the rotation features. The 
 two-layer network is trained towards two kinds of texts: what an object looks like, and how its radar echo varies over a revolution.
 
 Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the class with the nearest centroid of
-the labelled revolutions is predicted, in the embedding of the learner. Labelled revolutions come from one half of each object's recordings,
+the labelled revolutions is predicted, in the embedding of the learner. Two further networks use the labels in their training: alone, or
+together with the simulation. Labelled revolutions come from one half of each object's recordings,
 and the other half is scored. The largest k depends on the number of revolutions of a recording (profile.campaign.turns). The probe "other
 recordings" knows the labels of all recordings but the one that it classifies; these are at other distances.
 """
@@ -29,7 +30,7 @@ from radartwin.io.progress import Progress
 from radartwin.recognize.learners import LEARNERS, Fitted
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
-from radartwin.recognize.samples import Samples
+from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots
 from radartwin.runs.experiment import Result, Table
@@ -43,7 +44,7 @@ TABLE = Table(
     title="Learners side by side",
     caption="Each learner is trained on copies of simulated revolutions alone and classifies measured revolutions: without "
     "labels, by the nearest class centroid of k labelled measured revolutions, and by that of all other recordings. 'trained on the "
-    "labels alone' is the two-layer network without simulation. n counts recordings. Intervals are bootstraps over draws, objects and "
+    "labels alone' and 'trained on simulation and labels' are two-layer networks whose training uses the labels. n counts recordings. Intervals are bootstraps over draws, objects and "
     "distances.",
 )
 
@@ -53,7 +54,8 @@ METHODS = {  # method: (learner, kind of text)
     NETWORK: ("network", "description"), RADAR_TEXTS: ("network", "radar_description"), CONVOLUTION: ("convolution", "description"),
     TREES: ("trees", "description"),
 }  # fmt: skip
-RAW, SCRATCH = "raw features", "trained on the labels alone"
+RAW, SCRATCH, JOINT = "raw features", "trained on the labels alone", "trained on simulation and labels"
+LABELLED_SHARE = 0.2  # share of labelled measured rows, repeated, in the training rows of JOINT; recognition_choices.json has the reason
 RECORDINGS = "other recordings"
 Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the measured rows for each seed
 
@@ -76,7 +78,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
         fitted[method] = [learner.fit(split, texts, settings(config), seed) for seed in chosen]
     truth = measured["features"]
     chance = uniform_chance(truth)
-    curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*METHODS, RAW, SCRATCH)}
+    curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*METHODS, RAW, SCRATCH, JOINT)}
     for method, some in fitted.items():
         predicted = [one.predict(measured[LEARNERS[METHODS[method][0]].reads].unlabelled()) for one in some]
         claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else Claim()
@@ -85,7 +87,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     embedded = {method: [one.embedded(measured[LEARNERS[METHODS[method][0]].reads]) for one in some] for method, some in fitted.items()} | {
         RAW: [truth] * len(seeds(config))
     }
-    _add_shots(rows, embedded, truth, keys, chance, curve)
+    _add_shots(rows, embedded, copies["features"], truth, keys, chance, curve)
     _add_other_recordings(rows, embedded, truth, keys, chance)
     figures: dict[str, Callable[[], Figure]] = {
         "encoder_comparison": lambda: bars({"no labels": {m: curve[m][0] for m in METHODS}}, "accuracy", grey=TREES),
@@ -108,26 +110,40 @@ def gather_rows(
 
 
 def _add_shots(
-    rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float, curve: Mapping[str, list]
+    rows: RecognitionRows,
+    embedded: Embedded,
+    simulated: Samples,
+    truth: Samples,
+    keys: Sequence[str],
+    chance: float,
+    curve: Mapping[str, list],
 ) -> None:
     """Add the accuracy with k labelled measured revolutions per class, and the gain of each learner over raw features."""
     place = {name: row for row, name in enumerate(truth.recording)}
     most = most_shots(truth)
     for shots in (k for k in SHOTS if 0 < k <= most):
-        hits = {method: np.full((len(seeds(rows.config)), len(truth)), np.nan) for method in (*embedded, SCRATCH)}
+        hits = {method: np.full((len(seeds(rows.config)), len(truth)), np.nan) for method in (*embedded, SCRATCH, JOINT)}
         for number, seed in enumerate(seeds(rows.config)):
             known, rest = draw_shots(truth, shots, seed)
             chosen, scored = np.isin(truth.recording, known.recording), [place[name] for name in rest.recording]
             for method, some in embedded.items():
                 own_rows = some[min(number, len(some) - 1)]  # a learner without random numbers has the same rows for all seeds
                 hits[method][number, scored] = nearest_centroid(own_rows.take(chosen), own_rows.take(scored)) == rest.label
-            own = LEARNERS["network"].fit(Split("few_shot", known, rest, shots), anchors(truth.classes), settings(rows.config), seed)
-            hits[SCRATCH][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
+            for method, train in ((SCRATCH, known), (JOINT, join(simulated, repeated(known, len(simulated))))):
+                split, texts = Split("few_shot", train, rest, shots), anchors(truth.classes)
+                own = LEARNERS["network"].fit(split, texts, settings(rows.config), seed)
+                hits[method][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
         counted = ~np.isnan(hits[RAW]).all(axis=0)
         for method, found in hits.items():
             case = {"level": "few_shot", "labels per class": shots, "method": method}
             row = rows.share(case, found[:, counted], truth.take(counted), keys, chance)
             curve[method].append(row | {"shots": shots})
+
+
+def repeated(known: Samples, others: int) -> Samples:
+    """Repeat labelled rows so that they are about LABELLED_SHARE of the training rows beside `others` simulated rows."""
+    times = max(1, round(LABELLED_SHARE / (1 - LABELLED_SHARE) * others / len(known)))
+    return known.take(np.repeat(np.arange(len(known)), times))
 
 
 def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float) -> None:

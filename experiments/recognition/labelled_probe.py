@@ -6,7 +6,7 @@ Turntable revolutions of the same recording are nearly equal. The "other recordi
 recording that is classified, so the remaining revolutions of the same object are at other distances. Paper (recognition with
 simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal
 distance 95.3 % with encoder and 90.3 % with raw features. This table adds controls with shuffled class labels and shuffled domains,
-and boosted trees as a second learner, which the paper does not have. The table encoder_comparison has the accuracy with few labels.
+which the paper does not have. The table encoder_comparison has other learners and the accuracy with few labels.
 
 In the paper, each distance has about four objects and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
 rows with the layout "as in the paper" have recordings of this layout, of one draw of the testbed (profile.layout_turns). In all other
@@ -46,7 +46,6 @@ from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
-from radartwin.recognize.learners import LEARNERS, Fitted
 from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
@@ -94,7 +93,7 @@ class Data:
 
     def keys_of(self, method: str) -> tuple[str, ...]:
         """Return the store keys of the measured recordings and of the recordings that the method simulated, if there are any."""
-        return (*self.keys["measured"], *self.keys.get(method.removesuffix(with_trees("")), ()))
+        return (*self.keys["measured"], *self.keys.get(method, ()))
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -146,12 +145,7 @@ def score(
     measured = data.measured
     rows = RecognitionRows(config)
     chance = uniform_chance(measured)
-    trained: dict[str, Sequence[Fitted | Encoder]] = {}
-    for method, simulated in data.copies.items():
-        split = label_free(simulated, measured)
-        trained[method] = encoders(config, split)
-        # Boosted trees draw nothing at random, so they need no further seeds.
-        trained[with_trees(method)] = [LEARNERS["trees"].fit(split, anchors(measured.classes), settings(config), config.seed)]
+    trained = {method: encoders(config, label_free(simulated, measured)) for method, simulated in data.copies.items()}
     embedded = {RAW: [measured]} | {method: [encoder.embedded(measured) for encoder in some] for method, some in trained.items()}
     probes = _usable_probes(measured, progress)
     predictions = {(method, probe): [_predict(samples, probe) for samples in some] for probe in probes for method, some in embedded.items()}
@@ -187,26 +181,19 @@ def _add_probe(
     for method, found in hits.items():
         claim = Claim("measured revolutions are recognised" if method == PRETRAINED else "", figures.get(method, ""))
         shown[method] = rows.share(case | {"method": method}, found, data.measured, data.keys_of(method), chance, claim)
-    ours, rivals = (PRETRAINED, with_trees(PRETRAINED)), [method for method in data.copies if method != PRETRAINED]
-    for own in ours:
-        paper = own == PRETRAINED  # the paper has no trees
-        claims = {RAW: Claim("training on simulation beats the raw features", gain if paper else "")}
-        for rival in rivals:
-            other = rival if paper else with_trees(rival)
-            claims[other] = Claim("our simulation teaches more", "+5.2 points" if paper and probe == REVOLUTIONS else "")
-        for method, claim in claims.items():
-            keys = sorted({*data.keys_of(own), *data.keys_of(method)})
-            rows.gain(case | {"method": f"{own} - {method}"}, hits[own], hits[method], data.measured, keys, claim)
+    claims = {RAW: Claim("training on simulation beats the raw features", gain)}
+    claims |= {
+        method: Claim("our simulation teaches more", "+5.2 points" if probe == REVOLUTIONS else "")
+        for method in data.copies if method != PRETRAINED
+    }  # fmt: skip
+    for method, claim in claims.items():
+        keys = sorted({*data.keys_of(PRETRAINED), *data.keys_of(method)})
+        rows.gain(case | {"method": f"{PRETRAINED} - {method}"}, hits[PRETRAINED], hits[method], data.measured, keys, claim)
     return shown
 
 
-def with_trees(method: str) -> str:
-    """Return the name of a method whose learner is boosted trees instead of the paper's encoder."""
-    return f"{method}, boosted trees"
-
-
 def _add_layout(
-    rows: RecognitionRows, data: Data, trained: Mapping[str, Sequence[Fitted | Encoder]], source: RecordingSource, progress: Progress
+    rows: RecognitionRows, data: Data, trained: Mapping[str, Sequence[Encoder]], source: RecordingSource, progress: Progress
 ) -> tuple[str, ...]:
     """Add the probes on recordings in the layout of the paper, with the encoders `trained` of each method. Returns the store keys of these
     recordings.

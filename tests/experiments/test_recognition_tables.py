@@ -126,6 +126,7 @@ def test_every_learner_recognises_different_objects(tmp_path: Path):
         assert find(result, method=method, **{"labels per class": encoder_comparison.RECORDINGS})["value"] > least
     assert find(result, method=encoder_comparison.NETWORK, **{"labels per class": 0})["verdict"] == "holds"
     assert find(result, method=encoder_comparison.RAW, **{"labels per class": 4})["n"] < 24
+    assert find(result, method=encoder_comparison.JOINT, **{"labels per class": 4})["value"] > 0.8
     assert not [one for one in result.rows if one["labels per class"] == 8]
     assert "label_efficiency" in result.figures
 
@@ -356,8 +357,9 @@ def test_no_reported_recording_was_among_those_of_the_selection():
         assert len(set(boards)) == len(set(seeds)) == len(prefixes)  # every draw has its own board and its own seed
 
 
-def test_the_recorded_scores_name_the_chosen_learners():
+def test_the_recorded_choices_follow_from_the_scores():
     selection = json.loads(choices.OUTPUT.read_text())["selection"]
-    assert selection["chosen"] == choices.chosen(selection["scores"]) == {
-        "no labels": encoder_comparison.NETWORK, "other recordings": encoder_comparison.TREES,
-    }  # fmt: skip
+    assert selection["chosen"] == choices.chosen(selection["scores"])
+    assert selection["chosen"]["copies"] == randomisation_ablation.ALL  # the default of supervision.randomise
+    assert selection["labelled share"]["value"] == encoder_comparison.LABELLED_SHARE
+    assert {row["method"] for row in selection["scores"]} == {*encoder_comparison.METHODS, encoder_comparison.RAW}
