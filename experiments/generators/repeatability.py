@@ -29,7 +29,6 @@ from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
 REPEATS = 5
-DRAW = 501  # draw of the testbed; no table reports it, and no learner is chosen on it
 DISTANCE_M = 1.0
 ROOM = "squash_court"  # room of the drives
 DRIVEN = ("track", "multipath", "window", "extent", "brightness", "profile")
@@ -43,8 +42,8 @@ FAMILIES: dict[Motion, tuple[str, ...]] = {
 Read = tuple[Sequence[str], np.ndarray]
 
 
-def repeated(config: Config, motion: Motion) -> list[list[Case]]:
-    """Return the cases to record for one motion, as one list of REPEATS cases per object."""
+def repeated(config: Config, motion: Motion, draw: int = 0) -> list[list[Case]]:
+    """Return the cases to record for one motion in a draw of the testbed, as one list of REPEATS cases per object."""
     campaign = config.profile.campaign
     if motion == "turntable":
         from radartwin.scene.objects.catalogue import catalogue
@@ -54,7 +53,7 @@ def repeated(config: Config, motion: Motion) -> list[list[Case]]:
         objects, room = campaign.rail_objects, BENCH_ROOM
     else:
         objects, room = campaign.rover_objects, ROOM
-    return [[Case(name, room, motion, DISTANCE_M, number, DRAW) for number in range(REPEATS)] for name in objects]
+    return [[Case(name, room, motion, DISTANCE_M, number, draw) for number in range(REPEATS)] for name in objects]
 
 
 def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
@@ -77,8 +76,7 @@ def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
         motion: {"pooled": rounded(list(of.values())), "objects": {name: rounded([one]) for name, one in of.items()}}
         for motion, of in groups.items()
     }
-    recorded = f"testbed, {REPEATS} recordings of each object at {DISTANCE_M:g} m in draw {DRAW}, each set up anew"
-    source = f"{recorded}; experiments/generators/repeatability.py"
+    source = f"testbed, {REPEATS} recordings of each object at {DISTANCE_M:g} m, each set up anew; experiments/generators/repeatability.py"
     return {"source": source, "motions": motions}
 
 

@@ -22,13 +22,13 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars, embedding_map
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, floor, scaled, settings
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, scaled, settings
 from experiments.recognition.readings import FEATURES
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
-from radartwin.recognize.probes import linear_probe
+from radartwin.recognize.probes import linear_probe, repeatability
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.split import Split, draw_shots, label_free
 from radartwin.recognize.training import fit
@@ -113,5 +113,5 @@ def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
     values = copies.samples.values
     return Recogniser(
         trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.samples.names,
-        features, values.mean(axis=0), np.maximum(values.std(axis=0), floor(copies.samples.names)), provenance,
+        features, values.mean(axis=0), np.maximum(values.std(axis=0), repeatability(copies.samples.names)), provenance,
     )  # fmt: skip

@@ -139,6 +139,10 @@ def _add_shots(
             case = {"level": "few_shot", "labels per class": shots, "method": method}
             row = rows.share(case, found[:, counted], truth.take(counted), keys, chance)
             curve[method].append(row | {"shots": shots})
+        for other in (RAW, SCRATCH):
+            ours, theirs = (np.nanmean(hits[method][:, counted], axis=0, keepdims=True) for method in (JOINT, other))
+            case = {"level": "few_shot", "labels per class": shots, "method": f"{JOINT} - {other}"}
+            rows.gain(case, ours, theirs, truth.take(counted), keys, Claim("simulation helps at equal labels"))
 
 
 def repeated(known: Samples, others: int) -> Samples:

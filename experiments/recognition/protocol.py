@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from experiments.claims import NONE, Claim, Row, RowList
 from experiments.statistics import Estimate, clustered
-from radartwin.adaptive.limits import Limits
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
-from radartwin.recognize.probes import leave_one_out_centroid, standardised
+from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import binomial_p, exact_interval
 from radartwin.recognize.split import Split, label_free
@@ -38,12 +37,7 @@ def anchors(objects: Iterable[str], text: str = "description") -> dict[str, NDAr
 
 def scaled(samples: Samples) -> Samples:
     """Standardise the features of turntable revolutions, with the repeatability of each feature as its smallest spread."""
-    return standardised(samples, floor(samples.names))
-
-
-def floor(names: Sequence[str]) -> NDArray[np.float64]:
-    """Return the smallest spread (D,) by which features of turntable revolutions are divided."""
-    return Limits.shipped("turntable").deviations(names)
+    return standardised(samples, repeatability(samples.names))
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:

@@ -25,12 +25,13 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.encoder_comparison import gather_rows
 from experiments.recognition.figures import bars
-from experiments.recognition.protocol import RecognitionRows, anchors, floor, scaled, seeds, settings
+from experiments.recognition.protocol import RecognitionRows, anchors, scaled, seeds, settings
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.adaptation import skewed, weighted_statistics
 from radartwin.recognize.alignment import Alignment, align
 from radartwin.recognize.encoder import Encoder, nearest_text, text_scores
+from radartwin.recognize.probes import repeatability
 from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import label_free
@@ -93,7 +94,7 @@ def _predict(
         return text_scores(encoder.embed(rows.values), np.stack([texts[name] for name in classes]), chosen.temperature)
 
     if method == NONE:
-        centre, spread = unscaled.values.mean(axis=0), np.maximum(unscaled.values.std(axis=0), floor(unscaled.names))
+        centre, spread = unscaled.values.mean(axis=0), np.maximum(unscaled.values.std(axis=0), repeatability(unscaled.names))
         adapted = batch.with_values((batch.values - centre) / np.where(spread > 0, spread, np.inf))
     elif method == WEIGHTED:
         adapted = weighted_statistics(simulated, batch, probabilities).measured

@@ -25,7 +25,6 @@ from radartwin.errors import InputError
 
 CONFIDENCE = 0.95
 MIN_SHARE = 0.1  # smallest limit of an object, relative to the limit pooled over objects
-LIMIT_PER_DEVIATION = 2.8  # repeatability limit over standard deviation, for many recordings (ISO 5725-6:1994, 4.1.4)
 SPAN_DB = 40.0  # range bins weaker than the strongest bin by more than this are ignored
 PROFILE = "range_profile_db"  # feature name of the root mean square difference over the bins of a range profile
 SHIPPED = Path(__file__).parent / "repeatability.json"
@@ -61,12 +60,6 @@ class Limits:
         known = stored["motions"][motion]
         own = known["objects"].get(thing, known["pooled"])
         return cls({name: max(limit, MIN_SHARE * known["pooled"][name]) for name, limit in own.items()}, stored["source"])
-
-    def deviations(self, names: Sequence[str]) -> np.ndarray:
-        """Return the standard deviation (features,) of each named feature between recordings of the same object, which is set up anew for
-        each recording. A feature without a known repeatability has 0.
-        """
-        return np.array([self.of.get(name, 0.0) / LIMIT_PER_DEVIATION for name in names])
 
     def moved(self, names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> tuple[float, str]:
         """Return the largest change of a feature, as a multiple of the feature's repeatability limit, and the name of this feature.

@@ -8,6 +8,11 @@ scene-level recognition. A result of shape (recordings,) holds one class per rec
 
 from __future__ import annotations
 
+import functools
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +20,7 @@ from radartwin.errors import InputError
 from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.split import Split
 
+FLOOR = Path(__file__).with_name("feature_floor.json")
 FOLDS = 12  # number of cross-validation folds; it equals the number of objects, so that each fold can leave out one object
 
 
@@ -151,3 +157,20 @@ def standardised(samples: Samples, floor: NDArray | float = 0.0) -> Samples:
     """
     spread = np.maximum(samples.values.std(axis=0), floor)
     return samples.with_values((samples.values - samples.values.mean(axis=0)) / np.where(spread > 0, spread, np.inf))
+
+
+def repeatability(names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the standard deviation (D,) of features of a turntable revolution between two recordings of the same object, set up anew.
+
+    A feature without a known repeatability has 0.
+
+    >>> bool(repeatability(["harmonic_1"])[0] > 0.01)
+    True
+    """
+    known = _deviations()
+    return np.array([known.get(name, 0.0) for name in names])
+
+
+@functools.cache
+def _deviations() -> dict[str, float]:
+    return json.loads(FLOOR.read_text(encoding="utf-8"))["deviation"]

@@ -16,7 +16,7 @@ from fake_campaign import FakeCampaign, draw_all, find
 
 from experiments.campaign.cases import Case, planned
 from experiments.claims import Claim
-from experiments.generators import choices
+from experiments.generators import choices, feature_floor
 from experiments.recognition import (
     contrastive,
     corner_reflector_calibration,
@@ -35,7 +35,9 @@ from experiments.recognition.readings import shared_cases
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
+from radartwin.features import sets
 from radartwin.io.progress import Progress
+from radartwin.recognize import probes
 from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.runs.experiment import Result, check_rows, save
 from radartwin.store.products import Store
@@ -363,3 +365,13 @@ def test_the_recorded_choices_follow_from_the_scores():
     assert selection["chosen"]["copies"] == randomisation_ablation.ALL  # the default of supervision.randomise
     assert selection["labelled share"]["value"] == encoder_comparison.LABELLED_SHARE
     assert {row["method"] for row in selection["scores"]} == {*encoder_comparison.METHODS, encoder_comparison.RAW}
+
+
+def test_the_floor_of_features_is_measured_in_a_draw_of_its_own():
+    content = json.loads(probes.FLOOR.read_text())
+    assert f"draw {feature_floor.DRAW}," in content["source"]
+    paper = compose(["experiment=labelled_probe", "profile=paper"]).profile.campaign
+    assert feature_floor.DRAW not in {choices.DRAW, *range(max(paper.draws, paper.rover_draws))}
+    case, source = Case("mug", "lab", "turntable", 1.0), turntable()
+    names, _ = sets.vector(source.processed("twin", case)[1], source.log(case, "twin"), "rotation")
+    assert (probes.repeatability(names) > 0).all()

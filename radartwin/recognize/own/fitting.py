@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.adaptive.limits import Limits
 from radartwin.recognize.encoder import Settings
 from radartwin.recognize.model import Recogniser
-from radartwin.recognize.probes import standardised
+from radartwin.recognize.probes import repeatability, standardised
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import simulation_only
 from radartwin.recognize.training import fit
@@ -37,7 +36,7 @@ class Training:
         """Train on all rows, which are simulated. The features are scaled by their mean, and by their standard deviation over the rows or
         their repeatability, whichever is larger.
         """
-        floor = Limits.shipped("turntable").deviations(rows.names)
+        floor = repeatability(rows.names)
         trained = fit(simulation_only(standardised(rows, floor)), self.anchors, self.settings, self.seed)
         prototypes = np.stack([self.anchors[label] for label in rows.classes])
         return Recogniser(

@@ -1,0 +1,47 @@
+"""Measure the standard deviation of turntable features between recordings of the same object, the floor of their scaling.
+
+    python -m experiments.generators.feature_floor      writes radartwin/recognize/feature_floor.json in about five core-minutes
+
+The testbed records each object as in repeatability.py, but in the draw DRAW. No table reports this draw, and no learner is chosen on it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from experiments.campaign.campaign import Campaign
+from experiments.generators.repeatability import DISTANCE_M, REPEATS, repeated
+from experiments.recognition.readings import FEATURES, vectors
+from radartwin.config.compose import compose
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.recognize.probes import FLOOR
+from radartwin.store.products import Store
+
+DRAW = 501
+
+
+def main() -> None:
+    config = compose(["experiment=campaign"])
+    config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
+    progress = Progress()
+    campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
+    variances, names = [], ()
+    for cases in progress.over(repeated(config, "turntable", DRAW), "objects"):
+        samples = vectors(campaign, "measured", cases, FEATURES).samples
+        names, variances = samples.names, [*variances, samples.values.var(axis=0, ddof=1)]
+    deviation = np.sqrt(np.mean(variances, axis=0))
+    source = (
+        f"testbed, draw {DRAW}, which no table reports: {REPEATS} recordings of each object on the turntable at {DISTANCE_M:g} m, each set "
+        "up anew; standard deviation pooled over objects; experiments/generators/feature_floor.py"
+    )
+    content = {"source": source, "deviation": {name: float(f"{value:.3g}") for name, value in zip(names, deviation, strict=True)}}
+    files.write_atomically(FLOOR, json.dumps(content, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
