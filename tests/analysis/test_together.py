@@ -11,10 +11,12 @@ from analysis import main, registry
 from experiments import together
 from experiments.campaign.campaign import Campaign, joined
 from experiments.campaign.schedule import RecordingTask
+from experiments.recognition import copies
 from radartwin.config.compose import compose, path_override
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs import workers
+from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 
@@ -30,7 +32,9 @@ def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeyp
         campaign = Campaign(config_of(name, tmp_path), Store(tmp_path / "cache"), Progress(quiet=True))
         assert campaign.missing(campaign.plan()).keys() <= given["missing"].keys()
     assert {task.domain for task in given["missing"].values()} == {"measured", "twin", "void"}
-    assert [arguments[0].room for _, *arguments in given["calls"]] == ["lab"], "the case of the table complexity"
+    targets = [call for call in given["calls"] if call[0] is copies.simulate_targets]
+    assert len(targets) == 2 * len(catalogue()), "the drawn targets of both simulators"
+    assert [case.room for function, case, *_ in given["calls"] if function is not copies.simulate_targets] == ["lab"], "of complexity"
 
 
 def test_a_recording_that_two_tables_read_is_processed_if_one_of_them_reads_it_processed() -> None:
