@@ -375,3 +375,10 @@ def test_the_floor_of_features_is_measured_in_a_draw_of_its_own():
     case, source = Case("mug", "lab", "turntable", 1.0), turntable()
     names, _ = sets.vector(source.processed("twin", case)[1], source.log(case, "twin"), "rotation")
     assert (probes.repeatability(names) > 0).all()
+
+
+def test_single_recordings_have_no_skewed_batch(tmp_path: Path):
+    single = turntable(repetitions=1, keep=lambda domain, case: case.distance_m == 1.0)
+    chosen = config("unlabelled_adaptation", "supervision.encoder.epochs=2")
+    result = checked(unlabelled_adaptation.score(chosen, single, Store(tmp_path / "cache"), Progress()))
+    assert {one["batch"] for one in result.rows} == {"balanced"}
