@@ -159,7 +159,7 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
     stored = store.fetch("targets_alone", spec, ROOTS, build).arrays()["channels"]
     whole = np.zeros((*stored.shape[:-1], len(near)), np.complex64)
     whole[..., near] = stored
-    return list(whole)
+    return [whole[number] for number in range(len(whole))]
 
 
 def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
