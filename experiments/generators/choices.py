@@ -5,7 +5,8 @@
 The recordings are those of the testbed's draw DRAW. It has other objects, rooms, radar boards and motions than the reported draws 0 to 9.
 Each candidate is trained on copies of simulated revolutions and scored on the measured revolutions of this draw: without labels, and by the
 nearest class centroid of other recordings and of a few labelled revolutions. The kind of copies with the highest mean of the first two
-accuracies of the two-layer network is chosen, and then the learner with the highest accuracy for each of the two. 48 recordings give an
+accuracies of the two-layer network is chosen, then the learner with the highest accuracy for each of the two, and the share of labelled
+rows in a training on simulation and labels. 48 recordings give an
 accuracy of 0.4 a standard error of 0.07, so near candidates are not told apart. The output file lists the scores and the recordings, beside
 the settings that were chosen without them.
 """
@@ -24,8 +25,8 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import MEASURED, Case
 from experiments.campaign.truth import root_of
 from experiments.recognition.copies import rows_of_copies
-from experiments.recognition.encoder_comparison import METHODS, NETWORK, RAW, TREES
-from experiments.recognition.protocol import anchors, scaled, seeds, settings
+from experiments.recognition.encoder_comparison import METHODS, NETWORK, RAW, TREES, fit_method, fit_with_labels
+from experiments.recognition.protocol import scaled, seeds
 from experiments.recognition.randomisation_ablation import ALL, NOISE_ONLY, QUANTITIES, copied
 from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
 from radartwin.config.compose import compose
@@ -36,11 +37,12 @@ from radartwin.recognize.learners import LEARNERS
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
 from radartwin.recognize.samples import Samples
-from radartwin.recognize.split import draw_shots, label_free
+from radartwin.recognize.split import draw_shots
 from radartwin.store.products import Store
 
 DRAW = 500
 SHOTS = (1, 2, 4)
+SHARES = (0.2, 0.5, 0.8)
 CHOSEN_BY = ("no labels", "other recordings")
 OUTPUT = Path(__file__).parents[1] / "recognition" / "recognition_choices.json"
 RECEIVER = ("level", "if_filter", "channels", "noise")
@@ -86,26 +88,47 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
     for kind, left_out in progress.over(list(COPIES.items()), "copies"):
         drawn = rows_of_copies(copied(config, left_out), store, source, twins, cases)
         copies: dict[Reads, Samples] = {"features": scaled(drawn["features"].samples), "pictures": drawn["pictures"].samples}
-        for method, (learner, text) in METHODS.items():
+        for method in METHODS:
             if kind == ALL or method in (NETWORK, TREES):
-                found.append({"copies": kind, "method": method} | _scored(config, learner, text, copies, measured))
+                found.append({"copies": kind, "method": method} | _scored(config, method, copies, measured))
+        if kind == ALL:
+            found += [{"copies": ALL, "labelled share": share} | _joint(config, share, copies["features"], features) for share in SHARES]
     return found
 
 
 def chosen(found: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Return the kind of copies with the highest mean of the two accuracies of the network, and the best method of each probe for them."""
-    network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in found if row["method"] == NETWORK}
+    network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in found if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])
-    trained = [row for row in found if row["copies"] == kind]
+    trained = [row for row in found if row["copies"] == kind and "method" in row]
     return {"copies": kind} | {probe: max(trained, key=lambda row: row[probe])["method"] for probe in CHOSEN_BY}
 
 
-def _scored(config: Config, name: str, text: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> dict[str, float]:
-    learner, features = LEARNERS[name], measured["features"]
-    rows, split = measured[learner.reads], label_free(copies[learner.reads], measured[learner.reads])
-    fitted = [learner.fit(split, anchors(features.classes, text), settings(config), seed) for seed in seeds(config)]
+def chosen_share(found: Sequence[Mapping[str, Any]]) -> float:
+    """Return the share of labelled training rows with the highest mean accuracy over the numbers of labels, the smallest of equal ones."""
+    rows = [row for row in found if "labelled share" in row]
+    return max(rows, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
+
+
+def _scored(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> dict[str, float]:
+    rows, features = measured[LEARNERS[METHODS[method][0]].reads], measured["features"]
+    fitted = fit_method(config, method, copies, measured)
     named_ = float(np.mean([one.predict(rows.unlabelled()) == features.label for one in fitted]))
-    return {"no labels": round(named_, 3)} | _probed([one.embedded(rows) for one in fitted], features)
+    embedded = [one.embedded(rows) for one in fitted]
+    return {"no labels": round(named_, 3)} | _probed([embedded[min(k, len(embedded) - 1)] for k in range(len(seeds(config)))], features)
+
+
+def _joint(config: Config, share: float, simulated: Samples, truth: Samples) -> dict[str, float]:
+    """Return the accuracies of the network that is trained on simulated rows and, as this share of all rows, on labelled measured rows."""
+    found = {}
+    for shots in SHOTS:
+        hits = []
+        for seed in seeds(config):
+            known, rest = draw_shots(truth, shots, seed)
+            own = fit_with_labels(config, simulated, known, rest, seed, share)
+            hits.append(float(np.mean(nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label)))
+        found[f"{shots} labels per class"] = round(float(np.mean(hits)), 3)
+    return found
 
 
 def _probed(embedded: list[Samples], truth: Samples) -> dict[str, float]:
@@ -125,7 +148,12 @@ def main() -> None:
     store = Store(Path(config.output) / "cache", progress.say)
     content = json.loads(OUTPUT.read_text(encoding="utf-8"))
     found = scores(config, store, progress)
-    content["selection"] |= {"draw": DRAW, "chosen": chosen(found), "scores": found, "recordings": recordings(config)}
+    content["selection"] |= {
+        "draw": DRAW,
+        "chosen": chosen(found) | {"labelled share": chosen_share(found)},
+        "scores": found,
+        "recordings": recordings(config),
+    }
     files.write_atomically(OUTPUT, json.dumps(content, indent=1) + "\n")
     for row in content["selection"]["scores"]:
         print(row)

@@ -21,7 +21,7 @@ from experiments.recognition.readings import FEATURES, MOTION, Readings, part, p
 from radartwin.builders.radar import build_radar
 from radartwin.builders.simulator import fixed_simulator, simulator_options
 from radartwin.config.config import Config
-from radartwin.features import envelope, sets, track
+from radartwin.features import envelope, sets
 from radartwin.features.log import distances
 from radartwin.features.processed import MAX_RANGE_M
 from radartwin.io.progress import Progress
@@ -38,6 +38,10 @@ ROOTS = [
     "radartwin.builders.simulator", "experiments.recognition.copies",
 ]  # fmt: skip
 NEAR_TARGET_M = 0.75  # the stored echoes of a target end this far from its nominal range; beyond it they are below -60 dB
+
+
+def strengths(config: Config) -> randomise.Randomisation:
+    return randomise.Randomisation(**asdict(config.supervision.randomise))
 
 
 def measured_and_copies(
@@ -87,15 +91,15 @@ def _rows(
     """Return the store key of a simulated recording, and names and values of the rows of its copies by kind."""
     key, processed = source.processed("twin", case)
     log, chosen = source.log(case, "twin"), config.supervision
-    strengths = randomise.Randomisation(**asdict(chosen.randomise))
+    drawn = strengths(config)
 
     def build(folder: Path) -> None:
         vectors_, pictures = [], []
         echoes: list[NDArray] = []
-        if strengths.moves_target:
+        if drawn.moves_target:
             assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
             echoes = _alone(config, store, source, case, seed)
-        for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, strengths, seed):
+        for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, drawn, seed):
             vectors_.append(sets.vector(copy, log, FEATURES, without))
             pictures.append(picture_row(copy, log))
         found: dict[str, NDArray] = {}
@@ -112,7 +116,7 @@ def _rows(
 
 def calls(config: Config) -> list[Call]:
     """Return the simulations of all drawn targets of a configuration, as together.py runs them in several workers."""
-    if not randomise.Randomisation(**asdict(config.supervision.randomise)).moves_target:
+    if not strengths(config).moves_target:
         return []
     _, twins = shared_cases(_campaign(config), MOTION)
     return [(simulate_targets, config, case, seed) for case, seed in _seeded(config, twins)]
@@ -136,7 +140,8 @@ def _seeded(config: Config, simulated: Sequence[Case]) -> list[tuple[Case, list[
 
 def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: list[int]) -> list[NDArray[np.complex64]]:
     """Return the channels (F, A, B) of the nominal target alone in free space, and of each drawn target on its drawn turntable."""
-    strengths = randomise.Randomisation(**asdict(config.supervision.randomise))
+    # The receiver does not change the target, so copies with other receivers share the echoes.
+    physical = replace(strengths(config), level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
     own, log = campaign.config, campaign.log(case, TWIN)
     radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)
     surfaces = with_other_reflectors()[case.object].surfaces(contents=own.contents)
@@ -145,11 +150,10 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
     count = min(config.supervision.variants, config.supervision.copies)
     range_m = range_axis(radar, radar.num_samples)
     near = np.abs(range_m[range_m <= MAX_RANGE_M] - float(np.mean(log.distance_m))) < NEAR_TARGET_M
-    physical = replace(strengths, level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
 
     def build(folder: Path) -> None:
         options = simulator_options(simulator)
-        made = randomise.echoes_alone(surfaces, radar, log.sensor_poses, turned, strengths, count, seed, **options)
+        made = randomise.echoes_alone(surfaces, radar, log.sensor_poses, turned, physical, count, seed, **options)
         save_arrays(folder, {"channels": made[..., near]})
 
     spec = {
@@ -163,10 +167,7 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
 
 
 def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
-    """Return (mean energy in the target gate, noise power per range bin) of a recording."""
+    """Return (mean energy in the target gate, noise power per range bin) of a turntable recording."""
     _, processed = source.processed(domain, case)
     log = source.log(case, domain)
-    range_m = distances(log, processed.num_frames)
-    if case.motion != MOTION:
-        range_m = track.around(processed, range_m, log.frame_rate_hz)
-    return float(envelope.target_energy(processed, range_m).mean()), float(processed.noise_floor.mean())
+    return float(envelope.target_energy(processed, distances(log, processed.num_frames)).mean()), float(processed.noise_floor.mean())

@@ -72,11 +72,8 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     for of in (measured, copies):
         of["features"] = scaled(of["features"])  # pictures have levels from 0 to 1
     fitted: dict[str, list[Fitted]] = {}
-    for method, (kind, text) in progress.over(list(METHODS.items()), "learners"):
-        learner = LEARNERS[kind]
-        split, texts = label_free(copies[learner.reads], measured[learner.reads]), anchors(measured["features"].classes, text)
-        chosen = seeds(config)[:1] if kind == "trees" else seeds(config)  # boosted trees draw nothing at random
-        fitted[method] = [learner.fit(split, texts, settings(config), seed) for seed in chosen]
+    for method in progress.over(list(METHODS), "learners"):
+        fitted[method] = fit_method(config, method, copies, measured)
     truth = measured["features"]
     chance = uniform_chance(truth)
     curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*METHODS, RAW, SCRATCH, JOINT)}
@@ -96,6 +93,28 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     }
     metrics = {f"accuracy_{method.replace(', ', '_').replace(' ', '_')}": float(curve[method][0]["value"]) for method in METHODS}
     return Result(TABLE.name, rows, figures, metrics | {"chance": chance}, keys)
+
+
+def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
+    """Train the learner of a method on scaled rows of copies, once for each seed. Boosted trees draw nothing at random: they have one."""
+    kind, text = METHODS[method]
+    learner = LEARNERS[kind]
+    split, texts = label_free(copies[learner.reads], measured[learner.reads]), anchors(measured["features"].classes, text)
+    return [learner.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
+
+
+def fit_with_labels(
+    config: Config, simulated: Samples | None, known: Samples, rest: Samples, seed: int, share: float = LABELLED_SHARE
+) -> Fitted:
+    """Train the two-layer network on labelled measured rows, beside simulated rows if there are any.
+
+    The labelled rows are repeated so that they are about `share` of the training rows.
+    """
+    train, shots = known, len(known) // len(known.classes)
+    if simulated is not None:
+        times = max(1, round(share / (1 - share) * len(simulated) / len(known)))
+        train = join(simulated, known.take(np.repeat(np.arange(len(known)), times)))
+    return LEARNERS["network"].fit(Split("few_shot", train, rest, shots), anchors(known.classes), settings(config), seed)
 
 
 def gather_rows(
@@ -130,9 +149,8 @@ def _add_shots(
             for method, some in embedded.items():
                 own_rows = some[min(number, len(some) - 1)]  # a learner without random numbers has the same rows for all seeds
                 hits[method][number, scored] = nearest_centroid(own_rows.take(chosen), own_rows.take(scored)) == rest.label
-            for method, train in ((SCRATCH, known), (JOINT, join(simulated, repeated(known, len(simulated))))):
-                split, texts = Split("few_shot", train, rest, shots), anchors(truth.classes)
-                own = LEARNERS["network"].fit(split, texts, settings(rows.config), seed)
+            for method, beside in ((SCRATCH, None), (JOINT, simulated)):
+                own = fit_with_labels(rows.config, beside, known, rest, seed)
                 hits[method][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
         counted = ~np.isnan(hits[RAW]).all(axis=0)
         for method, found in hits.items():
@@ -143,12 +161,6 @@ def _add_shots(
             ours, theirs = (np.nanmean(hits[method][:, counted], axis=0, keepdims=True) for method in (JOINT, other))
             case = {"level": "few_shot", "labels per class": shots, "method": f"{JOINT} - {other}"}
             rows.gain(case, ours, theirs, truth.take(counted), keys, Claim("simulation helps at equal labels"))
-
-
-def repeated(known: Samples, others: int) -> Samples:
-    """Repeat labelled rows so that they are about LABELLED_SHARE of the training rows beside `others` simulated rows."""
-    times = max(1, round(LABELLED_SHARE / (1 - LABELLED_SHARE) * others / len(known)))
-    return known.take(np.repeat(np.arange(len(known)), times))
 
 
 def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float) -> None:

@@ -82,9 +82,10 @@ CASE = {"level": "few_shot", "setting": "turntable, 12 objects"}
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Features of measured revolutions, and of simulated noisy copies by method. `keys` holds the store keys of the recordings by method.
+    """Features of measured revolutions, and of copies of simulated revolutions by method.
 
-    Measured rows and the rows of each method are standardised separately by their own mean and standard deviation.
+    `keys` holds the store keys of the recordings by method. Measured rows and the rows of each method are standardised separately by their
+    own mean and standard deviation.
     """
 
     measured: Samples
@@ -112,8 +113,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the drawn targets of both simulators (experiments/together.py)."""
-    return [*copies.calls(config), *copies.calls(rf_genesis(config))]
+    """Return the simulations of the drawn targets of all simulations (experiments/together.py)."""
+    own = [config, rf_genesis(config)] + ([replace(config, contents="unknown")] if config.profile.unknown_contents else [])
+    return [call for one in own for call in copies.calls(one)]
 
 
 def rf_genesis(config: Config) -> Config:
@@ -236,7 +238,7 @@ def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
 
 
 def gather_data(config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource]) -> Data:
-    """Return the measured revolutions, and noisy copies of the recordings simulated by RadarTwin and by each other simulator in
+    """Return the measured revolutions, and copies of the recordings simulated by RadarTwin and by each other simulator in
     `rivals`.
     """
     cases, twins = shared_cases(source, MOTION)

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from experiments import draws
+from experiments.campaign.campaign import Call
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
-from experiments.recognition.copies import measured_and_copies
+from experiments.recognition import copies
 from experiments.recognition.figures import bars
 from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
 from radartwin.config.config import Config
@@ -44,6 +45,16 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
 
 
+def calls(config: Config) -> list[Call]:
+    """Return the simulations of the drawn targets of each kind of copies (experiments/together.py)."""
+    return [call for left_out in kinds(config).values() for call in copies.calls(copied(config, left_out))]
+
+
+def kinds(config: Config) -> dict[str, tuple[str, ...]]:
+    """Return the quantities that each kind of copies leaves out."""
+    return {ALL: (), NOISE_ONLY: QUANTITIES} | {f"without {name}": (name,) for name in config.profile.left_out}
+
+
 def copied(config: Config, left_out: tuple[str, ...]) -> Config:
     """Return the configuration whose copies keep the quantities `left_out` nominal."""
     chosen = replace(config.supervision.randomise, **dict.fromkeys(left_out, 0.0))
@@ -52,16 +63,15 @@ def copied(config: Config, left_out: tuple[str, ...]) -> Config:
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
     """Build the rows of each kind of copies and probe."""
-    kinds = {ALL: (), NOISE_ONLY: QUANTITIES} | {f"without {name}": (name,) for name in config.profile.left_out}
     hits: dict[str, dict[str, np.ndarray]] = {}
     keys: set[str] = set()
     measured: Samples | None = None
-    for kind, left_out in progress.over(list(kinds.items()), "copies"):
+    for kind, left_out in progress.over(list(kinds(config).items()), "copies"):
         own = copied(config, left_out)
-        theirs, copies = measured_and_copies(own, source, store, progress)
-        keys |= {*theirs.keys, *copies.keys}
+        theirs, ours = copies.measured_and_copies(own, source, store, progress)
+        keys |= {*theirs.keys, *ours.keys}
         measured = scaled(theirs.samples)
-        for probe, found in probe_hits(own, measured, scaled(copies.samples)).items():
+        for probe, found in probe_hits(own, measured, scaled(ours.samples)).items():
             hits.setdefault(probe, {})[kind] = found
     assert measured is not None
     rows, shown = RecognitionRows(config), {}

@@ -90,7 +90,10 @@ def configured(options: argparse.Namespace) -> Config:
 
 
 def simulated(planned: Sequence[Revolution], jobs: int, store: Store, progress: Progress) -> tuple[Samples, dict[str, str]]:
-    """Return the feature rows of all revolutions, and the store key of each revolution by its name. Workers compute the missing results."""
+    """Return the feature rows of all revolutions, and the store key of the copies of each revolution by its name.
+
+    Workers compute the missing results.
+    """
     missing = [(one,) for one in planned if not one.is_stored(store)]
     if missing:
         with progress.task("recordings simulated", len(missing)) as done:
@@ -140,7 +143,7 @@ def fitted(
             track()
         for record in records:
             record.metrics = metrics(stored.read_held_out(product), len(own))
-            record.artifacts, record.inputs = sorted(product.path.iterdir()), {revolutions.REVOLUTION: sorted(keys.values())}
+            record.artifacts, record.inputs = sorted(product.path.iterdir()), {revolutions.COPIES: sorted(keys.values())}
     return product
 
 

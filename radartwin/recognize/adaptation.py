@@ -4,14 +4,13 @@ Symbols: x_f -> feature f of a measured row; m_f, s_f -> its mean and standard d
 standard deviation over the simulated rows; pi_k -> share of class k in the measured batch; p_k(x) -> class probability from a classifier
 that was trained on simulated rows of equally frequent classes. An adapted row is M_f + S_f (x_f - m_f) / s_f.
 
-- `statistics` takes M_f and S_f over all simulated rows. This assumes that the classes have the same shares in both domains.
-- `weighted_statistics` weights the simulated rows, so that class k has the share pi_k. The expectation-maximisation of M. Saerens et al.,
-  Neural Computation 14, 2002, estimates pi_k from the probabilities p_k(x) of the measured rows. The probabilities depend on the adapted
-  rows, and the adapted rows depend on pi_k, so both steps alternate. A classifier is overconfident where simulation and measurement differ,
-  so the estimate is shrunk towards equal shares.
+`weighted_statistics` weights the simulated rows for M_f and S_f, so that class k has the share pi_k. The expectation-maximisation of
+M. Saerens et al., Neural Computation 14, 2002, estimates pi_k from the probabilities p_k(x) of the measured rows. The probabilities depend
+on the adapted rows, and the adapted rows depend on pi_k, so both steps alternate. A classifier is overconfident where simulation and
+measurement differ, so the estimate is shrunk towards equal shares. With a shrinkage of 1, the classes have equal shares.
 
-If the simulated rows are standardised, `statistics` equals `probes.standardised` of the measured rows. Only the measured rows change, so
-the classifier is trained once, on the simulated rows.
+If the simulated rows are standardised and the shares are equal, an adapted row equals that of `probes.standardised` without a floor. Only
+the measured rows change, so the classifier is trained once, on the simulated rows.
 """
 
 from __future__ import annotations
@@ -41,15 +40,6 @@ class Adapted(Generic[Rows]):
 
     measured: Rows
     shares: Mapping[str, float]
-
-
-def statistics(simulated: Samples, measured: Rows) -> Adapted[Rows]:
-    """Adapt measured rows by the mean and spread of both domains. The class shares are assumed equal to those of the simulated rows.
-
-    Raises:
-        InputError: a domain has no rows, or the features differ.
-    """
-    return Adapted(_adapted(simulated, measured, np.full(len(simulated), 1 / max(len(simulated), 1))), _shares_of(simulated))
 
 
 def weighted_statistics(
@@ -133,8 +123,3 @@ def _adapted(simulated: Samples, measured: Rows, weights: NDArray) -> Rows:
     own = measured.values.std(axis=0)
     scaled = (measured.values - measured.values.mean(axis=0)) / np.where(own > 0, own, np.inf)
     return measured.with_values(centre + spread * scaled)
-
-
-def _shares_of(rows: Samples) -> dict[str, float]:
-    classes, counts = np.unique(rows.label, return_counts=True)
-    return dict(zip(map(str, classes), (counts / len(rows)).tolist(), strict=True))
