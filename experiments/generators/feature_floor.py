@@ -2,7 +2,8 @@
 
     python -m experiments.generators.feature_floor      writes radartwin/recognize/feature_floor.json in about five core-minutes
 
-The testbed records each object as in repeatability.py, but in the draw DRAW. No table reports this draw, and no learner is chosen on it.
+The testbed records each object as in repeatability.py, but with a standing person. No table reports the draw DRAW, and no learner is chosen
+on it.
 """
 
 from __future__ import annotations
@@ -14,15 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from experiments.campaign.campaign import Campaign
-from experiments.generators.repeatability import DISTANCE_M, REPEATS, repeated
+from experiments.generators.repeatability import DISTANCE_M, DRAW, REPEATS, repeated
 from experiments.recognition.readings import FEATURES, vectors
 from radartwin.config.compose import compose
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import FLOOR
 from radartwin.store.products import Store
-
-DRAW = 501
 
 
 def main() -> None:
@@ -31,7 +30,7 @@ def main() -> None:
     progress = Progress()
     campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
     variances, names = [], ()
-    for cases in progress.over(repeated(config, "turntable", DRAW), "objects"):
+    for cases in progress.over(repeated(config, "turntable"), "objects"):
         samples = vectors(campaign, "measured", cases, FEATURES).samples
         names, variances = samples.names, [*variances, samples.values.var(axis=0, ddof=1)]
     deviation = np.sqrt(np.mean(variances, axis=0))
