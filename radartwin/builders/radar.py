@@ -7,21 +7,25 @@ from pathlib import Path
 
 from radartwin.config.compose import compose
 from radartwin.config.radar import RadarConfig
+from radartwin.radar.array_table import read_array
 from radartwin.radar.chirp import Radar
+from radartwin.radar.named import NAMED
 
 
 def build_radar(config: RadarConfig) -> Radar:
-    """Build the radar from the configured radar file, or else from the evaluation board with the configured values.
+    """Build the radar from the configured radar file, or else from the named radar with the configured values, with the antennas of the
+    configured array table.
 
     Raises:
         InputError: a configured value is impossible for a radar.
-        MissingError, RecordingError: the radar file is absent or malformed.
+        MissingError, RecordingError: the radar file or the array table is absent or malformed.
     """
+    array = read_array(config.array) if config.array else {}
+    element = {"element": config.element} if config.element else {}
     if config.file:
-        radar = Radar.from_file(Path(config.file))
-        return replace(radar, element=config.element) if config.element else radar
-    board = Radar.iwr1843().to_dict() if config.name == "iwr1843" else {}
-    return Radar.from_dict({"element": "iwr1843", **board, **config.given()})
+        return replace(Radar.from_file(Path(config.file)), **array, **element)
+    board = NAMED[config.name]().to_dict() if config.name in NAMED else {}
+    return Radar.from_dict({"element": "iwr1843", **board, **array, **config.given()})
 
 
 def named_radar(name: str) -> Radar:

@@ -19,6 +19,7 @@ class RadarConfig:
 
     name: str = "iwr1843"
     file: str | None = path_name()  # radar description: mmWave SDK .cfg, mmWave Studio .mmwave.json, or .yaml
+    array: str | None = path_name()  # table of the antennas, .csv or .yaml (radartwin/radar/array_table.py), in place of the positions
     start_frequency_hz: float | None = None
     slope_hz_per_s: float | None = None
     sample_rate_hz: float | None = None
@@ -39,8 +40,10 @@ class RadarConfig:
             raise ConfigError("radar=file needs the file: add radar.file=FILE.cfg or FILE.mmwave.json")
         if self.name != "file" and self.file:
             raise ConfigError(f"radar.file is only read by radar=file, and radar.name is {self.name}; add radar=file")
+        if self.array and (self.tx_positions_m or self.rx_positions_m):
+            raise ConfigError("radar.array and radar.tx_positions_m or rx_positions_m both give the antennas; leave out one of them")
         if self.file and (refused := sorted(set(self.given()) - {"name", "element"})):
             raise ConfigError(f"radar.{refused[0]} is set, but radar=file takes it from {self.file}; change it there, or leave it out here")
 
     def given(self) -> dict[str, Any]:
-        return {f.name: value for f in fields(self) if f.name != "file" and (value := getattr(self, f.name)) is not None}
+        return {f.name: value for f in fields(self) if f.name not in ("file", "array") and (value := getattr(self, f.name)) is not None}

@@ -5,9 +5,18 @@ mmWave EVM user's guide (TI SWRU546). On these boards, the receivers are half a 
 in azimuth, and TX2 is raised by half a wavelength. TX1 and TX3 with four receivers therefore form eight channels in azimuth at a spacing of
 half a wavelength. On the xWR1642BOOST (user's guide TI SWRU521), the two transmitters are two wavelengths apart.
 
-In this module, the channel number grows towards +y (left), because in the mmWave SDK demo the phase grows with the channel number for a
-target on the right. On the board, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The user's
-guides do not give the distance between the two groups. This module therefore centres both groups at the origin of the sensor frame. For a
+The board MMWCAS-RF-EVM carries four chips AWR2243 (design guide TI TIDUEN5A, figures 5 to 7). Its positions are those of TI's processing
+example for this board, in half wavelengths at 76.8 GHz. TX4 to TX12 are two wavelengths apart in azimuth. TX1 to TX3 of the main chip stand
+1, 4 and 6 half wavelengths above them. With TX4 to TX12, these heights differ by every number of half wavelengths from 0 to 6, which is a
+minimum-redundancy array. The 16 receivers form groups of 4, 8 and 4 antennas at a spacing of half a wavelength. The azimuth row of 9
+transmitters and 16 receivers has 144 channels at 86 different places, without a gap.
+
+In this module, the channel number of the boards with one chip grows towards +y (left), because in the mmWave SDK demo the phase grows with
+the channel number for a target on the right. On the MMWCAS-RF-EVM, the positions of TI's example grow towards +y (left) and +z (up). This
+direction is an assumption of this project; if it is wrong for a real capture, its azimuths have the opposite sign. On the boards with one
+chip, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The user's
+guides do not give the distance between the two groups. This module therefore centres both groups at the origin of the sensor frame. On the
+MMWCAS-RF-EVM, both groups are centred in azimuth, and the receivers and TX4 to TX12 are at height zero. For a
 target at 0.5 m, this simplification shortens the two-way path by about 0.1 mm, and by nearly the same length on all channels.
 """
 
@@ -50,3 +59,14 @@ _THREE_TX = ((0.0, 0.0), (1.0, 0.5), (2.0, 0.0))
 IWR1843BOOST = _board("iwr1843boost", 77e9, _THREE_TX, "iwr1843")
 IWR1642BOOST = _board("iwr1642boost", 77e9, ((0.0, 0.0), (2.0, 0.0)), "iwr1843")
 IWR6843ISK = _board("iwr6843isk", 62e9, _THREE_TX, "isotropic")  # the package has no pattern of the 60 GHz antennas
+
+_CASCADE_HALF_WAVELENGTH = SPEED_OF_LIGHT / 76.8e9 / 2
+_CASCADE_TX = ((11, 6), (10, 4), (9, 1), *((place, 0) for place in range(32, -1, -4)))  # (azimuth, elevation) of TX1 to TX12
+_CASCADE_RX = (*range(11, 15), *range(50, 54), *range(46, 50), *range(4))  # azimuth of RX1 to RX16
+
+MMWCAS_RF_EVM = Board(
+    "mmwcas-rf-evm",
+    tuple((0.0, (y - 16.0) * _CASCADE_HALF_WAVELENGTH, z * _CASCADE_HALF_WAVELENGTH) for y, z in _CASCADE_TX),
+    tuple((0.0, (y - 26.5) * _CASCADE_HALF_WAVELENGTH, 0.0) for y in _CASCADE_RX),
+    "isotropic",  # the package has no pattern of these antennas
+)

@@ -1,5 +1,8 @@
 """Describe the waveform, array and timing of a TDM-MIMO FMCW radar, and derive its resolution and limits.
 
+The only waveform is a train of equal linear up-chirps (FMCW), which the transmitters send one after the other (TDM). Descriptions of other
+waveforms (WAVEFORM) are refused, for example several transmitters at a time, chirps of several profiles, falling chirps, PMCW or OFDM.
+
 Symbols and their names in the code: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples,
 Tc -> chirp_interval, B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
 The axes of the sensor frame are x forward, y left and z up, and positions are in metres from the origin of this frame.
@@ -12,7 +15,7 @@ to mmWave sensing: FMCW radars (TI).
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -26,11 +29,13 @@ from radartwin.radar.antenna import ELEMENTS, element_gain
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
 from radartwin.radar.description_files import read_fields
-from radartwin.radar.field_checks import from_mapping, is_number
+from radartwin.radar.field_checks import check_distinct, from_mapping, is_number
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 
 _PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise, "antenna_errors": AntennaErrors}
+_GAINS = ("tx_gains_db", "rx_gains_db")
+WAVEFORM = "fmcw"  # the only waveform that a radar description may name
 _MAX_COUNT = 1_000_000  # largest number of samples or chirps; the limit keeps a typing error from filling the memory
 
 
@@ -50,6 +55,7 @@ class Radar:
             unambiguous range fold to shorter ranges.
         phase_noise: phase noise of the local oscillator; None for an ideal oscillator.
         antenna_errors: deviations of the antennas from the pattern `element`; None for antennas with this pattern.
+        tx_gains_db, rx_gains_db: power gain of each antenna in addition to `element`, in dB; None for 0 dB.
 
     >>> round(Radar.iwr1843().range_resolution_m, 4)
     0.0436
@@ -72,6 +78,8 @@ class Radar:
     if_filter: IfFilter | None = None
     phase_noise: PhaseNoise | None = None
     antenna_errors: AntennaErrors | None = None
+    tx_gains_db: tuple[float, ...] | None = None
+    rx_gains_db: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -91,6 +99,9 @@ class Radar:
                 self._require(name, lambda value, kind=kind: value is None or isinstance(value, kind), f"a {kind.__name__} or None")
         for name in ("tx_positions_m", "rx_positions_m"):
             object.__setattr__(self, name, _positions(self.name, name, getattr(self, name)))
+        for name, antennas in (("tx_gains_db", self.num_tx), ("rx_gains_db", self.num_rx)):
+            if (gains := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _gains(self.name, name, gains, antennas))
         self._check_timing()
 
     def _require(self, name: str, accepts: Callable[[Any], bool], expected: str) -> None:
@@ -208,6 +219,13 @@ class Radar:
         errors = self.antenna_errors
         return element_gain(self.element, directions) if errors is None else errors.gain(self.element, directions)
 
+    def channel_gains(self) -> NDArray[np.float64] | None:
+        """Return the amplitude gains (num_tx, num_rx) of the channels in addition to `gain`, or None if all are 1."""
+        if self.tx_gains_db is None and self.rx_gains_db is None:
+            return None
+        tx, rx = (np.array(gains or (0.0,)) for gains in (self.tx_gains_db, self.rx_gains_db))
+        return np.broadcast_to(10 ** ((tx[:, None] + rx) / 20), (self.num_tx, self.num_rx))
+
     def chirp_times(self) -> NDArray[np.float64]:
         """Return the start times (num_chirps, num_tx) of all chirps of a frame, in seconds from the start of the frame."""
         loop, tx = np.arange(self.num_chirps)[:, None], np.arange(self.num_tx)[None]
@@ -254,18 +272,32 @@ class Radar:
             raise RecordingError(f"{path}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields of the radar as plain values for JSON or YAML. Leave out if_filter, phase_noise and antenna_errors if None."""
+        """Return the fields of the radar as plain values for JSON or YAML. Leave out parts that are None."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tx_positions_m", "rx_positions_m"):
             values[name] = [list(position) for position in values[name]]
         for name in _PARTS:
             if (part := values.pop(name)) is not None:
                 values[name] = part.to_dict()
+        for name in _GAINS:
+            if (gains := values.pop(name)) is not None:
+                values[name] = list(gains)
         return values
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Radar:
-        """Build a radar from the mapping that `to_dict` returns. Raise InputError if a field is unknown, missing or invalid."""
+        """Build a radar from the mapping that `to_dict` returns, which may also hold `waveform: fmcw`.
+
+        Raises:
+            InputError: a field is unknown, missing or invalid, or the waveform is not linear FMCW.
+        """
+        if isinstance(values, Mapping) and "waveform" in values:
+            values = dict(values)
+            if (waveform := values.pop("waveform")) != WAVEFORM:
+                raise InputError(
+                    f"radar description: waveform {reprlib.repr(waveform)} is not simulated; RadarTwin simulates linear FMCW chirps in time "
+                    f"division (waveform: {WAVEFORM})"
+                )
         return from_mapping(cls, "radar description", values)
 
 
@@ -280,4 +312,12 @@ def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:
         array = np.empty(0)
     if array.ndim != 2 or array.shape[0] < 1 or array.shape[-1] != 3 or not np.isfinite(array).all():
         raise InputError(f"radar {radar}: {name} must be one or more finite (x, y, z) positions in metres")
-    return tuple((float(x), float(y), float(z)) for x, y, z in zip(*array.T, strict=True))
+    places = tuple((float(x), float(y), float(z)) for x, y, z in zip(*array.T, strict=True))
+    check_distinct(places, f"radar {radar}: {name}")
+    return places
+
+
+def _gains(radar: str, name: str, gains: Any, antennas: int) -> tuple[float, ...]:
+    if not isinstance(gains, Sequence) or len(gains) != antennas or not all(map(is_number, gains)):
+        raise InputError(f"radar {radar}: {name} must be {antennas} finite numbers in dB, one for each antenna, not {reprlib.repr(gains)}")
+    return tuple(map(float, gains))

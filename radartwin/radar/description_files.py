@@ -24,11 +24,11 @@ def read_fields(path: Path) -> dict[str, Any]:
     """
     match path.suffix:
         case ".cfg":
-            source: str | dict[str, Any] = _read_text(path)
+            source: str | dict[str, Any] = read_text(path)
         case ".json":
             source = read_json(path)
         case ".yaml" | ".yml":
-            source = _with_numbers(read_yaml(path, "radar fields"))
+            source = with_numbers(read_yaml(path, "radar fields"))
         case suffix:
             raise RecordingError(f"{path}: suffix {suffix!r} is unknown; give a .cfg, .mmwave.json, .yaml or .json")
     try:
@@ -66,7 +66,7 @@ def read_yaml(path: Path, content: str) -> dict[str, Any]:
     import yaml
 
     try:
-        values = untrusted_yaml.load(_read_text(path))
+        values = untrusted_yaml.load(read_text(path))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
@@ -78,19 +78,20 @@ def read_yaml(path: Path, content: str) -> dict[str, Any]:
     return values
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Read a UTF-8 text file. Raise RecordingError if the file is not readable text."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: not a readable text file ({type(error).__name__}); write it as UTF-8") from error
 
 
-def _with_numbers(value: Any) -> Any:
+def with_numbers(value: Any) -> Any:
     """Convert text such as 77e9 to a number, because YAML 1.1 reads an exponent without a sign as text."""
     if isinstance(value, dict):
-        return {key: _with_numbers(item) for key, item in value.items()}
+        return {key: with_numbers(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_with_numbers(item) for item in value]
+        return [with_numbers(item) for item in value]
     if isinstance(value, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+", value):
         return float(value)
     return value

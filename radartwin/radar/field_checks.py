@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -43,6 +43,16 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
         return kind(**values)
     except TypeError as error:
         raise InputError(f"{name}: {error}".replace(f"{kind.__name__}.__init__() ", "")) from None
+
+
+def check_distinct(positions: Sequence[tuple[float, ...]], what: str) -> None:
+    """Raise InputError if two antennas have the same position. The message gives the name `what` of the antennas and their numbers."""
+    first: dict[tuple[float, ...], int] = {}
+    for number, position in enumerate(positions, start=1):
+        if (other := first.setdefault(position, number)) != number:
+            raise InputError(
+                f"{what}: antennas {other} and {number} are at the same position; give each antenna its own position, or leave one out"
+            )
 
 
 def check_rigid(poses: NDArray[np.float64], what: str) -> None:

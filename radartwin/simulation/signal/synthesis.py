@@ -22,6 +22,7 @@ import itertools
 import math
 import weakref
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -119,6 +120,13 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
     """
     check_option("elements", elements, ELEMENTS)
     parts = [paths] if isinstance(paths, Paths) else list(paths)
+    if (gains := radar.channel_gains()) is not None:
+        # The gains do not depend on the path, so that they act on the sum over paths.
+        even = synthesize(parts, replace(radar, tx_gains_db=None, rx_gains_db=None), elements=elements)
+        even *= gains.astype(np.float32)[:, :, None]
+        if out is not None:
+            out += even
+        return even if out is None else out
     frames = parts[0].poses
     shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
     iq = np.zeros(shape, np.complex64) if out is None else out

@@ -1,0 +1,164 @@
+"""Read the antennas of a user's own array from a table: a CSV file with a header line, or a YAML file with the list `elements`.
+
+A row describes one antenna. The order of the transmitters in the table is their firing order.
+
+| column | meaning |
+|---|---|
+| antenna | tx or rx |
+| x_m, y_m, z_m | position of the phase centre in metres, in the sensor frame (x forward, y left, z up); a column that is left out is 0 |
+| x_half_wavelength, ... | the same in half wavelengths at design_frequency_hz, in place of metres |
+| design_frequency_hz | frequency of the half wavelength in Hz; required with it, and equal in all rows |
+| gain_db | power gain of the antenna in addition to its pattern, in dB; 0 if left out |
+| pattern | name of the antenna pattern (radartwin.radar.antenna), equal in all rows; the radar's own pattern if left out |
+
+A YAML file may give design_frequency_hz and pattern once, beside `elements`.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+import reprlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.radar.antenna import ELEMENTS
+from radartwin.radar.description_files import read_text, read_yaml, with_numbers
+from radartwin.radar.field_checks import check_distinct
+
+UNITS = ("m", "half_wavelength")
+MAX_SPAN_M = 2.0  # no array of a board is wider; a wider table gives other units as metres
+_COMMON = ("design_frequency_hz", "pattern")  # columns whose value is the same in all rows
+_COLUMNS = ("antenna", *_COMMON, "gain_db")
+_POSITION = re.compile(r"([xyz])_(\w+)")
+
+
+def read_array(path: str | Path) -> dict[str, Any]:
+    """Read an array table and return the fields of `Radar` that it decides.
+
+    Returns:
+        tx_positions_m and rx_positions_m, each a tuple of (x, y, z) in metres; tx_gains_db and rx_gains_db, if an antenna has a gain;
+        element, if the table names a pattern.
+    Raises:
+        MissingError: the file does not exist.
+        RecordingError: the table is malformed, or its antennas form no array. The message names the file and the row.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MissingError(f"{path}: no such array table; give a .csv or .yaml with one antenna per row")
+    rows, common = _rows(path)
+    if not rows:
+        raise RecordingError(f"{path}: the table has no antenna; write one row for each transmitter and receiver")
+    unit = _unit(path, rows)
+    for name in _COMMON:
+        if len(values := {row[name] for row in rows if name in row} | {common[name] for _ in "1" if name in common}) > 1:
+            raise RecordingError(f"{path}: {name} has the values {_listed(values)}; an array has one {name}")
+        common |= {name: value for value in values}
+    metres = _metres(path, unit, common.get("design_frequency_hz"))
+    found: dict[str, list[tuple[tuple[float, ...], float]]] = {"tx": [], "rx": []}
+    for number, row in enumerate(rows, start=1):
+        place = f"{path}, antenna {number}"
+        if (kind := row.get("antenna")) not in found:
+            raise RecordingError(f"{place}: antenna must be tx or rx, not {reprlib.repr(kind)}")
+        position = tuple(metres * _number(place, f"{axis}_{unit}", row.get(f"{axis}_{unit}", 0.0)) for axis in "xyz")
+        found[str(kind)].append((position, _number(place, "gain_db", row.get("gain_db", 0.0))))
+    _check_array(path, found)
+    fields: dict[str, Any] = {f"{kind}_positions_m": tuple(position for position, _ in found[kind]) for kind in found}
+    if any(gain for antennas in found.values() for _, gain in antennas):
+        fields |= {f"{kind}_gains_db": tuple(gain for _, gain in found[kind]) for kind in found}
+    if "pattern" in common:
+        if common["pattern"] not in ELEMENTS:
+            raise RecordingError(f"{path}: pattern {reprlib.repr(common['pattern'])} is unknown; use one of {', '.join(ELEMENTS)}")
+        fields["element"] = common["pattern"]
+    return fields
+
+
+def _rows(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return the rows of the table without empty cells, and the values that a YAML file gives for all rows."""
+    common: dict[str, Any] = {}
+    if path.suffix in (".yaml", ".yml"):
+        content = with_numbers(read_yaml(path, "elements"))
+        listed = content.pop("elements", None)
+        if unknown := sorted(set(content) - set(_COMMON), key=str):
+            raise RecordingError(f"{path}: unknown key {unknown[0]!r}; known keys: elements, {', '.join(_COMMON)}")
+        if not (isinstance(listed, Sequence) and not isinstance(listed, str) and all(isinstance(row, Mapping) for row in listed)):
+            raise RecordingError(f"{path}: elements must be a list of antennas, such as {{antenna: tx, y_m: 0.0}}")
+        rows, common = [{str(key): value for key, value in row.items()} for row in listed], content
+    elif path.suffix == ".csv":
+        try:
+            table = list(csv.DictReader(io.StringIO(read_text(path)), strict=True))
+        except csv.Error as error:
+            raise RecordingError(f"{path}: {error}; write a header line and one antenna per row, separated by commas") from error
+        if any(None in row or None in row.values() for row in table):
+            raise RecordingError(f"{path}: a row has more or fewer cells than the header line; write one cell for each column")
+        rows = [{key.strip(): value.strip() for key, value in row.items() if value.strip()} for row in table]
+    else:
+        raise RecordingError(f"{path}: suffix {path.suffix!r} is unknown; give an array table as .csv or .yaml")
+    return rows, common
+
+
+def _unit(path: Path, rows: list[dict[str, Any]]) -> str:
+    """Return the unit of the positions. Raise RecordingError for an unknown column, an unknown unit, or positions in two units."""
+    units = set()
+    for name in sorted({name for row in rows for name in row}):
+        if name in _COLUMNS:
+            continue
+        if not (position := _POSITION.fullmatch(name)):
+            raise RecordingError(f"{path}: unknown column {name!r}; known columns: {', '.join(_COLUMNS)}, x_m, x_half_wavelength")
+        if position[2] not in UNITS:
+            raise RecordingError(f"{path}: unit {position[2]!r} of column {name} is unknown; use one of {', '.join(UNITS)}")
+        units.add(position[2])
+    if len(units) != 1:
+        raise RecordingError(f"{path}: positions must be in one unit; name the columns x_m, y_m, z_m or x_half_wavelength, ...")
+    return units.pop()
+
+
+def _metres(path: Path, unit: str, design_frequency_hz: Any) -> float:
+    """Return the length of a unit in metres."""
+    if unit == "m":
+        return 1.0
+    if design_frequency_hz is None:
+        raise RecordingError(f"{path}: positions in half wavelengths need design_frequency_hz, the frequency of this wavelength in Hz")
+    frequency_hz = _number(str(path), "design_frequency_hz", design_frequency_hz)
+    if not 1e9 <= frequency_hz <= 1e12:
+        raise RecordingError(f"{path}: design_frequency_hz must be from 1e9 to 1e12 Hz, not {frequency_hz:g}")
+    return SPEED_OF_LIGHT / frequency_hz / 2
+
+
+def _number(place: str, name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise RecordingError(f"{place}: {name} must be a finite number, not {reprlib.repr(value)}")
+    return number
+
+
+def _check_array(path: Path, found: Mapping[str, list[tuple[tuple[float, ...], float]]]) -> None:
+    """Raise RecordingError unless the antennas form an array of at least two virtual elements and of a plausible size."""
+    for kind, name in (("tx", "transmitter"), ("rx", "receiver")):
+        if not found[kind]:
+            raise RecordingError(f"{path}: the table has no {name}; an array needs at least one {name}")
+        try:
+            check_distinct([position for position, _ in found[kind]], f"{path}: {kind}")
+        except InputError as error:
+            raise RecordingError(str(error)) from error
+    if all(len(antennas) == 1 for antennas in found.values()):
+        raise RecordingError(f"{path}: one transmitter and one receiver are no array; give two antennas of at least one kind")
+    for axis, name in enumerate("xyz"):
+        along = [position[axis] for antennas in found.values() for position, _ in antennas]
+        if max(along) - min(along) > MAX_SPAN_M:
+            raise RecordingError(
+                f"{path}: the antennas span {max(along) - min(along):g} m along {name}; are these half wavelengths? Name the column "
+                f"{name}_half_wavelength"
+            )
+
+
+def _listed(values: set[Any]) -> str:
+    return " and ".join(sorted(map(reprlib.repr, values)))
