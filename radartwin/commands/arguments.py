@@ -101,10 +101,21 @@ def _add_recordings(group: Verbs) -> None:
     captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=chosen)
     captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
 
-    text = "the virtual measurement campaign to a recording set, as measured=recordings reads it"
+    _add_export(group)
+
+
+def _add_export(group: Verbs) -> None:
+    """Add the verb `export`, whose options --mcap and --out choose one of two uses."""
+    text = "a recording to a timeline for Foxglove (--mcap), or the virtual measurement campaign to a recording set (--out)"
     export = _add(group, "export", verbs.export, text, resumes=True)
-    _overrides(export, "[profile=...] [profile.campaign.KEY=value ...] [measured.gap.NAME=strength ...]")
-    export.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; recordings in it stay")
+    _overrides(export, "--mcap: one RECORDING, as for process; --out: [profile=...] [profile.campaign.KEY=value ...] [key=value ...]")
+    use = export.add_mutually_exclusive_group(required=True)
+    use.add_argument("--mcap", metavar="FILE", type=Path, help="write the timeline of RECORDING: maps, detections and poses of each frame")
+    use.add_argument("--out", metavar="SET", type=Path, help="export the campaign to the set in this folder; recordings in it stay")
+    export.add_argument("--pictures", metavar="FOLDER", type=Path, help="--mcap: pictures of a camera, named by seconds, such as 0.100.jpg")
+    first = "--mcap: time of the first frame in seconds since 1970 (default: 0)"
+    export.add_argument("--start", metavar="SECONDS", help=first)
+    _capture(export, prefix="--mcap: ")
 
 
 def _add_scenes(group: Verbs) -> None:
@@ -204,11 +215,16 @@ def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
 
 
 def _recording(verb: argparse.ArgumentParser) -> None:
-    radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or the name of a radar option"
-    swapped = "Q before I in the file (default: found from the data)"
     verb.add_argument("recording", metavar="RECORDING", type=Path, help="a recording, a mmWave Studio .bin, or a .npy or .npz cube")
-    verb.add_argument("--radar", metavar="FILE", help=radar)
-    verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=swapped)
+    _capture(verb)
+
+
+def _capture(verb: argparse.ArgumentParser, prefix: str = "") -> None:
+    """Add the options that describe a capture of another tool."""
+    radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or the name of a radar option"
+    verb.add_argument("--radar", metavar="FILE", help=prefix + radar)
+    swapped = "Q before I in the file (default: found from the data)"
+    verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=prefix + swapped)
 
 
 def _output(verb: argparse.ArgumentParser) -> None:

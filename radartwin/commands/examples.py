@@ -43,6 +43,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ),
         ("radartwin simulate scene=lab scene.target=mug simulator=auto features=rotation", "the cheapest settings that keep the features"),
         ("radartwin simulate scene=lab simulator=points radar=openradar_77ghz trajectory=static", "another simulator, another radar"),
+        ("radartwin simulate scene=lab radar=iwr6843 trajectory=static", "a 60 GHz radar"),
+        ("radartwin simulate scene=lab radar=iwr1843 radar.array=antennas.csv trajectory=static", "your own antenna array"),
     ),
     "process": (
         ("radartwin process outputs/recordings/lab", "a recording of radartwin simulate"),
@@ -63,6 +65,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ),
     ),
     "export": (
+        ("radartwin export outputs/recordings/lab --mcap lab.mcap", "a recording as a timeline for Foxglove"),
+        (
+            "radartwin export capture.bin --mcap capture.mcap --start 1772359200 --pictures camera",
+            "a capture and the pictures of a camera, with the time of its first frame",
+        ),
         ("radartwin export --out virtual", "the quick campaign"),
         (
             "radartwin export 'profile.campaign.turntable_objects=[corner_reflector,mug]' measured.gap.clutter=0 --out virtual",

@@ -101,8 +101,14 @@ def import_captures(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
+    if options.mcap is not None:
+        from radartwin.commands.export import export_timeline
+
+        return export_timeline(options)
+    from radartwin.commands.export import refuse_timeline_options
     from radartwin.runs import checkout
 
+    refuse_timeline_options(options)
     return checkout.module("experiments.campaign.export").export_verb(_all_overrides(options), options.config_dir, options.out)
 
 

@@ -61,7 +61,7 @@ def accept(command: str) -> None:
     """
     options = parse(shlex.split(command)[1:])
     assert callable(options.verb)
-    if command.split()[1] not in ("run", "simulate", "export"):
+    if command.split()[1] not in ("run", "simulate", "export") or getattr(options, "mcap", None):
         return
     ours, hydras = sweep.split([word for word in options.overrides if word != "experiment=mine"])  # defined in docs/extending.md
     assert all(word.startswith(("hydra/launcher=", "hydra.launcher.")) for word in hydras)

@@ -1,0 +1,140 @@
+"""Build messages of the Foxglove schemas, encoded in JSON, for the timelines that radartwin.recordings.timeline writes.
+
+The names and fields of the schemas are those that Foxglove publishes (github foxglove/foxglove-sdk, schemas/jsonschema; documented at
+docs.foxglove.dev/docs/sdk/schemas). Binary data is base64 text, and a time is a whole number of seconds and nanoseconds. The schema
+radartwin.RangeProfile is RadarTwin's own, because Foxglove has no schema for a row of numbers over a physical axis.
+
+Conventions. In the picture of a map, the first row is the farthest range. A pixel is an unsigned 16-bit number (mono16): the level in
+hundredths of a decibel above a floor, so that level_db = floor_db + pixel/100. A point lies at (r cos(azimuth), r sin(azimuth), 0) in the
+frame of the sensor (x forward, y left, z up), because the detection measures no elevation.
+"""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.radar.detection import Peaks
+
+Message = dict[str, Any]
+
+PIXELS_PER_DB = 100.0
+_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("velocity_mps", "<f4"), ("power_db", "<f4")])
+_FLOAT32 = 7  # of Foxglove's enumeration NumericType
+
+_WHOLE = {"type": "integer", "minimum": 0}
+_TEXT, _NUMBER, _BYTES = {"type": "string"}, {"type": "number"}, {"type": "string", "contentEncoding": "base64"}
+
+
+def _object(title: str, properties: Message) -> Message:
+    return {"title": title, "type": "object", "properties": properties, "required": list(properties)}
+
+
+_TIME = _object("time", {"sec": _WHOLE, "nsec": {**_WHOLE, "maximum": 999_999_999}})
+_VECTOR = _object("foxglove.Vector3", dict.fromkeys("xyz", _NUMBER))
+_QUATERNION = _object("foxglove.Quaternion", dict.fromkeys("xyzw", _NUMBER))
+_POSE = _object("foxglove.Pose", {"position": _VECTOR, "orientation": _QUATERNION})
+_FIELD = _object("foxglove.PackedElementField", {"name": _TEXT, "offset": _WHOLE, "type": {**_WHOLE, "maximum": 8}})
+_STAMPED = {"timestamp": _TIME, "frame_id": _TEXT}
+
+SCHEMAS: dict[str, Message] = {
+    schema["title"]: schema
+    for schema in (
+        _object(
+            "foxglove.RawImage",
+            {**_STAMPED, "width": _WHOLE, "height": _WHOLE, "encoding": _TEXT, "step": _WHOLE, "data": _BYTES},
+        ),
+        _object("foxglove.CompressedImage", {**_STAMPED, "data": _BYTES, "format": _TEXT}),
+        _object(
+            "foxglove.PointCloud",
+            {**_STAMPED, "pose": _POSE, "point_stride": _WHOLE, "fields": {"type": "array", "items": _FIELD}, "data": _BYTES},
+        ),
+        _object(
+            "foxglove.FrameTransform",
+            {"timestamp": _TIME, "parent_frame_id": _TEXT, "child_frame_id": _TEXT, "translation": _VECTOR, "rotation": _QUATERNION},
+        ),
+        _object("foxglove.PoseInFrame", {**_STAMPED, "pose": _POSE}),
+        _object(
+            "radartwin.RangeProfile",
+            {**_STAMPED, "range_start_m": _NUMBER, "range_step_m": _NUMBER, "power_db": {"type": "array", "items": _NUMBER}},
+        ),
+    )
+}
+
+
+def stamped(time_ns: int, frame_id: str) -> Message:
+    return {"timestamp": _time(time_ns), "frame_id": frame_id}
+
+
+def decibels(power: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return 10 lg of the power. A power of zero gives -3000 dB, because JSON has no infinity."""
+    return 10 * np.log10(np.maximum(power, 1e-300))
+
+
+def map_image(time_ns: int, frame_id: str, power: NDArray[np.float64], floor_db: float) -> Message:
+    """Return a foxglove.RawImage of a power map (columns, range), whose pixels are levels above `floor_db` (see the module)."""
+    level = (decibels(power.T[::-1]) - floor_db) * PIXELS_PER_DB
+    pixels = np.clip(np.rint(level), 0, 65535).astype("<u2")
+    height, width = pixels.shape
+    return {
+        **stamped(time_ns, frame_id), "width": width, "height": height, "encoding": "mono16", "step": 2 * width, "data": _text(pixels.tobytes()),
+    }  # fmt: skip
+
+
+def picture(time_ns: int, frame_id: str, data: bytes, kind: str) -> Message:
+    """Return a foxglove.CompressedImage of the bytes of a picture file of the kind "jpeg", "png" or "webp"."""
+    return {**stamped(time_ns, frame_id), "data": _text(data), "format": kind}
+
+
+def point_cloud(time_ns: int, frame_id: str, peaks: Peaks) -> Message:
+    """Return a foxglove.PointCloud of detected peaks, with the radial velocity in m/s (receding positive) and the power in dB."""
+    points = np.zeros(len(peaks), _POINT)
+    points["x"], points["y"] = peaks.range_m * np.cos(peaks.azimuth_rad), peaks.range_m * np.sin(peaks.azimuth_rad)
+    points["velocity_mps"], points["power_db"] = peaks.velocity_mps, decibels(peaks.power)
+    names = [{"name": name, "offset": offset, "type": _FLOAT32} for name, (_, offset) in (_POINT.fields or {}).items()]
+    return {
+        **stamped(time_ns, frame_id), "pose": _pose(np.eye(4)), "point_stride": _POINT.itemsize, "fields": names, "data": _text(points.tobytes()),
+    }  # fmt: skip
+
+
+def frame_transform(time_ns: int, parent: str, child: str, pose: NDArray[np.float64]) -> Message:
+    """Return a foxglove.FrameTransform of the pose (4, 4) that transforms the frame `child` to the frame `parent`."""
+    both = _pose(pose)
+    return {
+        "timestamp": _time(time_ns), "parent_frame_id": parent, "child_frame_id": child,
+        "translation": both["position"], "rotation": both["orientation"],
+    }  # fmt: skip
+
+
+def pose_in_frame(time_ns: int, frame_id: str, pose: NDArray[np.float64]) -> Message:
+    return {**stamped(time_ns, frame_id), "pose": _pose(pose)}
+
+
+def range_profile(time_ns: int, frame_id: str, range_m: NDArray[np.float64], power: NDArray[np.float64]) -> Message:
+    """Return a radartwin.RangeProfile: levels in dB at the ranges range_start_m + n range_step_m."""
+    levels = np.round(decibels(power), 3).tolist()
+    step_m = float(range_m[1] - range_m[0]) if len(range_m) > 1 else 0.0
+    return {**stamped(time_ns, frame_id), "range_start_m": float(range_m[0]), "range_step_m": step_m, "power_db": levels}
+
+
+def _pose(pose: NDArray[np.float64]) -> Message:
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_matrix(pose[:3, :3]).as_quat()
+    return {"position": _named("xyz", pose[:3, 3]), "orientation": _named("xyzw", turn)}
+
+
+def _named(names: str, values: NDArray[np.float64]) -> Message:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+
+def _time(time_ns: int) -> Message:
+    sec, nsec = divmod(time_ns, 1_000_000_000)
+    return {"sec": sec, "nsec": nsec}
+
+
+def _text(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")

@@ -1,0 +1,213 @@
+"""Write a recording as a timeline: an MCAP file that Foxglove plays, with maps, detections, poses and pictures of each frame.
+
+| topic | schema | content of a message |
+|---|---|---|
+| /radar/range_profile | radartwin.RangeProfile | mean power over chirps and channels at each range, in dB |
+| /radar/range_doppler | foxglove.RawImage | power over range and radial velocity, averaged over channels |
+| /radar/range_azimuth | foxglove.RawImage | power over range and azimuth, averaged over chirps |
+| /radar/points | foxglove.PointCloud | detections of radartwin.radar.detection |
+| /tf | foxglove.FrameTransform | pose of the sensor frame `radar` in the frame `world` |
+| /radar/pose | foxglove.PoseInFrame | the same pose |
+| /camera/image | foxglove.CompressedImage | a picture of the camera |
+
+Frame f is stamped with the start of its first chirp, start + f/frame_rate. The maps of a frame are those of radartwin.radar.power_maps for
+this frame alone. The file is written frame by frame, so that its length does not decide the memory, and under a temporary name until it is
+complete. Format: mcap.dev/spec, messages in JSON with schemas in JSON Schema.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+
+from radartwin.constants import __version__
+from radartwin.errors import BackendError, OutputError, RecordingError
+from radartwin.io import files
+from radartwin.io.progress import Progress
+from radartwin.radar.chirp import Radar
+from radartwin.radar.detection import Peaks, detect
+from radartwin.radar.power_maps import PowerMaps, doppler_bins, power_maps, range_bins
+from radartwin.radar.processing import range_axis, velocity_axis
+from radartwin.radar.recording import Recording
+from radartwin.recordings import foxglove
+from radartwin.recordings.pictures import Picture
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
+# Level of a black pixel. Foxglove shows the pixels 0 to 10,000 of a mono16 picture by default, which are the 100 dB above the floor.
+FLOOR_DB, FLOOR_COUNTS_DB = -200.0, -20.0  # for amplitudes (relative to the transmitted power) and for ADC counts
+TOPICS = {
+    "/radar/range_profile": "radartwin.RangeProfile",
+    "/radar/range_doppler": "foxglove.RawImage",
+    "/radar/range_azimuth": "foxglove.RawImage",
+    "/radar/points": "foxglove.PointCloud",
+    "/tf": "foxglove.FrameTransform",
+    "/radar/pose": "foxglove.PoseInFrame",
+    "/camera/image": "foxglove.CompressedImage",
+}
+
+
+def write_timeline(
+    recording: Recording,
+    path: str | Path,
+    *,
+    start_ns: int = 0,
+    pictures: list[Picture] | None = None,
+    progress: Progress | None = None,
+) -> dict[str, int]:
+    """Write the MCAP file of a recording.
+
+    Args:
+        recording: recording to write; a memory-mapped recording is read frame by frame.
+        path: the MCAP file; an existing file is replaced.
+        start_ns: time of the start of the first frame, in nanoseconds since 1970.
+        pictures: pictures of the camera, in ascending order of their times; None for none.
+        progress: shows the number of frames that are done.
+    Returns:
+        Number of messages by topic. A radar with one channel has no range-azimuth map and no points, a frame with one chirp has no
+        range-Doppler map, and a recording without poses has no transform.
+    Raises:
+        BackendError: the package mcap is missing.
+        RecordingError: samples are NaN or infinite.
+        InputError: a picture is not of the kind of its suffix.
+        OutputError: the file cannot be written. No temporary file remains, and an existing file keeps its content.
+    """
+    path = Path(path)
+    mcap_writer = check_target(path)
+    files.make_folder(path.parent)
+    files.sweep(path.parent)
+    temporary = files.unfinished(path)
+    try:
+        with temporary.open("wb") as stream:
+            counts = _write(mcap_writer.Writer(stream), stream, recording, start_ns, pictures or [], progress)
+        temporary.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot write ({error.strerror or error}); free some space or choose another file") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    return counts
+
+
+def check_target(path: Path) -> ModuleType:
+    """Check that an MCAP file can be written, before the recording is read, and return the module mcap.writer.
+
+    Raises:
+        BackendError: the package mcap is missing.
+        OutputError: the path is a folder, or its folder cannot be written.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
+    files.check_folder(path.parent)
+    try:
+        import mcap.writer
+    except ImportError as error:
+        raise BackendError("--mcap needs the package mcap; install it with pip install 'radartwin[mcap]'") from error
+    return mcap.writer
+
+
+def frame_time_ns(radar: Radar, frame: int, start_ns: int) -> int:
+    """Return the time of the start of a frame in nanoseconds since 1970. The start is a whole number, so that no digit is lost."""
+    return start_ns + round(frame * 1e9 / radar.frame_rate_hz)
+
+
+def frame_points(iq: np.ndarray, radar: Radar, maps: PowerMaps) -> Peaks:
+    """Return the detections of one frame (1, chirp, tx, rx, sample), whose power maps are `maps`."""
+    return detect(iq, radar, maps=maps)
+
+
+def _write(
+    writer: Writer, stream: BinaryIO, recording: Recording, start_ns: int, pictures: list[Picture], progress: Progress | None
+) -> dict[str, int]:
+    writer.start(profile="", library=f"radartwin {__version__}")
+    floor_db = FLOOR_COUNTS_DB if recording.provenance.get("unit") == "counts" else FLOOR_DB
+    writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
+    schemas = {name: writer.register_schema(name, "jsonschema", json.dumps(schema).encode()) for name, schema in foxglove.SCHEMAS.items()}
+    channels: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    for time_ns, topic, message in _messages(recording, start_ns, floor_db, pictures, progress):
+        if topic not in channels:
+            channels[topic] = writer.register_channel(topic, "json", schemas[TOPICS[topic]])
+        data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+        writer.add_message(channels[topic], time_ns, data, time_ns, sequence=counts.get(topic, 0))
+        counts[topic] = counts.get(topic, 0) + 1
+    writer.finish()
+    stream.flush()
+    os.fsync(stream.fileno())
+    return counts
+
+
+def _messages(
+    recording: Recording, start_ns: int, floor_db: float, pictures: list[Picture], progress: Progress | None
+) -> Iterator[tuple[int, str, foxglove.Message]]:
+    """Yield time, topic and message of the whole timeline in the order of time."""
+    waiting = list(reversed(pictures))
+    with contextlib.ExitStack() as stack:
+        advance = stack.enter_context(progress.task("frames", recording.num_frames)) if progress else None
+        for block in recording.frame_blocks(1):  # blocks of one frame
+            frame = block.start
+            time_ns = frame_time_ns(recording.radar, frame, start_ns)
+            while waiting and waiting[-1].time_ns < time_ns:
+                yield _picture(waiting.pop())
+            for topic, message in _frame(recording, frame, time_ns, floor_db).items():
+                yield time_ns, topic, message
+            if advance:
+                advance()
+    while waiting:
+        yield _picture(waiting.pop())
+
+
+def _picture(picture: Picture) -> tuple[int, str, foxglove.Message]:
+    return picture.time_ns, "/camera/image", foxglove.picture(picture.time_ns, CAMERA, picture.read(), picture.kind)
+
+
+def _frame(recording: Recording, frame: int, time_ns: int, floor_db: float) -> dict[str, foxglove.Message]:
+    """Return the messages of one frame by topic."""
+    radar, iq = recording.radar, recording.iq[frame : frame + 1]
+    if not np.isfinite(iq).all():
+        raise RecordingError(f"frame {frame} of the recording holds NaN or infinite samples; simulate or record it again")
+    maps = power_maps(iq, radar)
+    out: dict[str, foxglove.Message] = {}
+    if recording.sensor_poses is not None:
+        pose = recording.sensor_poses[frame if len(recording.sensor_poses) > 1 else 0]
+        out["/tf"] = foxglove.frame_transform(time_ns, WORLD, SENSOR, pose)
+        out["/radar/pose"] = foxglove.pose_in_frame(time_ns, WORLD, pose)
+    out["/radar/range_profile"] = foxglove.range_profile(time_ns, SENSOR, maps.range_m, maps.range_time.mean(axis=0))
+    if radar.num_chirps > 1:
+        out["/radar/range_doppler"] = foxglove.map_image(time_ns, SENSOR, maps.range_doppler, floor_db)
+    if radar.num_tx * radar.num_rx > 1:
+        # The columns run from the left of the radar (positive azimuth) to its right.
+        out["/radar/range_azimuth"] = foxglove.map_image(time_ns, SENSOR, maps.range_azimuth[::-1], floor_db)
+        out["/radar/points"] = foxglove.point_cloud(time_ns, SENSOR, frame_points(iq, radar, maps))
+    return out
+
+
+def _metadata(recording: Recording, start_ns: int, floor_db: float) -> dict[str, str]:
+    """Return the metadata record of the file: texts, of which radar, axes and provenance are JSON."""
+    radar = recording.radar
+    velocity_mps = velocity_axis(radar, doppler_bins(radar))
+    axes = {
+        "range_m": [float(range_axis(radar, range_bins(radar))[-1]), 0.0],
+        "velocity_mps": [float(velocity_mps[0]), float(velocity_mps[-1])],
+        "azimuth_deg": [90.0, -90.0],
+    }
+    return {
+        "version": __version__,
+        "radar": json.dumps(radar.to_dict()),
+        "frames": str(recording.num_frames),
+        "start_ns": str(start_ns),
+        "unit": "dB of one squared ADC count" if recording.provenance.get("unit") == "counts" else "dB of transmitted power",
+        "floor_db": str(floor_db),
+        "pixels_per_db": str(foxglove.PIXELS_PER_DB),
+        "axes": json.dumps(axes),  # values at the first and at the last row or column of the pictures
+        "provenance": json.dumps(recording.provenance),
+    }
