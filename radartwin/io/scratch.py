@@ -53,6 +53,10 @@ class ScratchArray:
         with self._stream:
             return np.memmap(self._stream, self._dtype, "r+", shape=self._shape)
 
+    def close(self) -> None:
+        """Close the file. After an error, this removes the file; a mapped array stays valid."""
+        self._stream.close()
+
     def _failed(self, error: OSError) -> OutputError:
         size = int(np.prod(self._shape, dtype=np.int64)) * self._dtype.itemsize
         reason = f"cannot hold {size / 1e9:.3g} GB of samples ({error.strerror or error})"

@@ -1,4 +1,5 @@
-"""Read raw radar data (captures) of other tools as recordings: mmWave Studio .bin files with .mmwave.json, and sample arrays in .npy files.
+"""Read raw radar data (captures) of other tools as recordings: mmWave Studio .bin files with .mmwave.json, sample arrays in .npy files, and
+folders with the files of a cascade.
 
 A capture of another tool has no amplitude calibration, so the samples of its recording are in ADC counts and its scale is 1. If the caller
 does not state whether I or Q comes first, this module finds the sample order from the noise spectrum. The receive filter passes beat
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
-from radartwin.radar import dca1000
+from radartwin.radar import cascade_capture, dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording, read_counts, recording_files
 
@@ -34,8 +35,10 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
             .mmwave.json in its folder, or of a .npy file. The array in a .npy file has the shape [chirp, sample], [chirp, channel, sample],
             [frame, chirp, channel, sample] or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. Its samples are
             complex, or int16 with one more axis of I and Q at the end. A .npz file holds this array as `iq`, and may hold the poses of the
-            radar as `poses` (F, 4, 4).
-        radar: a Radar or the path of a radar file. An array requires `radar`; for a .bin file, `radar` replaces the .mmwave.json.
+            radar as `poses` (F, 4, 4). A folder with the files of the cascade's capture board is a capture too
+            (radartwin.radar.cascade_capture).
+        radar: a Radar or the path of a radar file. An array and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
+            the .mmwave.json.
         iq_swapped: whether Q comes before I in a capture of another tool. None detects the sample order from the noise. For a recording of
             this package, the .json file gives the sample order.
     Raises:
@@ -47,6 +50,10 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
         radar = Radar.from_file(radar)
     if path.suffix in CUBES:
         return _load_cube(path, radar, iq_swapped)
+    if cascade_capture.is_cascade_capture(path):
+        if radar is None:
+            raise RecordingError(f"{path}: a capture of the cascade does not name its radar; give a .yaml, or awr2243_cascade")
+        return from_counts(path, cascade_capture.read_counts(path, radar), radar, iq_swapped)
     bin_path, json_path = recording_files(path)
     if radar is None and (json_path.is_file() or not bin_path.is_file()):
         return Recording.load(path)

@@ -5,6 +5,7 @@ at most FIRST_FRAMES frames. The next blocks have as many frames as BLOCK_BYTES 
 blocks depend only on the arguments of `simulate`, so that equal arguments give equal samples on every computer.
 """
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -105,10 +106,10 @@ def simulate(
             iq[start : start + len(block)] = block
             start += len(block)
     else:
-        scratch = ScratchArray(folder, shape, np.complex64)
-        for block in blocks:
-            scratch.write(block)
-        iq = scratch.array()
+        with contextlib.closing(ScratchArray(folder, shape, np.complex64)) as scratch:
+            for block in blocks:
+                scratch.write(block)
+            iq = scratch.array()
     described = {
         "kind": "simulation", "simulator": tracer.name, **{k: v for k, v in asdict(tracer.settings).items() if k != "variant"},
         "elements": elements, "noise": noise, "seed": seed, "surfaces": list(scene.names),

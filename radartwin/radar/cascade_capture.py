@@ -1,0 +1,155 @@
+"""Read and write raw captures of the cascade of four AWR2243 (board MMWCAS-RF-EVM with the capture board MMWCAS-DSP-EVM).
+
+The capture board writes one file per chip: master_0000_data.bin, slave1_0000_data.bin, slave2_0000_data.bin and slave3_0000_data.bin. These
+hold RX1 to RX4, RX5 to RX8, RX9 to RX12 and RX13 to RX16. A file has no header. It holds little-endian int16 values, I before Q, in the
+order frame, loop, chirp (transmitter in firing order), sample, receiver of the chip. The layout is that of TI's reader for this board
+(function read_ADC_bin_TDA2_separateFiles) and of TI E2E 997761. It differs from the DCA1000 layout of radartwin.radar.dca1000, in which all
+samples of a receiver follow each other.
+
+The capture board splits long captures into parts 0000, 0001, ..., each of which holds whole frames, and writes an index file ..._idx.bin
+beside each part. This module reads all parts. It neither reads nor writes index files, so TI's own programs, which count frames by the
+index files, need them from elsewhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import MissingError, OutputError, RecordingError
+from radartwin.io import files, scratch
+from radartwin.radar.chirp import Radar
+from radartwin.radar.dca1000 import FULL_SCALE, frame_bytes, frame_shape
+from radartwin.radar.recording import MAPPED_BYTES, Recording
+
+CHIPS = ("master", "slave1", "slave2", "slave3")
+_RECEIVERS = 4  # of a chip
+_SAMPLE = np.dtype("<i2")
+_PART = re.compile(r"(master|slave[123])_(\d{4})_data\.bin")
+
+
+def is_cascade_capture(path: Path) -> bool:
+    """Return whether a path is a folder with a data file of the cascade's capture board."""
+    return path.is_dir() and any(_PART.fullmatch(file.name) for file in path.iterdir())
+
+
+def encode(iq: NDArray[np.complexfloating], scale: float) -> tuple[list[bytes], int]:
+    """Convert frames to the bytes of the four files.
+
+    Args:
+        iq: samples [frame, chirp, tx, rx, sample] with 16 receivers, in amplitude units.
+        scale: amplitude per ADC count, above zero.
+    Returns:
+        The bytes of each chip in the order of CHIPS, and the number of int16 values that the function clipped.
+    """
+    counts = np.rint(np.stack([iq.real, iq.imag], axis=-1).astype(np.float64) / scale)
+    clipped = np.clip(counts, -FULL_SCALE - 1, FULL_SCALE)
+    order = np.moveaxis(clipped, 3, 4).astype(_SAMPLE)  # (frame, chirp, tx, sample, rx, I or Q)
+    parts = np.split(order, len(CHIPS), axis=4)
+    return [part.tobytes() for part in parts], int(np.count_nonzero(clipped != counts))
+
+
+def decode(parts: list[bytes], radar: Radar) -> NDArray[np.complex64]:
+    """Convert the bytes of the four files, in the order of CHIPS, to complex ADC counts [frame, chirp, tx, rx, sample]."""
+    loops, transmitters, _, samples = frame_shape(radar)
+    chips = [np.frombuffer(part, _SAMPLE).reshape(-1, loops, transmitters, samples, _RECEIVERS, 2) for part in parts]
+    counts = np.moveaxis(np.concatenate(chips, axis=4), 4, 3)
+    return (counts[..., 0] + np.complex64(1j) * counts[..., 1].astype(np.float32)).astype(np.complex64)
+
+
+def write_capture(recording: Recording, folder: str | Path) -> int:
+    """Write a recording of a cascade as the four data files of the capture board, each file atomically.
+
+    The amplitude per count is the recording's scale, or 1 if it has none. Raw captures do not hold the scale.
+
+    Returns:
+        Number of int16 values that were clipped.
+    Raises:
+        RecordingError: the radar is no cascade with 16 receivers, or samples are NaN or infinite.
+        OutputError: the folder cannot be written.
+    """
+    _check(recording.radar)
+    folder = files.make_folder(Path(folder))
+    unfinished = {chip: files.unfinished(folder / _name(chip, 0)) for chip in CHIPS}
+    saturated = 0
+    try:
+        for path in unfinished.values():
+            path.unlink(missing_ok=True)
+        for block in recording.frame_blocks(8 << 20):
+            if not np.isfinite(recording.iq[block]).all():
+                raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
+            parts, clipped = encode(recording.iq[block], recording.scale or 1.0)
+            saturated += clipped
+            for chip, part in zip(CHIPS, parts, strict=True):
+                with unfinished[chip].open("ab") as stream:
+                    stream.write(part)
+        for chip, path in unfinished.items():
+            files.sync(path)
+            path.replace(folder / _name(chip, 0))
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
+    finally:
+        for path in unfinished.values():
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+    return saturated
+
+
+def read_counts(folder: Path, radar: Radar) -> NDArray[np.complex64]:
+    """Read all parts of a capture as complex ADC counts [frame, chirp, tx, rx, sample]. Large captures are mapped into memory.
+
+    Raises:
+        MissingError: a chip has no file, or fewer parts than another chip.
+        RecordingError: the files do not fit the radar, or hold different numbers of frames.
+    """
+    _check(radar)
+    frame = frame_bytes(radar) // len(CHIPS)
+    names = sorted({match[2] for file in folder.iterdir() if (match := _PART.fullmatch(file.name))})
+    parts: list[tuple[list[Path], int]] = []
+    for number in map(int, names):
+        paths = [folder / _name(chip, number) for chip in CHIPS]
+        for path in paths:
+            if not path.is_file():
+                raise MissingError(f"{path}: no such file; a capture of the cascade needs one file for each of the {len(CHIPS)} chips")
+        sizes = [path.stat().st_size for path in paths]
+        if len(set(sizes)) > 1 or sizes[0] % frame or not sizes[0]:
+            raise RecordingError(
+                f"{folder}, part {number:04d}: the files hold {', '.join(map(str, sizes))} bytes; each needs the same whole number of frames "
+                f"of {frame} bytes for radar {radar.name}; they are truncated or belong to another radar description"
+            )
+        parts.append((paths, sizes[0] // frame))
+    shape = (sum(frames for _, frames in parts), *frame_shape(radar))
+    large = np.prod(shape) * np.dtype(np.complex64).itemsize > MAPPED_BYTES
+    if not large:
+        return np.concatenate(list(_frames(parts, frame, radar)))
+    with contextlib.closing(scratch.ScratchArray(scratch.folder_for(folder / _name(CHIPS[0], 0)), shape, np.complex64)) as mapped:
+        for block in _frames(parts, frame, radar):
+            mapped.write(block)
+        return mapped.array()
+
+
+def _frames(parts: list[tuple[list[Path], int]], frame: int, radar: Radar) -> Iterator[NDArray[np.complex64]]:
+    """Yield the samples (1, chirp, tx, rx, sample) of one frame after the other. A file holds `frame` bytes per frame."""
+    for paths, frames in parts:
+        with contextlib.ExitStack() as stack:
+            streams = [stack.enter_context(path.open("rb")) for path in paths]
+            for _ in range(frames):
+                yield decode([stream.read(frame) for stream in streams], radar)
+
+
+def _check(radar: Radar) -> None:
+    if radar.num_rx != _RECEIVERS * len(CHIPS) or radar.real_sampling:
+        sampling = "real" if radar.real_sampling else "complex"
+        raise RecordingError(
+            f"radar {radar.name} has {radar.num_rx} receivers and {sampling} samples, but a capture of the cascade has "
+            f"{_RECEIVERS * len(CHIPS)} receivers and complex samples; give the radar of the cascade, such as awr2243_cascade"
+        )
+
+
+def _name(chip: str, part: int) -> str:
+    return f"{chip}_{part:04d}_data.bin"

@@ -1,0 +1,179 @@
+"""Arrays from a user's own table: positions, gains and patterns against values written by hand, and one line for every mistake."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from radartwin.builders.radar import build_radar
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError, InputError, RecordingError
+from radartwin.radar.array_table import read_array
+from radartwin.radar.processing import azimuth_spectrum
+from radartwin.scene import objects
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.signal.synthesis import synthesize
+from radartwin.store.digest import spec_digest
+
+C = 299_792_458.0
+TABLE = """antenna,x_m,y_m,z_m,gain_db,pattern
+tx,0,-0.004,0,0,isotropic
+tx,0,0.004,0.002,-6,isotropic
+rx,0,-0.001,0,0,isotropic
+rx,0,0.001,0,3,isotropic
+"""
+HALF = """
+design_frequency_hz: 60e9
+pattern: iwr1843
+elements:
+  - {antenna: tx, y_half_wavelength: 0}
+  - {antenna: rx, y_half_wavelength: -0.5}
+  - {antenna: rx, y_half_wavelength: 0.5, z_half_wavelength: 1}
+"""
+
+
+def write(folder, text, name="array.csv"):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def test_table_in_metres_is_read_with_gains_and_pattern(tmp_path):
+    fields = read_array(write(tmp_path, TABLE))
+    assert fields["tx_positions_m"] == ((0.0, -0.004, 0.0), (0.0, 0.004, 0.002))
+    assert fields["rx_positions_m"] == ((0.0, -0.001, 0.0), (0.0, 0.001, 0.0))
+    assert fields["tx_gains_db"] == (0.0, -6.0)
+    assert fields["rx_gains_db"] == (0.0, 3.0)
+    assert fields["element"] == "isotropic"
+
+
+def test_half_wavelengths_are_those_of_the_design_frequency(tmp_path):
+    fields = read_array(write(tmp_path, HALF, "array.yaml"))
+    half = C / 60e9 / 2
+    np.testing.assert_allclose(fields["rx_positions_m"], [(0, -half / 2, 0), (0, half / 2, half)], rtol=1e-12)
+    assert fields["element"] == "iwr1843"
+    assert "tx_gains_db" not in fields
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "words"),
+    [
+        ("antenna,y_m\ntx,0\nrx,0\n", "a.csv", ("no array",)),
+        ("antenna,y_m\ntx,0\ntx,0.01\n", "a.csv", ("no receiver",)),
+        ("antenna,y_m\ntx,0\nrx,0.01\nrx,0.01\n", "a.csv", ("rx", "1 and 2", "same position")),
+        ("antenna,y_m\ntx,nan\nrx,0\nrx,0.01\n", "a.csv", ("antenna 1", "y_m", "finite")),
+        ("antenna,y_m\ntx,wide\nrx,0\nrx,0.01\n", "a.csv", ("antenna 1", "wide")),
+        ("antenna,y_mm\ntx,0\nrx,0\nrx,2\n", "a.csv", ("unit 'mm'", "half_wavelength")),
+        ("antenna,y_m,z_half_wavelength\ntx,0,0\nrx,0,1\n", "a.csv", ("one unit",)),
+        ("antenna,y_half_wavelength\ntx,0\nrx,0\nrx,1\n", "a.csv", ("design_frequency_hz",)),
+        ("antenna,y_half_wavelength,design_frequency_hz\ntx,0,77\nrx,0,77\nrx,1,77\n", "a.csv", ("design_frequency_hz", "1e9")),
+        ("antenna,y_m\ntx,0\nrx,0\nrx,11\n", "a.csv", ("11 m", "y_half_wavelength")),
+        ("antenna,y_m,pattern\ntx,0,dish\nrx,0,dish\nrx,0.002,dish\n", "a.csv", ("dish", "iwr1843")),
+        ("antenna,y_m,pattern\ntx,0,isotropic\nrx,0,iwr1843\nrx,0.002,iwr1843\n", "a.csv", ("one pattern", "isotropic")),
+        ("antenna,y_m,colour\ntx,0,red\nrx,0,red\n", "a.csv", ("colour", "gain_db")),
+        ("antenna,y_m\nboth,0\nrx,0\n", "a.csv", ("antenna 1", "both")),
+        ("antenna,y_m\ntx,0,0\n", "a.csv", ("cells",)),
+        ("antenna,y_m\n", "a.csv", ("no antenna",)),
+        ("", "a.csv", ("no antenna",)),
+        ("elements: 5", "a.yaml", ("elements", "list")),
+        ("elements: [1]", "a.yaml", ("elements", "list")),
+        ("spacing: 1\nelements: []", "a.yaml", ("spacing",)),
+        ("elements: [{antenna: tx, y_m: true}, {antenna: rx, y_m: 0}]", "a.yaml", ("antenna 1", "True")),
+        ("antenna,y_m", "a.txt", (".csv",)),
+    ],
+    ids=range(22),
+)
+def test_wrong_table_is_refused_in_one_line(tmp_path, text, name, words, inside):
+    path = write(tmp_path, text, name)
+    with pytest.raises(RecordingError) as caught:
+        read_array(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in (name, *words):
+        assert word in message
+    done = inside("simulate", "scene=plate", "trajectory=static", f"radar.array={path}", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert name in done.stderr
+    assert not (tmp_path / "out.bin").exists()
+
+
+def test_table_replaces_the_antennas_of_any_radar(tmp_path):
+    path = write(tmp_path, TABLE)
+    radar = build_radar(compose(["radar=iwr6843", f"radar.array={path}", "radar.num_chirps=4"]).radar)
+    assert radar.tx_positions_m == ((0.0, -0.004, 0.0), (0.0, 0.004, 0.002))
+    assert (radar.num_rx, radar.num_chirps, radar.start_frequency_hz) == (2, 4, 60.49e9)
+    (tmp_path / "r.json").write_text(json.dumps(rt.Radar.iwr1843().to_dict()))
+    beside = build_radar(compose(["radar=file", f"radar.file={tmp_path / 'r.json'}", f"radar.array={path}"]).radar)
+    assert beside.rx_gains_db == (0.0, 3.0)
+    assert beside.slope_hz_per_s == 70e12
+    with pytest.raises(ConfigError, match=r"radar\.array"):
+        compose([f"radar.array={path}", "radar.tx_positions_m=[[0.0,0.0,0.0]]"])
+
+
+def test_a_changed_table_changes_the_key_of_a_run(tmp_path):
+    path = write(tmp_path, TABLE)
+    before = spec_digest(compose([f"radar.array={path}"]).radar)
+    path.write_text(TABLE.replace("0.004", "0.005"))
+    assert spec_digest(compose([f"radar.array={path}"]).radar) != before
+
+
+def test_gains_scale_the_channels_of_every_path():
+    """A gain of g dB multiplies the samples of its channel by 10^(g/20); the reference is the same radar without gains."""
+    radar = dataclasses.replace(rt.Radar.iwr1843("isotropic"), num_chirps=2)
+    gained = dataclasses.replace(radar, tx_gains_db=(0.0, -6.0), rx_gains_db=(0.0, 3.0, -20.0, 1.5))
+    directions = np.array([[1.0, 0.0, 0.0], [0.8, 0.6, 0.0]])
+    lengths = np.array([2.0, 3.5])
+    paths = Paths(
+        1, np.zeros(2, int), np.ones(2, int), np.array([[1.0 + 0j], [0.3j]]), np.array([radar.center_frequency_hz]), lengths, lengths,
+        directions, directions, np.zeros(2),
+    )  # fmt: skip
+    expected = 10 ** (np.add.outer([0.0, -6.0], [0.0, 3.0, -20.0, 1.5]) / 20)
+    plain, out = synthesize(paths, radar), np.ones((1, 2, 2, 4, 256), np.complex64)
+    np.testing.assert_allclose(synthesize(paths, gained), plain * expected[:, :, None], rtol=1e-5)
+    synthesize(paths, gained, out=out)
+    np.testing.assert_allclose(out, 1 + plain * expected[:, :, None], rtol=1e-5, atol=1e-6)
+
+
+def test_one_element_gain_shows_in_a_simulated_recording(tmp_path):
+    fields = read_array(write(tmp_path, TABLE))
+    radar = dataclasses.replace(rt.Radar.iwr1843(), **fields)
+    pose = np.eye(4)
+    pose[0, 3] = -3.0
+    recording = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), radar, pose[None])
+    level = 10 * np.log10((np.abs(recording.iq) ** 2).mean(axis=(0, 1, 4)))
+    # The antennas are within 4 mm of each other, so that the echo of the sphere at 3 m has the same level in each channel within 0.1 dB.
+    np.testing.assert_allclose(level - level[0, 0], [[0, 3], [-6, -3]], atol=0.1)
+    recording.save(tmp_path / "kept")
+    assert rt.Recording.load(tmp_path / "kept").radar == radar
+
+
+def test_table_with_two_receivers_has_their_beam(tmp_path):
+    """Two receivers half a wavelength apart have the power cos^2(pi/2 sin(azimuth)), here in the field of a plane wave from 20 degrees."""
+    radar = dataclasses.replace(rt.Radar.iwr1843(), **read_array(write(tmp_path, HALF.replace(", z_half_wavelength: 1", ""), "a.yaml")))
+    radar = dataclasses.replace(radar, start_frequency_hz=60e9 - radar.sampled_bandwidth_hz / 2)  # 60 GHz at the middle of the sweep
+    from_deg, angles = 20.0, np.radians(np.arange(-60, 61, 5.0))
+    # The phase is smaller at an antenna nearer to the target; +y is to the left.
+    wave = np.exp(-1j * np.pi * np.sin(np.radians(from_deg)) * np.array([-0.5, 0.5]))[None]
+    expected = np.cos(np.pi / 2 * (np.sin(angles) - np.sin(np.radians(from_deg)))) ** 2
+    np.testing.assert_allclose(azimuth_spectrum(wave, radar, angles), expected, atol=1e-9)
+
+
+def test_radar_refuses_gains_and_positions_that_fit_no_array():
+    radar = rt.Radar.iwr1843()
+    for change, words in (
+        ({"tx_gains_db": (1.0,)}, "tx_gains_db must be 2"),
+        ({"rx_gains_db": (1.0, 2.0, 3.0, float("nan"))}, "rx_gains_db must be 4"),
+        ({"rx_positions_m": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))}, "antennas 1 and 2 are at the same position"),
+    ):
+        with pytest.raises(InputError, match=words):
+            dataclasses.replace(radar, **change)
+
+
+@pytest.mark.parametrize("waveform", ["pmcw", "ofdm", 5])
+def test_other_waveforms_are_refused_by_name(waveform):
+    values = rt.Radar.iwr1843().to_dict()
+    assert rt.Radar.from_dict({**values, "waveform": "fmcw"}) == rt.Radar.iwr1843()
+    with pytest.raises(InputError, match=f"{waveform}.*FMCW"):
+        rt.Radar.from_dict({**values, "waveform": waveform})

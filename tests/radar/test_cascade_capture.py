@@ -1,0 +1,80 @@
+"""Compare the files of the cascade's capture board with values that are written by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from radartwin.builders.radar import named_radar
+from radartwin.errors import MissingError, RecordingError
+from radartwin.radar import cascade_capture
+from radartwin.radar.captures import load_capture
+
+RADAR = dataclasses.replace(named_radar("awr2243_cascade"), num_chirps=8, num_samples=64, frame_rate_hz=100.0)
+SHAPE = (3, 8, 12, 16, 64)  # frame, loop, transmitter, receiver, sample
+
+
+def counts() -> np.ndarray:
+    """Return samples whose real part names loop, transmitter and receiver and whose imaginary part names sample and frame."""
+    frame, loop, tx, rx, sample = np.indices(SHAPE)
+    return ((loop * 12 + tx) * 16 + rx + 1j * (-1000 * frame - sample)).astype(np.complex64)
+
+
+def write_by_hand(folder, iq, part=0):
+    """Write the four files value by value: frame, loop, transmitter, sample, receiver of the chip, I before Q."""
+    folder.mkdir(exist_ok=True)
+    for chip, name in enumerate(("master", "slave1", "slave2", "slave3")):
+        order = iq[:, :, :, 4 * chip : 4 * chip + 4].transpose(0, 1, 2, 4, 3).reshape(-1)
+        values = np.empty(2 * order.size, "<i2")
+        values[0::2], values[1::2] = order.real, order.imag
+        values.tofile(folder / f"{name}_{part:04d}_data.bin")
+
+
+def test_capture_is_read_in_the_order_of_chips_and_receivers(tmp_path):
+    write_by_hand(tmp_path / "capture", counts()[:2])
+    write_by_hand(tmp_path / "capture", counts()[2:], part=1)
+    (tmp_path / "capture" / "master_0000_idx.bin").write_bytes(b"index")
+    recording = load_capture(tmp_path / "capture", RADAR, iq_swapped=False)
+    np.testing.assert_array_equal(recording.iq, counts())
+    assert recording.provenance["unit"] == "counts"
+
+
+def test_written_files_are_those_of_the_capture_board(tmp_path):
+    write_by_hand(tmp_path / "expected", counts())
+    assert cascade_capture.write_capture(rt.Recording(2e-9 * counts(), RADAR, scale=2e-9), tmp_path / "written") == 0
+    written = sorted(file.name for file in (tmp_path / "written").iterdir())
+    assert written == sorted(f"{chip}_0000_data.bin" for chip in cascade_capture.CHIPS)
+    for name in written:
+        assert (tmp_path / "written" / name).read_bytes() == (tmp_path / "expected" / name).read_bytes()
+
+
+def test_counts_beyond_16_bits_are_clipped_and_counted(tmp_path):
+    iq = np.zeros(SHAPE, np.complex64)
+    iq[0, 0, 0, 0, :2] = 40_000 - 40_000j, 32_767 - 32_768j
+    assert cascade_capture.write_capture(rt.Recording(iq, RADAR, scale=1.0), tmp_path / "loud") == 2
+    read = load_capture(tmp_path / "loud", RADAR, iq_swapped=False).iq[0, 0, 0, 0, :2]
+    np.testing.assert_array_equal(read, [32_767 - 32_768j, 32_767 - 32_768j])
+
+
+def test_broken_captures_are_refused_in_one_line(tmp_path):
+    folder = tmp_path / "capture"
+    write_by_hand(folder, counts())
+    with pytest.raises(RecordingError, match="does not name its radar"):
+        load_capture(folder)
+    with pytest.raises(RecordingError, match="4 receivers"):
+        load_capture(folder, rt.Radar.iwr1843())
+    (folder / "slave2_0000_data.bin").write_bytes(bytes(100))
+    with pytest.raises(RecordingError, match=r"part 0000.* 100, .*whole number of frames"):
+        load_capture(folder, RADAR)
+    (folder / "slave2_0000_data.bin").unlink()
+    with pytest.raises(MissingError, match=r"slave2_0000_data\.bin"):
+        load_capture(folder, RADAR)
+
+
+def test_a_failed_write_leaves_no_file(tmp_path):
+    iq = counts()
+    iq[2, 0, 0, 0, 0] = np.nan
+    with pytest.raises(RecordingError, match="NaN"):
+        cascade_capture.write_capture(rt.Recording(iq, RADAR, scale=1.0), tmp_path / "broken")
+    assert not list((tmp_path / "broken").iterdir())

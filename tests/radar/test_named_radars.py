@@ -1,0 +1,166 @@
+"""Compare the named radars with the published layouts of their boards, and beams of a simulated sphere with the closed form of the array."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import radartwin as rt
+from radartwin.builders.radar import named_radar
+from radartwin.radar.processing import azimuth_row, azimuth_spectrum, range_fft
+from radartwin.scene import objects
+
+C = 299_792_458.0
+# Places of the antennas of the MMWCAS-RF-EVM in half wavelengths at 76.8 GHz, as TI's processing example lists them by TX and RX number.
+CASCADE_TX_AZIMUTH = [11, 10, 9, 32, 28, 24, 20, 16, 12, 8, 4, 0]
+CASCADE_TX_ELEVATION = [6, 4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]
+CASCADE_RX_AZIMUTH = [11, 12, 13, 14, 50, 51, 52, 53, 46, 47, 48, 49, 0, 1, 2, 3]
+# Number of channels, of channels in the azimuth row and of their different places, and the design frequency of the half wavelength.
+ARRAYS = {"iwr1843": (8, 8, 8, 77e9), "iwr6843": (12, 8, 8, 62e9), "awr2243_cascade": (192, 144, 86, 76.8e9)}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_azimuth_row_is_a_filled_half_wavelength_line(name):
+    channels, row, places, design_hz = ARRAYS[name]
+    radar = named_radar(name)
+    assert radar.name == name
+    assert radar.num_tx * radar.num_rx == channels
+    chosen = azimuth_row(radar)
+    assert len(chosen) == row
+    y = np.unique(np.round(radar.virtual_positions[chosen, 1] / (C / design_hz / 2), 6))
+    assert len(y) == places
+    np.testing.assert_allclose(np.diff(y), 1.0, atol=1e-5)  # rounded to 1e-6 above
+
+
+def test_cascade_has_the_published_places():
+    radar, half = named_radar("awr2243_cascade"), C / 76.8e9 / 2
+    tx, rx = radar.tx_positions / half, radar.rx_positions / half
+    np.testing.assert_allclose(tx[:, 1] - tx[-1, 1], CASCADE_TX_AZIMUTH, atol=1e-9)
+    np.testing.assert_allclose(tx[:, 2], CASCADE_TX_ELEVATION, atol=1e-9)
+    np.testing.assert_allclose(rx[:, 1] - rx[12, 1], CASCADE_RX_AZIMUTH, atol=1e-9)
+    assert not tx[:, 0].any()
+    assert not rx[:, [0, 2]].any()
+
+
+def test_cascade_has_every_difference_in_elevation_up_to_its_aperture():
+    """Four heights with all differences from 1 to 6 half wavelengths are the minimum-redundancy array of the design guide."""
+    heights = np.unique(np.rint(named_radar("awr2243_cascade").tx_positions[:, 2] / (C / 76.8e9 / 2)))
+    differences = {int(a - b) for a in heights for b in heights if a > b}
+    assert len(heights) == 4
+    assert differences == {1, 2, 3, 4, 5, 6}
+
+
+def test_isk_has_a_raised_middle_transmitter():
+    radar, wavelength = named_radar("iwr6843"), C / 62e9
+    np.testing.assert_allclose(np.diff(radar.tx_positions[:, 1]), wavelength, rtol=1e-9)
+    np.testing.assert_allclose(radar.tx_positions[:, 2], [0, wavelength / 2, 0], atol=1e-12)
+    np.testing.assert_allclose(np.diff(radar.rx_positions[:, 1]), wavelength / 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "first_hz", "bandwidth_hz", "chirp_s", "transmitters", "band_hz"),
+    [
+        ("iwr6843", 60.49e9, 70e12 * 256 / 5.21e6, 64.14e-6, 3, (60e9, 64e9)),
+        ("awr2243_cascade", 77.474e9, 79e12 * 256 / 8e6, 45e-6, 12, (76e9, 81e9)),
+    ],
+)
+def test_resolution_and_speed_follow_from_the_waveform(name, first_hz, bandwidth_hz, chirp_s, transmitters, band_hz):
+    """The transmitters take turns, so that one of them fires every N chirp intervals. Between its chirps, the phase of a target may change
+    by pi, which is a quarter wavelength of motion.
+    """
+    radar = named_radar(name)
+    assert radar.range_resolution_m == pytest.approx(C / (2 * bandwidth_hz), rel=1e-12)
+    wavelength = C / (first_hz + bandwidth_hz / 2)
+    assert radar.max_velocity_mps == pytest.approx(wavelength / (4 * transmitters * chirp_s), rel=1e-12)
+    assert radar.velocity_resolution_mps == pytest.approx(wavelength / (2 * radar.num_chirps * transmitters * chirp_s), rel=1e-12)
+    assert band_hz[0] <= radar.start_frequency_hz
+    assert radar.start_frequency_hz + radar.sampled_bandwidth_hz <= band_hz[1]
+
+
+def half_power_width_rad(power, angles_rad):
+    """Return the width of the main lobe at half of its power, interpolated linearly between angles."""
+    top = int(power.argmax())
+    low = int(np.flatnonzero(power[:top] < power[top] / 2)[-1])
+    high = top + int(np.flatnonzero(power[top:] < power[top] / 2)[0])
+
+    def crossing(below, above):
+        share = (power[top] / 2 - power[below]) / (power[above] - power[below])
+        return angles_rad[below] + share * (angles_rad[above] - angles_rad[below])
+
+    return crossing(high, high - 1) - crossing(low, low + 1)
+
+
+def sphere_channels(radar, distance_m):
+    """Simulate a metal sphere on the boresight and return the channels (tx, rx) of its range bin."""
+    pose = np.eye(4)
+    pose[0, 3] = -distance_m
+    recording = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), radar, pose[None])
+    profiles, range_m = range_fft(recording.iq, radar)
+    strongest = int((np.abs(profiles) ** 2).mean(axis=(0, 1, 2, 3)).argmax())
+    assert range_m[strongest] == pytest.approx(distance_m - 0.05, abs=radar.range_resolution_m / 2)
+    return profiles[0, ..., strongest].mean(axis=0)
+
+
+@pytest.mark.parametrize(("name", "distance_m"), [("iwr1843", 8.0), ("iwr6843", 8.0), ("awr2243_cascade", 14.0)])
+def test_beam_of_a_sphere_has_the_width_of_the_array_factor(name, distance_m):
+    """The array factor is a product of sums over transmitters and receivers of the row, here from the published places in half wavelengths.
+    The far field begins where the phase of the outermost element has an error well below 1 rad: 0.1 rad for the cascade at 14 m. Its effect
+    on the width is of second order, below 1 %. The single-chip arrays are 10 times smaller.
+    """
+    radar = dataclasses.replace(named_radar(name), element="isotropic", num_chirps=1)
+    angles = np.radians(np.linspace(-20, 20, 40001))
+    power = azimuth_spectrum(sphere_channels(radar, distance_m), radar, angles)
+    tx = {"iwr1843": [0, 4], "iwr6843": [0, 4], "awr2243_cascade": CASCADE_TX_AZIMUTH[3:]}[name]
+    rx = CASCADE_RX_AZIMUTH if name == "awr2243_cascade" else [0, 1, 2, 3]
+    phase = np.pi * np.sin(angles)[:, None] * radar.center_frequency_hz / ARRAYS[name][3]
+    factor = np.abs(np.exp(1j * phase * tx).sum(axis=1) * np.exp(1j * phase * rx).sum(axis=1)) ** 2
+    width = half_power_width_rad(power, angles)
+    assert width == pytest.approx(half_power_width_rad(factor, angles), rel=0.01)
+    assert np.degrees(angles[power.argmax()]) == pytest.approx(0, abs=0.02)
+
+
+def test_86_places_of_the_cascade_have_the_beam_of_a_uniform_line():
+    """One channel for each of the 86 places, without the 58 repetitions, has the beam sin(86 x)/(86 sin x) of a uniform line."""
+    radar = dataclasses.replace(named_radar("awr2243_cascade"), num_chirps=1)
+    channels = sphere_channels(radar, 14.0).reshape(-1)
+    place = np.rint(np.add.outer(CASCADE_TX_AZIMUTH, CASCADE_RX_AZIMUTH).reshape(-1)).astype(int)
+    flat = np.repeat(np.array(CASCADE_TX_ELEVATION) == 0, 16)
+    line = np.array([channels[np.flatnonzero(flat & (place == n))[0]] for n in range(86)])
+    angles = np.radians(np.linspace(-3, 3, 20001))
+    x = np.pi / 2 * np.sin(angles) * radar.center_frequency_hz / 76.8e9
+    power = np.abs(np.exp(2j * np.outer(x, np.arange(86))) @ line) ** 2
+    with np.errstate(invalid="ignore"):
+        uniform = np.where(x == 0, 1.0, np.sin(86 * x) / (86 * np.sin(x))) ** 2
+    width = half_power_width_rad(power, angles)
+    assert np.degrees(width) == pytest.approx(1.16, abs=0.02)  # 0.886 lambda / (86 lambda/2 at 76.8 GHz), lambda at 78.7 GHz
+    assert width == pytest.approx(half_power_width_rad(uniform, angles), rel=0.01)
+
+
+def test_speed_folds_at_the_limit_of_twelve_transmitters():
+    """A sphere that recedes at 1.3 times the unambiguous speed appears at -0.7 times this speed, because Doppler frequencies repeat."""
+    from radartwin.radar.detection import detect
+
+    radar = dataclasses.replace(named_radar("awr2243_cascade"), rx_positions_m=((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)), frame_rate_hz=20.0)
+    limit = C / (radar.start_frequency_hz + radar.sampled_bandwidth_hz / 2) / (4 * 12 * 45e-6)
+    for speed, seen in ((0.6 * limit, 0.6 * limit), (1.3 * limit, -0.7 * limit)):
+        poses = np.repeat(np.eye(4)[None], 2, axis=0)
+        poses[:, 0, 3] = -4.0, -4.0 - speed / radar.frame_rate_hz
+        recording = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), radar, poses)
+        peaks = detect(recording.iq, radar)
+        assert peaks.velocity_mps[0] == pytest.approx(seen, abs=radar.velocity_resolution_mps / 4)
+
+
+def test_iwr6843_recording_is_read_back_from_the_dca1000_layout(tmp_path):
+    """The first 16 int16 values on disk are I0 I1 Q0 Q1 of the first samples of TX1 and RX1, as for the xWR68xx with two lanes."""
+    radar = dataclasses.replace(named_radar("iwr6843"), num_chirps=2)
+    rng = np.random.default_rng(0)
+    counts = rng.integers(-2000, 2000, (2, 2, 3, 4, 256, 2))
+    recording = rt.Recording((counts[..., 0] + 1j * counts[..., 1]).astype(np.complex64), radar, scale=1.0)
+    recording.save(tmp_path / "isk")
+    assert (tmp_path / "isk.bin").stat().st_size == 2 * 2 * 3 * 4 * 256 * 4
+    values = np.fromfile(tmp_path / "isk.bin", "<i2")[:8]
+    first = counts[0, 0, 0, 0]
+    np.testing.assert_array_equal(values, [*first[:2, 0], *first[:2, 1], *first[2:4, 0], *first[2:4, 1]])
+    loaded = rt.Recording.load(tmp_path / "isk")
+    np.testing.assert_array_equal(loaded.iq, recording.iq)
+    assert loaded.radar == radar

@@ -1,0 +1,306 @@
+"""Read timelines back with MCAP's own reader and compare their values with the processing of the recording and with Foxglove's schemas."""
+
+import base64
+import json
+import sys
+import tracemalloc
+
+import jsonschema
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+import radartwin as rt
+from radartwin.errors import BackendError, OutputError, RecordingError
+from radartwin.radar.detection import detect
+from radartwin.radar.power_maps import power_maps
+from radartwin.recordings.foxglove import SCHEMAS
+from radartwin.recordings.pictures import read_pictures
+from radartwin.recordings.timeline import TOPICS, frame_time_ns, write_timeline
+
+C = 299_792_458.0
+RADAR = rt.Radar.iwr1843("isotropic")
+START_NS = 1_709_294_400_250_000_001  # odd in the last digit, which a float of seconds or nanoseconds would lose
+JPEG, PNG = b"\xff\xd8\xff\xe0 a picture", b"\x89PNG\r\n\x1a\n a picture"
+# Required fields of the schemas that Foxglove publishes (github foxglove/foxglove-sdk, schemas/jsonschema). RawImage has no list of
+# required fields there; all its fields are listed here.
+PUBLISHED = {
+    "foxglove.RawImage": {"timestamp", "frame_id", "width", "height", "encoding", "step", "data"},
+    "foxglove.CompressedImage": {"timestamp", "frame_id", "data", "format"},
+    "foxglove.PointCloud": {"timestamp", "frame_id", "pose", "point_stride", "fields", "data"},
+    "foxglove.FrameTransform": {"timestamp", "parent_frame_id", "child_frame_id", "translation", "rotation"},
+    "foxglove.PoseInFrame": {"timestamp", "frame_id", "pose"},
+}
+ENCODED = {"data"}  # fields of bytes, which JSON holds as base64 text
+
+
+def recording(frames=3, radar=RADAR, **fields):
+    """Return echoes at 2 m on the left and at 4 m on the right, the second of which recedes at 0.5 m/s, with noise 60 dB below them."""
+    rng = np.random.default_rng(0)
+    frame, chirp, tx, rx, _ = np.ogrid[:frames, : radar.num_chirps, : radar.num_tx, : radar.num_rx, :1]
+    time = frame / radar.frame_rate_hz + (chirp * radar.num_tx + tx) * radar.chirp_interval
+    y = (radar.tx_positions[:, 1][:, None] + radar.rx_positions[:, 1])[tx, rx]
+    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
+    iq = 1e-9 * (rng.standard_normal((*time.shape[:3], radar.num_rx, radar.num_samples)) + 0j)
+    for range_m, speed, azimuth_deg in ((2.0, 0.0, 20.0), (4.0, 0.5, -30.0)):
+        length = 2 * (range_m + speed * time) - y * np.sin(np.radians(azimuth_deg))
+        iq = iq + 1e-6 * np.exp(2j * np.pi * frequency * length / C)
+    return rt.Recording(iq.astype(np.complex64), radar, **fields)
+
+
+def messages(path):
+    """Return the messages by topic, as pairs (log time, content), in the order of time, after checking each against its schema."""
+    out = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages(log_time_order=True):
+            assert (schema.encoding, channel.message_encoding, schema.name) == ("jsonschema", "json", TOPICS[channel.topic])
+            content = json.loads(message.data)
+            jsonschema.validate(content, json.loads(schema.data))
+            assert message.publish_time == message.log_time
+            assert message.sequence == len(out.setdefault(channel.topic, []))
+            out[channel.topic].append((message.log_time, content))
+    return out
+
+
+def pixels(image):
+    values = np.frombuffer(base64.b64decode(image["data"]), "<u2")
+    assert image["step"] == 2 * image["width"]
+    return values.reshape(image["height"], image["width"])
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_schemas_have_the_published_fields(name):
+    schema = SCHEMAS[name]
+    assert set(schema["properties"]) == set(schema["required"]) == PUBLISHED[name]
+    for field in ENCODED & set(schema["properties"]):
+        assert schema["properties"][field] == {"type": "string", "contentEncoding": "base64"}
+    jsonschema.Draft202012Validator.check_schema(schema)
+    stamp = {"type": "object", "properties": {"sec": {"type": "integer", "minimum": 0}}}
+    assert schema["properties"]["timestamp"]["properties"]["sec"] == stamp["properties"]["sec"]
+    assert schema["properties"]["timestamp"]["properties"]["nsec"] == {"type": "integer", "minimum": 0, "maximum": 999_999_999}
+
+
+def test_maps_hold_the_levels_of_the_processing(tmp_path):
+    kept = recording()
+    counts = write_timeline(kept, tmp_path / "a.mcap", start_ns=START_NS)
+    found = messages(tmp_path / "a.mcap")
+    assert counts == {topic: len(entries) for topic, entries in found.items()}
+    assert set(found) == {"/radar/range_profile", "/radar/range_doppler", "/radar/range_azimuth", "/radar/points"}
+    for frame in range(3):
+        maps = power_maps(kept.iq[frame : frame + 1], RADAR)
+        profile = found["/radar/range_profile"][frame][1]
+        axis = profile["range_start_m"] + profile["range_step_m"] * np.arange(len(profile["power_db"]))
+        np.testing.assert_allclose(axis, maps.range_m, atol=1e-9)
+        np.testing.assert_allclose(profile["power_db"], 10 * np.log10(maps.range_time.mean(axis=0)), atol=6e-4)  # written to 0.001 dB
+        for topic, power in (("range_doppler", maps.range_doppler), ("range_azimuth", maps.range_azimuth[::-1])):
+            shown = pixels(found[f"/radar/{topic}"][frame][1])
+            level = 10 * np.log10(power.T[::-1])
+            assert shown.shape == level.shape
+            # A pixel is a hundredth of a decibel above -200 dB, so that rounding leaves 0.005 dB; weaker levels are black.
+            np.testing.assert_allclose(shown / 100 - 200, np.maximum(level, -200), atol=0.0051)
+
+
+def test_pictures_have_near_ranges_below_and_the_left_on_the_left(tmp_path):
+    """The strongest pixel of each half of the azimuth map: the echo at 2 m and 20 degrees to the left, and that at 4 m to the right."""
+    write_timeline(recording(), tmp_path / "a.mcap")
+    image = pixels(messages(tmp_path / "a.mcap")["/radar/range_azimuth"][0][1])
+    height, width = image.shape
+    bin_m = C * RADAR.sample_rate_hz / (2 * RADAR.slope_hz_per_s) / height
+    for half, range_m, azimuth_deg in ((slice(0, 90), 2.0, 20.0), (slice(91, None), 4.0, -30.0)):
+        part = image[:, half]
+        row, column = np.unravel_index(part.argmax(), part.shape)
+        assert (height - 1 - row) * bin_m == pytest.approx(range_m, abs=bin_m)
+        assert 90 - (column + (half.start or 0)) == pytest.approx(azimuth_deg, abs=2)  # a pixel is a degree, the beam is 13 degrees wide
+
+
+def test_points_are_the_detections_in_metres(tmp_path):
+    kept = recording()
+    write_timeline(kept, tmp_path / "a.mcap")
+    for frame, (_, cloud) in enumerate(messages(tmp_path / "a.mcap")["/radar/points"]):
+        fields = [(field["name"], "<f4") for field in cloud["fields"]]
+        assert [field["type"] for field in cloud["fields"]] == [7] * len(fields)  # FLOAT32 in Foxglove's enumeration
+        assert [field["offset"] for field in cloud["fields"]] == [0, 4, 8, 12, 16]
+        assert cloud["point_stride"] == 20
+        points = np.frombuffer(base64.b64decode(cloud["data"]), fields)
+        peaks = detect(kept.iq[frame : frame + 1], RADAR)
+        assert len(points) == len(peaks) == 2
+        np.testing.assert_allclose(points["power_db"], 10 * np.log10(peaks.power), rtol=1e-6)
+        # The echoes as they were made: x is forward and y is left. The azimuth of the beam of 13 degrees is exact to a degree.
+        for point in points:
+            range_m, speed, azimuth_deg = (2.0, 0.0, 20.0) if point["y"] > 0 else (4.0 + 0.05 * frame, 0.5, -30.0)
+            assert np.hypot(point["x"], point["y"]) == pytest.approx(range_m, abs=0.02)
+            assert np.degrees(np.arctan2(point["y"], point["x"])) == pytest.approx(azimuth_deg, abs=1.0)
+            assert point["velocity_mps"] == pytest.approx(speed, abs=0.05)
+            assert point["z"] == 0
+
+
+def test_times_are_exact_nanoseconds(tmp_path):
+    write_timeline(recording(), tmp_path / "a.mcap", start_ns=START_NS)
+    for entries in messages(tmp_path / "a.mcap").values():
+        assert [time for time, _ in entries] == [START_NS, START_NS + 100_000_000, START_NS + 200_000_000]
+        for time, content in entries:
+            assert content["timestamp"]["sec"] * 1_000_000_000 + content["timestamp"]["nsec"] == time
+    slow = rt.Radar.from_dict({**RADAR.to_dict(), "frame_rate_hz": 3.0})
+    assert [frame_time_ns(slow, frame, 5) for frame in range(4)] == [5, 333_333_338, 666_666_672, 1_000_000_005]
+
+
+def test_poses_turn_the_sensor_frame_into_the_world(tmp_path):
+    """The transform of a quarter turn to the left at (1, 2, 3): a point 1 m ahead of the sensor lies at (1, 3, 3)."""
+    poses = np.repeat(np.eye(4)[None], 3, axis=0)
+    poses[:, :3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    poses[:, :3, 3] = [(1, 2, 3), (1, 2.5, 3), (1, 3, 3)]
+    write_timeline(recording(sensor_poses=poses), tmp_path / "a.mcap")
+    found = messages(tmp_path / "a.mcap")
+    for frame, ((_, transform), (_, pose)) in enumerate(zip(found["/tf"], found["/radar/pose"], strict=True)):
+        assert (transform["parent_frame_id"], transform["child_frame_id"], pose["frame_id"]) == ("world", "radar", "world")
+        assert pose["pose"] == {"position": transform["translation"], "orientation": transform["rotation"]}
+        assert list(transform["translation"].values()) == pytest.approx(poses[frame, :3, 3])
+        x, y, z, w = (transform["rotation"][name] for name in "xyzw")
+        # The first column of the rotation matrix of a quaternion, which is where the x axis of the sensor points.
+        ahead = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
+        assert ahead == pytest.approx([0, 1, 0], abs=1e-12)
+    assert {content["frame_id"] for topic in ("/radar/points", "/radar/range_profile") for _, content in found[topic]} == {"radar"}
+
+
+def test_metadata_name_radar_version_and_scale(tmp_path):
+    write_timeline(recording(provenance={"kind": "made by hand"}), tmp_path / "a.mcap", start_ns=START_NS)
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().library == f"radartwin {rt.__version__}"
+        (record,) = reader.iter_metadata()
+    values = record.metadata
+    assert rt.Radar.from_dict(json.loads(values["radar"])) == RADAR
+    assert (values["version"], values["frames"], values["start_ns"]) == (rt.__version__, "3", str(START_NS))
+    assert (values["unit"], values["floor_db"], values["pixels_per_db"]) == ("dB of transmitted power", "-200.0", "100.0")
+    assert json.loads(values["provenance"]) == {"kind": "made by hand"}
+    axes = json.loads(values["axes"])
+    maps = power_maps(recording().iq[:1], RADAR)
+    assert axes["range_m"] == [maps.range_m[-1], maps.range_m[0]]
+    assert axes["velocity_mps"] == [maps.velocity_mps[0], maps.velocity_mps[-1]]
+    assert axes["azimuth_deg"] == [90, -90]
+
+
+def test_captures_in_counts_have_a_higher_floor(tmp_path):
+    kept = recording(provenance={"unit": "counts"})
+    kept.iq *= 1e9
+    write_timeline(kept, tmp_path / "a.mcap")
+    image = pixels(messages(tmp_path / "a.mcap")["/radar/range_doppler"][0][1])
+    level = 10 * np.log10(power_maps(kept.iq[:1], RADAR).range_doppler.max())
+    assert image.max() / 100 - 20 == pytest.approx(level, abs=0.0051)
+
+
+def test_pictures_of_a_camera_lie_between_the_frames(tmp_path):
+    camera = tmp_path / "camera"
+    camera.mkdir()
+    for name, data in (("0.05.jpg", JPEG), ("0.250.png", PNG), ("0.1.jpeg", JPEG), ("notes.txt", b"")):
+        (camera / name).write_bytes(data)
+    write_timeline(recording(), tmp_path / "a.mcap", pictures=read_pictures(camera))
+    found = messages(tmp_path / "a.mcap")["/camera/image"]
+    assert [time for time, _ in found] == [50_000_000, 100_000_000, 250_000_000]
+    assert [content["format"] for _, content in found] == ["jpeg", "jpeg", "png"]
+    assert [base64.b64decode(content["data"]) for _, content in found] == [JPEG, JPEG, PNG]
+    assert {content["frame_id"] for _, content in found} == {"camera"}
+
+
+def test_radars_without_a_map_leave_it_out(tmp_path):
+    single = rt.Radar.from_dict({**RADAR.to_dict(), "tx_positions_m": [[0, 0, 0]], "rx_positions_m": [[0, 0, 0]]})
+    write_timeline(recording(radar=single), tmp_path / "one.mcap")
+    assert set(messages(tmp_path / "one.mcap")) == {"/radar/range_profile", "/radar/range_doppler"}
+    chirp = rt.Radar.from_dict({**RADAR.to_dict(), "num_chirps": 1})
+    write_timeline(recording(radar=chirp), tmp_path / "chirp.mcap")
+    found = messages(tmp_path / "chirp.mcap")
+    assert set(found) == {"/radar/range_profile", "/radar/range_azimuth", "/radar/points"}
+    cloud = found["/radar/points"][0][1]
+    points = np.frombuffer(base64.b64decode(cloud["data"]), [(field["name"], "<f4") for field in cloud["fields"]])
+    assert len(points)
+    assert np.isnan(points["velocity_mps"]).all()
+
+
+def test_silent_frames_are_black(tmp_path):
+    silent = rt.Recording(np.zeros((1, 16, 2, 4, 256), np.complex64), RADAR)
+    write_timeline(silent, tmp_path / "a.mcap")
+    found = messages(tmp_path / "a.mcap")
+    assert not pixels(found["/radar/range_doppler"][0][1]).any()
+    assert set(found["/radar/range_profile"][0][1]["power_db"]) == {-3000.0}
+    assert found["/radar/points"][0][1]["data"] == ""
+
+
+def test_memory_does_not_grow_with_the_number_of_frames(tmp_path):
+    """The frames of both recordings are one view of a single frame, so that only the timeline itself can grow. A frame's messages have
+    0.4 MB; forty frames held in memory would need 16 MB.
+    """
+
+    def peak_bytes(frames):
+        one = recording(1)
+        many = rt.Recording(np.broadcast_to(one.iq, (frames, *one.iq.shape[1:])), RADAR)
+        tracemalloc.start()
+        write_timeline(many, tmp_path / "long.mcap")
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return peak
+
+    peak_bytes(1)  # loads modules
+    assert peak_bytes(44) - peak_bytes(4) < 3e6  # a chunk of MCAP holds 1 MB before it is written
+
+
+def test_broken_recordings_and_targets_are_refused_and_lose_nothing(tmp_path, monkeypatch):
+    target = tmp_path / "a.mcap"
+    target.write_bytes(b"an older timeline")
+    broken = recording()
+    broken.iq[1, 0, 0, 0, 0] = np.nan
+    with pytest.raises(RecordingError, match="frame 1 .*NaN"):
+        write_timeline(broken, target)
+    assert target.read_bytes() == b"an older timeline"
+    with pytest.raises(OutputError, match="is a folder"):
+        write_timeline(recording(), tmp_path)
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setitem(sys.modules, "mcap", None)
+    with pytest.raises(BackendError, match=r"pip install 'radartwin\[mcap\]'"):
+        write_timeline(recording(), target)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+
+
+MISTAKES = {
+    "no recording": (["--mcap", "a.mcap"], "needs one recording"),
+    "two recordings": (["one", "two", "--mcap", "a.mcap"], "one, two"),
+    "neither use": (["kept"], "--mcap --out"),
+    "both uses": (["kept", "--mcap", "a.mcap", "--out", "set"], "--mcap"),
+    "absent recording": (["absent", "--mcap", "a.mcap"], "absent.bin"),
+    "target is a folder": (["kept", "--mcap", "camera"], "camera is a folder"),
+    "target in a file": (["kept", "--mcap", "kept.bin/a.mcap"], "kept.bin"),
+    "truncated recording": (["short", "--mcap", "a.mcap"], "truncated"),
+    "start is no time": (["kept", "--mcap", "a.mcap", "--start", "noon"], "noon"),
+    "start before 1970": (["kept", "--mcap", "a.mcap", "--start=-1"], "--start"),
+    "absent pictures": (["kept", "--mcap", "a.mcap", "--pictures", "nowhere"], "nowhere"),
+    "pictures without times": (["kept", "--mcap", "a.mcap", "--pictures", "camera"], "front"),
+    "file that is no picture": (["kept", "--mcap", "a.mcap", "--pictures", "false"], "not a jpeg"),
+    "option of the campaign": (["kept", "--mcap", "a.mcap", "--config-dir", "conf"], "--config-dir"),
+    "option of a timeline": (["--out", "set", "--start", "3"], "--start"),
+    "radar of a timeline": (["--out", "set", "--radar", "iwr1843"], "--radar"),
+}
+
+
+@pytest.mark.parametrize(("words", "word"), MISTAKES.values(), ids=MISTAKES)
+def test_mistake_is_one_line_and_leaves_no_file(words, word, inside, tmp_path):
+    recording().save(tmp_path / "kept")
+    recording().save(tmp_path / "short")
+    (tmp_path / "short.bin").write_bytes((tmp_path / "short.bin").read_bytes()[:-7])
+    for folder, name, data in (("camera", "front.jpg", JPEG), ("false", "0.1.jpg", b"GIF89a")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).write_bytes(data)
+    before = sorted(tmp_path.rglob("*"))
+    done = inside("export", *words)
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("frames: ")]
+    assert (done.returncode, len(lines)) == (2, 1)
+    assert word in lines[0]
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_command_writes_the_timeline_of_a_recording(inside, tmp_path):
+    recording().save(tmp_path / "kept")
+    done = inside("export", "kept", "--mcap", "out/kept.mcap", "--start", "1709294400.250000001")
+    assert done.returncode == 0
+    assert "/radar/points 3" in done.stdout
+    assert "12 messages" in done.stderr
+    assert {time for time, _ in messages(tmp_path / "out" / "kept.mcap")["/radar/points"]} == {START_NS + n * 100_000_000 for n in range(3)}
+    assert [file.name for file in (tmp_path / "out").iterdir()] == ["kept.mcap"]
