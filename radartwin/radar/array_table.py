@@ -56,9 +56,12 @@ def read_array(path: str | Path) -> dict[str, Any]:
         raise RecordingError(f"{path}: the table has no antenna; write one row for each transmitter and receiver")
     unit = _unit(path, rows)
     for name in _COMMON:
-        if len(values := {row[name] for row in rows if name in row} | {common[name] for _ in "1" if name in common}) > 1:
-            raise RecordingError(f"{path}: {name} has the values {_listed(values)}; an array has one {name}")
-        common |= {name: value for value in values}
+        values = {given[name] for given in (*rows, common) if name in given}
+        if len(values) > 1:
+            listed = " and ".join(sorted(map(reprlib.repr, values)))
+            raise RecordingError(f"{path}: {name} has the values {listed}; an array has one {name}")
+        if values:
+            common[name] = values.pop()
     metres = _metres(path, unit, common.get("design_frequency_hz"))
     found: dict[str, list[tuple[tuple[float, ...], float]]] = {"tx": [], "rx": []}
     for number, row in enumerate(rows, start=1):
@@ -158,7 +161,3 @@ def _check_array(path: Path, found: Mapping[str, list[tuple[tuple[float, ...], f
                 f"{path}: the antennas span {max(along) - min(along):g} m along {name}; are these half wavelengths? Name the column "
                 f"{name}_half_wavelength"
             )
-
-
-def _listed(values: set[Any]) -> str:
-    return " and ".join(sorted(map(reprlib.repr, values)))

@@ -119,8 +119,8 @@ def read_counts(folder: Path, radar: Radar) -> NDArray[np.complex64]:
         sizes = [path.stat().st_size for path in paths]
         if len(set(sizes)) > 1 or sizes[0] % frame or not sizes[0]:
             raise RecordingError(
-                f"{folder}, part {number:04d}: the files hold {', '.join(map(str, sizes))} bytes; each needs the same whole number of frames "
-                f"of {frame} bytes for radar {radar.name}; they are truncated or belong to another radar description"
+                f"{folder}, part {number:04d}: the files hold {', '.join(map(str, sizes))} bytes; each needs the same whole number of "
+                f"frames of {frame} bytes for radar {radar.name}; they are truncated or belong to another radar description"
             )
         parts.append((paths, sizes[0] // frame))
     shape = (sum(frames for _, frames in parts), *frame_shape(radar))

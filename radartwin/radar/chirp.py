@@ -295,8 +295,8 @@ class Radar:
             values = dict(values)
             if (waveform := values.pop("waveform")) != WAVEFORM:
                 raise InputError(
-                    f"radar description: waveform {reprlib.repr(waveform)} is not simulated; RadarTwin simulates linear FMCW chirps in time "
-                    f"division (waveform: {WAVEFORM})"
+                    f"radar description: waveform {reprlib.repr(waveform)} is not simulated; RadarTwin simulates linear FMCW chirps in "
+                    f"time division (waveform: {WAVEFORM})"
                 )
         return from_mapping(cls, "radar description", values)
 

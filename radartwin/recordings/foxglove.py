@@ -12,6 +12,7 @@ frame of the sensor (x forward, y left, z up), because the detection measures no
 from __future__ import annotations
 
 import base64
+import json
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,16 @@ SCHEMAS: dict[str, Message] = {
 }
 
 
+def schema(name: str) -> bytes:
+    """Return the JSON Schema of the message `name`."""
+    return json.dumps(SCHEMAS[name]).encode()
+
+
+def encode(name: str, message: Message) -> bytes:
+    """Encode a message in JSON."""
+    return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+
+
 def stamped(time_ns: int, frame_id: str) -> Message:
     return {"timestamp": _time(time_ns), "frame_id": frame_id}
 
@@ -79,9 +90,8 @@ def map_image(time_ns: int, frame_id: str, power: NDArray[np.float64], floor_db:
     level = (decibels(power.T[::-1]) - floor_db) * PIXELS_PER_DB
     pixels = np.clip(np.rint(level), 0, 65535).astype("<u2")
     height, width = pixels.shape
-    return {
-        **stamped(time_ns, frame_id), "width": width, "height": height, "encoding": "mono16", "step": 2 * width, "data": _text(pixels.tobytes()),
-    }  # fmt: skip
+    size = {"width": width, "height": height, "encoding": "mono16", "step": 2 * width}
+    return {**stamped(time_ns, frame_id), **size, "data": _text(pixels.tobytes())}
 
 
 def picture(time_ns: int, frame_id: str, data: bytes, kind: str) -> Message:
@@ -95,9 +105,8 @@ def point_cloud(time_ns: int, frame_id: str, peaks: Peaks) -> Message:
     points["x"], points["y"] = peaks.range_m * np.cos(peaks.azimuth_rad), peaks.range_m * np.sin(peaks.azimuth_rad)
     points["velocity_mps"], points["power_db"] = peaks.velocity_mps, decibels(peaks.power)
     names = [{"name": name, "offset": offset, "type": _FLOAT32} for name, (_, offset) in (_POINT.fields or {}).items()]
-    return {
-        **stamped(time_ns, frame_id), "pose": _pose(np.eye(4)), "point_stride": _POINT.itemsize, "fields": names, "data": _text(points.tobytes()),
-    }  # fmt: skip
+    layout = {"pose": _pose(np.eye(4)), "point_stride": _POINT.itemsize, "fields": names}
+    return {**stamped(time_ns, frame_id), **layout, "data": _text(points.tobytes())}
 
 
 def frame_transform(time_ns: int, parent: str, child: str, pose: NDArray[np.float64]) -> Message:

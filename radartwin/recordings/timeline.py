@@ -12,7 +12,8 @@
 
 Frame f is stamped with the start of its first chirp, start + f/frame_rate. The maps of a frame are those of radartwin.radar.power_maps for
 this frame alone. The file is written frame by frame, so that its length does not decide the memory, and under a temporary name until it is
-complete. Format: mcap.dev/spec, messages in JSON with schemas in JSON Schema.
+complete. Format: mcap.dev/spec. Messages are JSON with schemas in JSON Schema, or Protobuf (radartwin.recordings.protobuf), which rerun
+needs: its documentation (rerun.io/docs/reference/mcap) names Foxglove's schemas in Protobuf only.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radartwin.constants import __version__
-from radartwin.errors import BackendError, OutputError, RecordingError
+from radartwin.errors import BackendError, InputError, OutputError, RecordingError
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
@@ -36,7 +37,7 @@ from radartwin.radar.detection import Peaks, detect
 from radartwin.radar.power_maps import PowerMaps, doppler_bins, power_maps, range_bins
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.radar.recording import Recording
-from radartwin.recordings import foxglove
+from radartwin.recordings import foxglove, protobuf
 from radartwin.recordings.pictures import Picture
 
 if TYPE_CHECKING:
@@ -54,6 +55,11 @@ TOPICS = {
     "/radar/pose": "foxglove.PoseInFrame",
     "/camera/image": "foxglove.CompressedImage",
 }
+# For each encoding of messages: the encoding of schemas, and the functions that encode a schema and a message by the schema's name.
+_ENCODINGS: dict[str, tuple[str, Callable[[str], bytes], Callable[[str, foxglove.Message], bytes]]] = {
+    "json": ("jsonschema", foxglove.schema, foxglove.encode),
+    "protobuf": ("protobuf", protobuf.schema, protobuf.encode),
+}
 
 
 def write_timeline(
@@ -62,6 +68,7 @@ def write_timeline(
     *,
     start_ns: int = 0,
     pictures: list[Picture] | None = None,
+    encoding: str = "json",
     progress: Progress | None = None,
 ) -> dict[str, int]:
     """Write the MCAP file of a recording.
@@ -71,24 +78,32 @@ def write_timeline(
         path: the MCAP file; an existing file is replaced.
         start_ns: time of the start of the first frame, in nanoseconds since 1970.
         pictures: pictures of the camera, in ascending order of their times; None for none.
+        encoding: encoding of the messages, "json" or "protobuf".
         progress: shows the number of frames that are done.
     Returns:
         Number of messages by topic. A radar with one channel has no range-azimuth map and no points, a frame with one chirp has no
         range-Doppler map, and a recording without poses has no transform.
     Raises:
-        BackendError: the package mcap is missing.
+        BackendError: the package mcap or protobuf is missing.
         RecordingError: samples are NaN or infinite.
         InputError: a picture is not of the kind of its suffix.
         OutputError: the file cannot be written. No temporary file remains, and an existing file keeps its content.
     """
     path = Path(path)
-    mcap_writer = check_target(path)
+    mcap_writer = check_target(path, encoding)
     files.make_folder(path.parent)
     files.sweep(path.parent)
     temporary = files.unfinished(path)
     try:
         with temporary.open("wb") as stream:
-            counts = _write(mcap_writer.Writer(stream), stream, recording, start_ns, pictures or [], progress)
+            writer = mcap_writer.Writer(stream)
+            writer.start(profile="", library=f"radartwin {__version__}")
+            floor_db = FLOOR_COUNTS_DB if recording.provenance.get("unit") == "counts" else FLOOR_DB
+            writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
+            counts = _add_messages(writer, encoding, _messages(recording, start_ns, floor_db, pictures or [], progress))
+            writer.finish()
+            stream.flush()
+            os.fsync(stream.fileno())
         temporary.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot write ({error.strerror or error}); free some space or choose another file") from error
@@ -98,13 +113,16 @@ def write_timeline(
     return counts
 
 
-def check_target(path: Path) -> ModuleType:
+def check_target(path: Path, encoding: str = "json") -> ModuleType:
     """Check that an MCAP file can be written, before the recording is read, and return the module mcap.writer.
 
     Raises:
-        BackendError: the package mcap is missing.
+        InputError: the encoding is unknown.
+        BackendError: the package mcap or protobuf is missing.
         OutputError: the path is a folder, or its folder cannot be written.
     """
+    if encoding not in _ENCODINGS:
+        raise InputError(f"encoding {encoding!r} is unknown; use one of {', '.join(_ENCODINGS)}")
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
     files.check_folder(path.parent)
@@ -112,6 +130,8 @@ def check_target(path: Path) -> ModuleType:
         import mcap.writer
     except ImportError as error:
         raise BackendError("--mcap needs the package mcap; install it with pip install 'radartwin[mcap]'") from error
+    if encoding == "protobuf":
+        protobuf.check()
     return mcap.writer
 
 
@@ -125,24 +145,18 @@ def frame_points(iq: np.ndarray, radar: Radar, maps: PowerMaps) -> Peaks:
     return detect(iq, radar, maps=maps)
 
 
-def _write(
-    writer: Writer, stream: BinaryIO, recording: Recording, start_ns: int, pictures: list[Picture], progress: Progress | None
-) -> dict[str, int]:
-    writer.start(profile="", library=f"radartwin {__version__}")
-    floor_db = FLOOR_COUNTS_DB if recording.provenance.get("unit") == "counts" else FLOOR_DB
-    writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
-    schemas = {name: writer.register_schema(name, "jsonschema", json.dumps(schema).encode()) for name, schema in foxglove.SCHEMAS.items()}
+def _add_messages(writer: Writer, encoding: str, timeline: Iterator[tuple[int, str, foxglove.Message]]) -> dict[str, int]:
+    """Add the messages of the timeline, with a channel and a schema for each topic that occurs. Return the number of messages by topic."""
+    schema_encoding, schema, encode = _ENCODINGS[encoding]
     channels: dict[str, int] = {}
     counts: dict[str, int] = {}
-    for time_ns, topic, message in _messages(recording, start_ns, floor_db, pictures, progress):
+    for time_ns, topic, message in timeline:
+        name = TOPICS[topic]
         if topic not in channels:
-            channels[topic] = writer.register_channel(topic, "json", schemas[TOPICS[topic]])
-        data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
-        writer.add_message(channels[topic], time_ns, data, time_ns, sequence=counts.get(topic, 0))
+            schema_id = writer.register_schema(name, schema_encoding, schema(name))
+            channels[topic] = writer.register_channel(topic, encoding, schema_id)
+        writer.add_message(channels[topic], time_ns, encode(name, message), time_ns, sequence=counts.get(topic, 0))
         counts[topic] = counts.get(topic, 0) + 1
-    writer.finish()
-    stream.flush()
-    os.fsync(stream.fileno())
     return counts
 
 

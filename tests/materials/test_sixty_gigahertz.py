@@ -30,8 +30,8 @@ def test_covered_material_has_the_fit_of_the_recommendation(name):
         warnings.simplefilter("error")
         found = permittivity(name, BAND_HZ)
     ghz = BAND_HZ / 1e9
-    np.testing.assert_allclose(found.real, real, rtol=1e-12)
-    np.testing.assert_allclose(-found.imag, 17.98 * c * ghz**d / ghz, rtol=1e-3)
+    np.testing.assert_allclose(np.real(found), real, rtol=1e-12)
+    np.testing.assert_allclose(-np.imag(found), 17.98 * c * ghz**d / ghz, rtol=1e-3)
 
 
 def test_every_other_material_names_its_substitute():
@@ -43,7 +43,7 @@ def test_every_other_material_names_its_substitute():
         np.testing.assert_array_equal(found, permittivity(stand_in, BAND_HZ))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert permittivity("marble", 58e9).real == pytest.approx(7.074)
+        assert complex(permittivity("marble", 58e9)).real == pytest.approx(7.074)
 
 
 def test_substitutes_of_77_ghz_are_the_closest_at_62_ghz_too():
@@ -70,7 +70,7 @@ def test_contents_and_walls_of_containers_are_defined(name):
 
     found = containers.permittivity(name, BAND_HZ)
     assert np.isfinite(found).all()
-    assert (found.imag < 0).all()
+    assert (np.imag(found) < 0).all()
 
 
 def test_water_at_60_ghz_has_the_tabulated_permittivity():

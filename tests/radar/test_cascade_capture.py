@@ -42,7 +42,7 @@ def test_capture_is_read_in_the_order_of_chips_and_receivers(tmp_path):
 
 def test_written_files_are_those_of_the_capture_board(tmp_path):
     write_by_hand(tmp_path / "expected", counts())
-    assert cascade_capture.write_capture(rt.Recording(2e-9 * counts(), RADAR, scale=2e-9), tmp_path / "written") == 0
+    assert cascade_capture.write_capture(rt.Recording(np.complex64(2e-9) * counts(), RADAR, scale=2e-9), tmp_path / "written") == 0
     written = sorted(file.name for file in (tmp_path / "written").iterdir())
     assert written == sorted(f"{chip}_0000_data.bin" for chip in cascade_capture.CHIPS)
     for name in written:

@@ -1,4 +1,4 @@
-"""Compare the named radars with the published layouts of their boards, and beams of a simulated sphere with the closed form of the array."""
+"""Compare the named radars with the published layouts of their boards, and the beams of a simulated sphere with closed forms."""
 
 import dataclasses
 

@@ -2,8 +2,10 @@
 
 import base64
 import json
+import struct
 import sys
 import tracemalloc
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -53,6 +55,7 @@ def messages(path):
     out = {}
     with path.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages(log_time_order=True):
+            assert schema is not None
             assert (schema.encoding, channel.message_encoding, schema.name) == ("jsonschema", "json", TOPICS[channel.topic])
             content = json.loads(message.data)
             jsonschema.validate(content, json.loads(schema.data))
@@ -104,7 +107,7 @@ def test_pictures_have_near_ranges_below_and_the_left_on_the_left(tmp_path):
     """The strongest pixel of each half of the azimuth map: the echo at 2 m and 20 degrees to the left, and that at 4 m to the right."""
     write_timeline(recording(), tmp_path / "a.mcap")
     image = pixels(messages(tmp_path / "a.mcap")["/radar/range_azimuth"][0][1])
-    height, width = image.shape
+    height = len(image)
     bin_m = C * RADAR.sample_rate_hz / (2 * RADAR.slope_hz_per_s) / height
     for half, range_m, azimuth_deg in ((slice(0, 90), 2.0, 20.0), (slice(91, None), 4.0, -30.0)):
         part = image[:, half]
@@ -189,6 +192,97 @@ def test_captures_in_counts_have_a_higher_floor(tmp_path):
     assert image.max() / 100 - 20 == pytest.approx(level, abs=0.0051)
 
 
+# Numbers of the fields in Foxglove's published definitions (schemas/proto/foxglove), by topic. A field of bytes, text or another message
+# has the wire type 2, fixed32 has 5, an enumeration 0 and double 1.
+NUMBERS = {
+    "/radar/range_doppler": {"timestamp": 1, "width": 2, "height": 3, "encoding": 4, "step": 5, "data": 6, "frame_id": 7},
+    "/radar/points": {"timestamp": 1, "frame_id": 2, "pose": 3, "point_stride": 4, "fields": 5, "data": 6},
+    "/tf": {"timestamp": 1, "parent_frame_id": 2, "child_frame_id": 3, "translation": 4, "rotation": 5},
+    "/radar/pose": {"timestamp": 1, "frame_id": 2, "pose": 3},
+    "/camera/image": {"timestamp": 1, "data": 2, "format": 3, "frame_id": 4},
+}
+
+
+def wire(data):
+    """Return the fields of a Protobuf message by number, from its bytes (protobuf.dev, encoding); a repeated field is a list."""
+    out, at = {}, 0
+
+    def whole():
+        nonlocal at
+        value = shift = 0
+        while True:
+            value |= (data[at] & 127) << shift
+            at, shift = at + 1, shift + 7
+            if data[at - 1] < 128:
+                return value
+
+    while at < len(data):
+        key = whole()
+        if key & 7 == 0:
+            value = whole()
+        else:
+            size = {1: 8, 2: None, 5: 4}[key & 7]
+            size = whole() if size is None else size
+            value, at = data[at : at + size], at + size
+        out.setdefault(key >> 3, []).append(value)
+    return out
+
+
+def test_protobuf_messages_equal_those_in_json(tmp_path):
+    (tmp_path / "camera").mkdir()
+    (tmp_path / "camera" / "0.1.jpg").write_bytes(JPEG)
+    kept = recording(sensor_poses=np.eye(4)[None])
+    options = {"start_ns": START_NS, "pictures": read_pictures(tmp_path / "camera")}
+    write_timeline(kept, tmp_path / "a.mcap", **options)
+    write_timeline(kept, tmp_path / "b.mcap", encoding="protobuf", **options)
+    expected, topics = messages(tmp_path / "a.mcap"), set()
+    with (tmp_path / "b.mcap").open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding, schema.name) == ("protobuf", "protobuf", TOPICS[channel.topic])
+            time_ns, content = expected[channel.topic][message.sequence]
+            assert time_ns == message.log_time
+            fields = wire(message.data)
+            stamp = wire(fields[1][0])
+            assert stamp.get(1, [0]) == [content["timestamp"]["sec"]]
+            assert stamp.get(2, [0]) == [content["timestamp"]["nsec"]]
+            if channel.topic == "/radar/range_profile":
+                np.testing.assert_array_equal(np.frombuffer(fields[5][0], "<f8"), content["power_db"])
+            for name, number in NUMBERS.get(channel.topic, {}).items():
+                value = fields[number][0]
+                if name in ENCODED:
+                    assert value == base64.b64decode(content[name])
+                elif isinstance(content[name], str):
+                    assert value == content[name].encode()
+                elif isinstance(content[name], int):
+                    assert int.from_bytes(value, "little") == content[name]
+            if channel.topic == "/radar/points":
+                packed = [wire(item) for item in fields[5]]
+                assert [item[1][0].decode() for item in packed] == [field["name"] for field in content["fields"]]
+                assert [int.from_bytes(item.get(2, [b""])[0], "little") for item in packed] == [0, 4, 8, 12, 16]
+                assert {item[3][0] for item in packed} == {7}
+            if channel.topic == "/tf":
+                assert struct.unpack("<d", wire(fields[5][0])[4][0]) == (1.0,)  # w of a sensor that is not turned
+            topics.add(channel.topic)
+    assert topics == set(TOPICS)
+
+
+def test_schema_in_the_file_decodes_protobuf_messages(tmp_path):
+    """The schema alone, without any definition of this package, gives the names of the fields, as in Foxglove."""
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    write_timeline(recording(), tmp_path / "b.mcap", encoding="protobuf")
+    with (tmp_path / "b.mcap").open("rb") as stream:
+        schema, _, message = next(iter(make_reader(stream).iter_messages(topics=["/radar/points"])))
+    assert schema is not None
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
+        pool.Add(file)
+    cloud: Any = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name)).FromString(message.data)
+    assert (cloud.frame_id, cloud.point_stride, len(cloud.data)) == ("radar", 20, 40)
+    assert cloud.pose.orientation.w == 1.0
+
+
 def test_pictures_of_a_camera_lie_between_the_frames(tmp_path):
     camera = tmp_path / "camera"
     camera.mkdir()
@@ -248,7 +342,7 @@ def test_broken_recordings_and_targets_are_refused_and_lose_nothing(tmp_path, mo
     target.write_bytes(b"an older timeline")
     broken = recording()
     broken.iq[1, 0, 0, 0, 0] = np.nan
-    with pytest.raises(RecordingError, match="frame 1 .*NaN"):
+    with pytest.raises(RecordingError, match=r"frame 1 .*NaN"):
         write_timeline(broken, target)
     assert target.read_bytes() == b"an older timeline"
     with pytest.raises(OutputError, match="is a folder"):
@@ -274,6 +368,7 @@ MISTAKES = {
     "absent pictures": (["kept", "--mcap", "a.mcap", "--pictures", "nowhere"], "nowhere"),
     "pictures without times": (["kept", "--mcap", "a.mcap", "--pictures", "camera"], "front"),
     "file that is no picture": (["kept", "--mcap", "a.mcap", "--pictures", "false"], "not a jpeg"),
+    "unknown encoding": (["kept", "--mcap", "a.mcap", "--encoding", "cdr"], "cdr"),
     "option of the campaign": (["kept", "--mcap", "a.mcap", "--config-dir", "conf"], "--config-dir"),
     "option of a timeline": (["--out", "set", "--start", "3"], "--start"),
     "radar of a timeline": (["--out", "set", "--radar", "iwr1843"], "--radar"),
