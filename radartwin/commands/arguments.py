@@ -108,7 +108,8 @@ def _add_export(group: Verbs) -> None:
     """Add the verb `export`, whose options --mcap and --out choose one of two uses."""
     text = "a recording to a timeline for Foxglove (--mcap), or the virtual measurement campaign to a recording set (--out)"
     export = _add(group, "export", verbs.export, text, resumes=True)
-    _overrides(export, "--mcap: one RECORDING, as for process; --out: [profile=...] [profile.campaign.KEY=value ...] [key=value ...]")
+    words = "with --mcap one RECORDING, as for process; with --out [profile=...] [profile.campaign.KEY=value ...] [key=value ...]"
+    _overrides(export, words, metavar="RECORDING|OVERRIDE")
     use = export.add_mutually_exclusive_group(required=True)
     use.add_argument("--mcap", metavar="FILE", type=Path, help="write the timeline of RECORDING: maps, detections and poses of each frame")
     use.add_argument("--out", metavar="SET", type=Path, help="export the campaign to the set in this folder; recordings in it stay")
@@ -210,8 +211,8 @@ def _add(
     return verb
 
 
-def _overrides(verb: argparse.ArgumentParser, text: str) -> None:
-    verb.add_argument("overrides", nargs="*", metavar="OVERRIDE", help=text)
+def _overrides(verb: argparse.ArgumentParser, text: str, metavar: str = "OVERRIDE") -> None:
+    verb.add_argument("overrides", nargs="*", metavar=metavar, help=text)
     verb.add_argument("--config-dir", metavar="DIR", type=Path, action="append", default=[], help="folder with more configuration options")
     verb.add_argument("--output", metavar="DIR", help="root of everything written (the same as output=DIR)")
 

@@ -104,7 +104,7 @@ def point_cloud(time_ns: int, frame_id: str, peaks: Peaks) -> Message:
     points = np.zeros(len(peaks), _POINT)
     points["x"], points["y"] = peaks.range_m * np.cos(peaks.azimuth_rad), peaks.range_m * np.sin(peaks.azimuth_rad)
     points["velocity_mps"], points["power_db"] = peaks.velocity_mps, decibels(peaks.power)
-    names = [{"name": name, "offset": offset, "type": _FLOAT32} for name, (_, offset) in (_POINT.fields or {}).items()]
+    names = [{"name": name, "offset": 4 * number, "type": _FLOAT32} for number, name in enumerate(_POINT.names or ())]
     layout = {"pose": _pose(np.eye(4)), "point_stride": _POINT.itemsize, "fields": names}
     return {**stamped(time_ns, frame_id), **layout, "data": _text(points.tobytes())}
 

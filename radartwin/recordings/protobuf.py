@@ -77,7 +77,7 @@ def _definitions() -> tuple[bytes, dict[str, Any]]:
             message = file.message_type.add(name=title.partition(".")[2])
             for number, (name, kind) in enumerate(fields, start=1):
                 label, kind = (_REPEATED, kind.split()[1]) if kind.startswith("repeated ") else (_OPTIONAL, kind)
-                field = message.field.add(name=name, number=number, label=label)
+                field: Any = message.field.add(name=name, number=number, label=label)
                 field.type = _SCALARS.get(kind) or (_ENUM if kind.endswith("NumericType") else _MESSAGE)
                 if kind not in _SCALARS:
                     field.type_name = ".google.protobuf.Timestamp" if kind == "Timestamp" else f".{kind}"

@@ -1,6 +1,7 @@
 """Compare the files of the cascade's capture board with values that are written by hand."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -47,6 +48,18 @@ def test_written_files_are_those_of_the_capture_board(tmp_path):
     assert written == sorted(f"{chip}_0000_data.bin" for chip in cascade_capture.CHIPS)
     for name in written:
         assert (tmp_path / "written" / name).read_bytes() == (tmp_path / "expected" / name).read_bytes()
+
+
+def test_command_processes_a_capture_folder(tmp_path, inside):
+    """A beat at bin 16 of 64 in every channel is an echo at 16 range bins, in the direction of the boresight."""
+    beat = np.broadcast_to(np.rint(1000 * np.exp(2j * np.pi * 16 * np.arange(64) / 64)), SHAPE)[:1]
+    write_by_hand(tmp_path / "capture", beat)
+    (tmp_path / "radar.json").write_text(json.dumps(RADAR.to_dict()))
+    done = inside("process", "capture", "--radar", "radar.json", "--no-iq-swapped", "--out", "seen")
+    assert done.returncode == 0
+    range_m, speed_mps, azimuth_deg, _ = np.loadtxt(tmp_path / "seen" / "peaks.csv", delimiter=",", skiprows=1, ndmin=2)[0]
+    assert range_m == pytest.approx(16 * 299_792_458.0 * 8e6 / (2 * 79e12 * 64), abs=0.01)
+    assert (speed_mps, azimuth_deg) == pytest.approx((0, 0), abs=0.05)
 
 
 def test_counts_beyond_16_bits_are_clipped_and_counted(tmp_path):
