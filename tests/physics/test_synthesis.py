@@ -130,7 +130,7 @@ def test_noise_power_is_kTBF():
 @pytest.mark.parametrize("samples", [1, 2, 7, 100, 257])
 def test_synthesis_matches_for_any_radar_dimensions(samples):
     """The FFT grids of the synthesis have even and odd powers of two as sizes, and some chirps have fewer samples than their grid."""
-    array = {"tx_positions_m": ((0, 0.01, 0.002),), "rx_positions_m": ((0, 0, 0),) * 3}
+    array = {"tx_positions_m": ((0, 0.01, 0.002),), "rx_positions_m": ((0, 0, 0), (0, 0.002, 0), (0, 0.004, 0))}
     radar = dataclasses.replace(Radar.iwr1843(element="isotropic"), num_samples=samples, num_chirps=3, **array)
     paths = random_paths(30, 2, 0.5, 2)
     expected = direct_sum(paths, radar)
