@@ -68,6 +68,20 @@ def ca_cfar(
     >>> bool(0.005 < hits.mean() < 0.02)
     True
     """
+    noise, cells = training_mean(power, guard=guard, training=training, wrap=wrap)
+    threshold = max(ca_factor(cells, false_alarm, looks), min_factor) * noise
+    return power > threshold, threshold
+
+
+def training_mean(power: Real, *, guard: tuple[int, ...], training: tuple[int, ...], wrap: tuple[bool, ...]) -> tuple[Real, int]:
+    """Estimate the noise power of each cell as the mean of its training cells.
+
+    The arguments are those of `ca_cfar`. The function returns the noise power of each cell, of the shape of `power`, and the number of
+    training cells of a cell.
+
+    Raises:
+        InputError: guard cells and training cells do not fit into the array, or there are no training cells.
+    """
     from scipy.ndimage import uniform_filter1d
 
     outer = tuple(g + t for g, t in zip(guard, training, strict=True))
@@ -80,6 +94,4 @@ def ca_cfar(
         inner = uniform_filter1d(inner, 2 * g + 1, axis=axis, mode=mode) * (2 * g + 1)
     cells = int(np.prod([2 * o + 1 for o in outer]) - np.prod([2 * g + 1 for g in guard]))
     # Near a strong cell, rounding may make the difference of the two running sums negative.
-    noise = np.maximum(total - inner, 0.0) / cells
-    threshold = max(ca_factor(cells, false_alarm, looks), min_factor) * noise
-    return power > threshold, threshold
+    return np.maximum(total - inner, 0.0) / cells, cells

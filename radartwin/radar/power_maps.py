@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin.radar.angles import spectrum
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_axis, range_fft, steering, velocity_axis
+from radartwin.radar.covariance import Covariance
+from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_axis, range_fft, unit_vectors, velocity_axis
 
 Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
@@ -82,17 +84,17 @@ def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> Power
     range_doppler = np.zeros((len(velocity_mps), len(range_m)))
     covariance = np.zeros((len(range_m), len(row), len(row)), dtype=np.complex128)
     for frames, profiles, block in spectra(iq, radar, static_removed):
-        power = _power(profiles).mean(axis=(2, 3))
+        power = channel_power(profiles).mean(axis=(2, 3))
         if single:
             range_time[:] = power[0]
         else:
             range_time[frames] = power.mean(axis=1)
-        range_doppler += _power(block).mean(axis=(2, 3)).sum(axis=0)
+        range_doppler += channel_power(block).mean(axis=(2, 3)).sum(axis=0)
         # The Bartlett power in any direction is a quadratic form of the covariance matrix of the channels, so only this matrix is summed.
         channels = block.reshape(-1, radar.num_tx * radar.num_rx, len(range_m))[:, row].transpose(2, 1, 0)
         covariance += channels @ channels.conj().transpose(0, 2, 1)
-    weights = steering(radar, azimuth_rad)
-    range_azimuth = np.einsum("ca,rcd,da->ar", weights, covariance, weights.conj(), optimize=True).real
+    beams = spectrum(Covariance(covariance, len(iq)), radar.virtual_positions[row], radar.center_frequency_hz)
+    range_azimuth = beams(unit_vectors(azimuth_rad)).T
     # The division by this number gives a constant echo its power in the range-azimuth map, by Parseval's theorem over the Doppler bins.
     bins_of_energy = len(iq) * len(velocity_mps) * float((hann(radar.num_chirps) ** 2).sum())
     return PowerMaps(
@@ -106,7 +108,8 @@ def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> Power
     )
 
 
-def _power(values: Complex) -> Real:
+def channel_power(values: Complex) -> Real:
+    """Return the squared magnitude of complex values of any shape in double precision."""
     return values.real.astype(np.float64) ** 2 + values.imag.astype(np.float64) ** 2
 
 

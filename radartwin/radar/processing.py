@@ -103,6 +103,28 @@ def azimuth_row(radar: Radar) -> NDArray[np.intp]:
     return np.flatnonzero(height == values[np.argmax(counts)])
 
 
+def unit_vectors(azimuth_rad: ArrayLike, elevation_rad: ArrayLike = 0.0) -> Real:
+    """Return the unit vectors (..., 3) in the sensor frame of directions with azimuth atan2(y, x) and elevation asin(z) in radians."""
+    azimuth, elevation = np.broadcast_arrays(*(np.asarray(angle, dtype=np.float64) for angle in (azimuth_rad, elevation_rad)))
+    return np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+def response(positions_m: Real, directions: Real, frequency_hz: float) -> Complex:
+    """Compute the array response: the signals of a plane wave of unit amplitude on each virtual antenna, relative to the origin.
+
+    Args:
+        positions_m: positions (M, 3) of the virtual antennas in metres.
+        directions: D unit vectors (D, 3) from the radar to the targets, in the sensor frame.
+        frequency_hz: frequency that sets the phase, for a range bin Radar.center_frequency_hz.
+    Returns:
+        Complex signals (M, D) of magnitude 1.
+    """
+    wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
+    # The path to an antenna displaced towards the target is shorter by the displacement.
+    phase: Complex = -1j * wavenumber * positions_m @ directions.T
+    return np.exp(phase)
+
+
 def steering(radar: Radar, azimuth_rad: ArrayLike) -> Complex:
     """Compute beamforming weights over the azimuth row for horizontal directions.
 
@@ -113,29 +135,8 @@ def steering(radar: Radar, azimuth_rad: ArrayLike) -> Complex:
         Weights (channels of azimuth_row, A), whose magnitudes add up to 1 over the channels. The sum over channels of weight times signal
         is the beam signal.
     """
-    azimuth_rad = np.asarray(azimuth_rad, dtype=np.float64)
-    direction = np.stack([np.cos(azimuth_rad), np.sin(azimuth_rad), np.zeros_like(azimuth_rad)])
     row = radar.virtual_positions[azimuth_row(radar)]
-    wavenumber = 2 * np.pi * radar.center_frequency_hz / SPEED_OF_LIGHT
-    # The path to an antenna displaced towards the target is shorter by the displacement.
-    phase: Complex = 1j * wavenumber * row @ direction
-    return 1 / len(row) * np.exp(phase)
-
-
-def azimuth_spectrum(channels: Complex, radar: Radar, azimuth_rad: ArrayLike) -> Real:
-    """Compute the power per horizontal direction by Bartlett (conventional) beamforming over the azimuth row.
-
-    Args:
-        channels: channel signals (..., tx, rx) of a Doppler bin from `doppler_fft`, or of a range bin if the scene is at rest.
-        radar: radar that recorded the samples.
-        azimuth_rad: A azimuth angles atan2(y, x) in radians, positive to the left, shape (A,).
-    Returns:
-        Power (..., A) in each direction. A plane wave of amplitude a on every channel gives the power a^2 in its own direction.
-    """
-    _check(channels, -2, radar.num_tx, "tx")
-    _check(channels, -1, radar.num_rx, "rx")
-    row = channels.reshape(*channels.shape[:-2], -1)[..., azimuth_row(radar)]
-    return np.abs(row @ steering(radar, azimuth_rad)) ** 2
+    return 1 / len(row) * response(row, unit_vectors(azimuth_rad), radar.center_frequency_hz).conj()
 
 
 def _bins(bins: int | None, size: int) -> int:

@@ -194,13 +194,13 @@ Hardware.leakage | apart + self.feed_m | apart | leakage does not pass the feed 
 
 radar/processing: physics/test_point_targets radar/test_radar
 doppler_fft | -2j * np.pi | 2j * np.pi | the delay between transmitters is corrected the wrong way
-steering | 1j * wavenumber | -1j * wavenumber | left and right are swapped
+response | -1j * wavenumber | 1j * wavenumber | left and right are swapped
 range_fft | 2 * profile[..., : bins // 2] | profile[..., : bins // 2] | real samples read 6 dB low
 range_axis | 2 * radar.slope_hz_per_s | 1 * radar.slope_hz_per_s | ranges are doubled
 
 radar/cfar: radar/test_cfar
 ca_factor | f.isf(false_alarm, 2 * looks, 2 * looks * training) | f.isf(false_alarm, looks, looks * training) | looks are halved
-ca_cfar | total - inner | total | the cell under test counts as noise
+training_mean | total - inner | total | the cell under test counts as noise
 
 features/align: features/test_align
 overlap | max(0, -frames) | max(0, frames) | the offset has the wrong sign

@@ -1,0 +1,158 @@
+"""Find the directions of the targets in a range-Doppler cell from the covariance matrix of its channels.
+
+The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The row measures
+the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at zero elevation is therefore asin(u_y). With an elevation, the search
+over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x).
+
+Bartlett gives one target per cell, because a weaker maximum may be a sidelobe. Capon and MUSIC give up to TARGETS_PER_CELL targets. The
+powers of several targets are the least-squares estimates diag(A+ R A+^H), where A+ is the pseudo-inverse of the responses A. A target is
+dropped if it is more than DEPTH_DB weaker than the strongest target of the cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radartwin.errors import InputError
+from radartwin.radar.angles import BARTLETT, METHODS, AngleMethod, AngleSpectrum, spectrum
+from radartwin.radar.chirp import Radar
+from radartwin.radar.covariance import Covariance, uniform_step
+from radartwin.radar.peak_cells import parabola
+from radartwin.radar.processing import azimuth_row, response, unit_vectors
+
+Complex = NDArray[np.complexfloating]
+Real = NDArray[np.float64]
+
+TARGETS_PER_CELL = 2
+DEPTH_DB = 15.0  # a target this much weaker than another target of its cell may be a sidelobe of the least-squares fit
+LOADING = 1e-3  # of Capon, in mean eigenvalues; it limits the beam to 30 dB below the strongest signal
+_AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
+_UZ = np.linspace(-1.0, 1.0, 401)  # direction cosines of the elevation; 0.005 is a twentieth of the beam of two rows, or finer
+_ZOOMS, _ZOOM_POINTS = 2, 41
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Hold the directions of T targets.
+
+    Attributes:
+        cell: index (T,) of the target's cell.
+        azimuth_rad: azimuth (T,) atan2(y, x), positive to the left.
+        elevation_rad: elevation (T,) asin(z), positive upwards; NaN if it was not measured, and the azimuth then is that at elevation 0.
+        share: power (T,) of the target over the mean power of the channels of its cell; 1 in a cell with a single target.
+    """
+
+    cell: NDArray[np.intp]
+    azimuth_rad: Real
+    elevation_rad: Real
+    share: Real
+
+
+def standard_method(name: str, positions_m: Real) -> AngleMethod:
+    """Return the settings with which `cell_directions` uses a method on antennas (M, 3).
+
+    On a uniform line, Capon and MUSIC smooth forward and backward over sub-arrays of two thirds of the antennas, because the echoes of a
+    cell are coherent. The matrix then has full rank from a single snapshot.
+    """
+    if name not in METHODS:
+        raise InputError(f"angle method {name!r} is unknown; use one of {', '.join(METHODS)}")
+    antennas = len(positions_m)
+    if name == "bartlett" or antennas < 3:
+        return BARTLETT
+    try:
+        uniform_step(positions_m)
+    except InputError:
+        return AngleMethod(name, LOADING, sources=1)
+    subarray = antennas - antennas // 3
+    return AngleMethod(name, LOADING, subarray, True, min(TARGETS_PER_CELL, subarray - 1))
+
+
+def has_elevation(radar: Radar) -> bool:
+    """Return whether the virtual antennas have different heights."""
+    return len(azimuth_row(radar)) < radar.num_tx * radar.num_rx
+
+
+def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: bool) -> Directions:
+    """Find the directions of the targets in N cells.
+
+    Args:
+        signals: covariance matrices (N, V, V) of the V = num_tx * num_rx channels of each cell, with the TDM phase compensated.
+        radar: radar that recorded the samples.
+        method: "bartlett", "capon" or "music".
+        elevation: whether to measure the elevation, if the radar can.
+    """
+    row = azimuth_row(radar)
+    positions, frequency_hz = radar.virtual_positions, radar.center_frequency_hz
+    of_row = Covariance(signals.matrix[:, row[:, None], row], signals.count)
+    settings = standard_method(method, positions[row])
+    if settings is BARTLETT:
+        cell = np.arange(len(of_row.matrix))
+        azimuth_rad, share = _strongest(spectrum(of_row, positions[row], frequency_hz)), np.ones(len(cell))
+    else:
+        found = [_targets(Covariance(matrix, signals.count), positions[row], frequency_hz, settings) for matrix in of_row.matrix]
+        cell = np.repeat(np.arange(len(found)), [len(angles) for angles, _ in found])
+        azimuth_rad, share = (np.concatenate([np.empty(0), *parts]) for parts in zip(*found, strict=True)) if found else (np.empty(0),) * 2
+    if not (elevation and has_elevation(radar)):
+        return Directions(cell, azimuth_rad, np.full(len(cell), np.nan), share)
+    uy = np.sin(azimuth_rad)
+    uz = np.array([_uz(Covariance(signals.matrix[n], signals.count), positions, frequency_hz, u) for n, u in zip(cell, uy, strict=True)])
+    return Directions(cell, np.arctan2(uy, _ux(uy, uz)), np.arcsin(uz), share)
+
+
+def _strongest(found: AngleSpectrum) -> Real:
+    """Return the azimuths (N,) of the highest maxima of N spectra, by a parabola through the levels of three neighbouring azimuths."""
+    power = found(unit_vectors(_AZIMUTH_RAD))
+    strongest = np.argmax(power, axis=1)
+    inner = np.clip(strongest, 1, len(_AZIMUTH_RAD) - 2)
+    decibels = 10 * np.log10(np.maximum(power, np.finfo(np.float64).tiny))
+    shift, _ = parabola([decibels[np.arange(len(power)), inner + step] for step in (-1, 0, 1)])
+    return np.where(strongest == inner, _AZIMUTH_RAD[inner] + shift * np.diff(_AZIMUTH_RAD[:2]), _AZIMUTH_RAD[strongest])
+
+
+def _targets(signals: Covariance, positions_m: Real, frequency_hz: float, method: AngleMethod) -> tuple[Real, Real]:
+    """Return the azimuths (T,) of a cell's targets and their powers over the mean power of the channels, strongest first."""
+    found = spectrum(signals, positions_m, frequency_hz, method)
+    level = found(unit_vectors(_AZIMUTH_RAD))
+    at = maxima(level)[: TARGETS_PER_CELL if method.name == "capon" else int(method.sources)]
+    azimuth_rad = np.array([_zoom(found, n) for n in at])
+    inverse = np.linalg.pinv(response(positions_m, unit_vectors(azimuth_rad), frequency_hz))
+    power = np.einsum("ta,ab,tb->t", inverse, signals.matrix, inverse.conj(), optimize=True).real
+    if len(at) == 1:
+        return azimuth_rad, np.ones(1)
+    order = np.argsort(-power, kind="stable")
+    order = order[power[order] > power.max() * 10 ** (-DEPTH_DB / 10)]
+    return azimuth_rad[order], power[order] / (np.trace(signals.matrix).real / len(positions_m)) if len(order) > 1 else np.ones(1)
+
+
+def maxima(level: Real) -> NDArray[np.intp]:
+    """Return the indices of the local maxima of a spectrum (A,), the highest first. An end of the grid can be a maximum."""
+    padded = np.concatenate([[-np.inf], level, [-np.inf]])
+    at = np.flatnonzero((level > padded[:-2]) & (level >= padded[2:]))
+    return at[np.argsort(-level[at], kind="stable")]
+
+
+def _zoom(found: AngleSpectrum, index: int) -> float:
+    """Return the azimuth of the maximum near an azimuth of the grid, to 0.002 degrees, because the peaks of MUSIC can be very narrow."""
+    low, high = _AZIMUTH_RAD[max(index - 1, 0)], _AZIMUTH_RAD[min(index + 1, len(_AZIMUTH_RAD) - 1)]
+    fine = np.linspace(low, high, _ZOOM_POINTS)
+    for _ in range(_ZOOMS):
+        best = int(np.argmax(found(unit_vectors(fine))))
+        middle = fine[best]
+        fine = np.linspace(fine[max(best - 1, 0)], fine[min(best + 1, _ZOOM_POINTS - 1)], _ZOOM_POINTS)
+    return float(middle)
+
+
+def _ux(uy: Real, uz: Real) -> Real:
+    return np.sqrt(np.maximum(1 - uy**2 - uz**2, 0.0))
+
+
+def _uz(signals: Covariance, positions_m: Real, frequency_hz: float, uy: float) -> float:
+    """Return the direction cosine u_z of the strongest Bartlett beam of all antennas among the directions with the given u_y."""
+    uz = _UZ * np.sqrt(max(1 - uy**2, 0.0))
+    level = spectrum(signals, positions_m, frequency_hz)(np.column_stack([_ux(np.full_like(uz, uy), uz), np.full_like(uz, uy), uz]))
+    best = int(np.clip(np.argmax(level), 1, len(uz) - 2))
+    shift, _ = parabola([10 * np.log10(np.maximum(level[best + step : best + step + 1], np.finfo(np.float64).tiny)) for step in (-1, 0, 1)])
+    return float(uz[best] + shift[0] * (uz[1] - uz[0]))
