@@ -85,9 +85,11 @@ def _add_recordings(group: Verbs) -> None:
     simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
     simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
 
-    process = _add(group, "process", verbs.process, "a recording to peaks.csv and range-time, Doppler and azimuth pictures")
+    process = _add(group, "process", verbs.process, "a recording to peaks, point clouds and range-time, Doppler and azimuth pictures")
     _recording(process)
     process.add_argument("--moving", action="store_true", help="remove static echoes before the peaks are detected")
+    text = "method for directions: capon and music separate two targets of one cell (default: bartlett)"
+    process.add_argument("--angle", choices=("bartlett", "capon", "music"), default="bartlett", help=text)
     process.add_argument("--out", metavar="FOLDER", type=Path, help="folder for the results (default: OUTPUT/processed/NAME)")
     _output(process)
 

@@ -61,12 +61,14 @@ def process(options: argparse.Namespace) -> int:
     from radartwin.builders.radar import named_radar
     from radartwin.io import files
     from radartwin.radar.captures import capture_name
-    from radartwin.radar.process_capture import PEAKS_FILE, process_capture
+    from radartwin.radar.process_capture import PEAKS_FILE, POINTS_FILE, process_capture
 
     out = options.out or options.output / "processed" / capture_name(options.recording)
     files.sweep(files.check_folder(out))
     radar = named_radar(options.radar) if options.radar else None
-    peaks = process_capture(options.recording, out, radar, iq_swapped=options.iq_swapped, static_removed=options.moving)
+    peaks = process_capture(
+        options.recording, out, radar, iq_swapped=options.iq_swapped, static_removed=options.moving, angle=options.angle
+    )
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
     print(" ".join(digits))
     for peak in peaks.itertuples(index=False):
@@ -74,7 +76,7 @@ def process(options: argparse.Namespace) -> int:
         print(*(cell.rjust(len(name)) for cell, name in zip(cells, digits, strict=True)))
     if len(peaks) and peaks["doppler_mps"].isna().to_numpy().all():
         _note("a frame has one chirp, from which no speed can be measured; doppler_mps is empty")
-    print(f"{len(peaks)} peaks; pictures and {PEAKS_FILE} in {out}", file=sys.stderr)
+    print(f"{len(peaks)} peaks; pictures, {PEAKS_FILE} and {POINTS_FILE} in {out}", file=sys.stderr)
     return 0
 
 

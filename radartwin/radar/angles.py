@@ -96,8 +96,9 @@ class AngleSpectrum:
         weights = self.scale * response(self.positions_m, directions, self.frequency_hz).conj()
         value = np.einsum("ca,rcd,da->ra", weights, self.form.reshape(-1, antennas, antennas), weights.conj(), optimize=True).real
         if self.reciprocal:
-            # In the direction of a source, rounding may make the form zero or negative.
-            value = 1 / np.maximum(value, np.finfo(np.float64).tiny)
+            # In the direction of a source, the form of MUSIC is zero, and rounding may make it negative.
+            trace = np.trace(self.form, axis1=-2, axis2=-1).real.reshape(-1, 1)
+            value = 1 / np.maximum(value, np.finfo(np.float64).eps * self.scale**2 * trace)
         return value.reshape(*self.form.shape[:-2], len(directions))
 
 

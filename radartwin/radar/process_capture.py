@@ -1,4 +1,7 @@
-"""Process a recording for the command `radartwin process`: write peaks.csv and up to three pictures, and return the peak table.
+"""Process a recording for the command `radartwin process`: write the peaks, the point clouds and up to three pictures.
+
+The file peaks.csv holds the peaks of the whole recording. The file points.npz holds the points of each frame, in the arrays that
+radartwin.radar.point_messages.arrays describes: x, y, z, velocity and intensity of the points, and the first point of each frame.
 
 The three pictures show the echo power in decibels over range and time, over range and Doppler, and over range and azimuth. Each picture
 shows the highest 60 dB of its power.
@@ -18,14 +21,15 @@ from radartwin.io import files
 from radartwin.plotting import style
 from radartwin.radar.captures import capture_name, load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.detection import Peaks, detect
+from radartwin.radar.detection import Peaks, detect, point_clouds
+from radartwin.radar.point_messages import arrays
 from radartwin.radar.power_maps import PowerMaps, power_maps
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-PEAKS_FILE = "peaks.csv"
+PEAKS_FILE, POINTS_FILE = "peaks.csv", "points.npz"
 _DYNAMIC_RANGE_DB = 60.0
 
 
@@ -36,17 +40,19 @@ def process_capture(
     *,
     iq_swapped: bool | None = None,
     static_removed: bool = False,
+    angle: str = "bartlett",
 ) -> pd.DataFrame:
-    """Detect the peaks of a recording, and write a table of the peaks and pictures of the recording.
+    """Detect the peaks of a recording, and write a table of the peaks, the point clouds and pictures of the recording.
 
     Args:
         path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file, or of a .npy file
             with an array of samples.
-        out: folder for peaks.csv, range_time.png, range_doppler.png and range_azimuth.png; None writes no files. If frames have a single
-            chirp, there is no range_doppler.png. If the radar has a single channel, there is no range_azimuth.png.
+        out: folder for peaks.csv, points.npz, range_time.png, range_doppler.png and range_azimuth.png; None writes no files. If frames
+            have a single chirp, there is no range_doppler.png. If the radar has a single channel, there is no range_azimuth.png.
         radar: a Radar or the path of a radar file; only a .npy file requires this argument.
         iq_swapped: whether Q comes before I in a capture of another tool; None detects the sample order from the noise.
         static_removed: whether to subtract the echoes at rest.
+        angle: method for the directions of peaks and points, "bartlett", "capon" or "music".
     Returns:
         Table of the peaks, sorted from the strongest to the weakest, with the columns range_m, doppler_mps, azimuth_deg and power_db.
         doppler_mps is NaN if a frame has a single chirp, and azimuth_deg is NaN if the radar has a single channel. power_db is relative to
@@ -58,7 +64,7 @@ def process_capture(
     recording = load_capture(path, radar, iq_swapped=iq_swapped)
     radar = recording.radar
     maps = power_maps(recording.iq, radar, static_removed)
-    peaks = detect(recording.iq, radar, static_removed=static_removed, maps=maps)
+    peaks = detect(recording.iq, radar, static_removed=static_removed, maps=maps, angle=angle)
     table = peaks.table()
     if out is None:
         return table
@@ -73,6 +79,10 @@ def process_capture(
             figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
             # Leave the version of matplotlib out of the picture file, so that every run writes the same bytes.
             figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
+        clouds = point_clouds(recording.iq, radar, static_removed=static_removed, angle=angle)
+        temporary[folder / POINTS_FILE] = files.unfinished(folder / POINTS_FILE)
+        with temporary[folder / POINTS_FILE].open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **arrays(clouds, radar.frame_rate_hz))
         temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
         table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
         for target, unfinished in temporary.items():

@@ -70,7 +70,7 @@ def test_plate_is_found_at_its_distance(inside, tmp_path: Path) -> None:
     processed = inside("process", "outputs/recordings/plate")
     assert processed.returncode == 0, processed.stderr
     folder = tmp_path / "outputs" / "processed" / "plate"
-    assert {"peaks.csv", "range_time.png", "range_doppler.png", "range_azimuth.png"} == {p.name for p in folder.iterdir()}
+    assert {"peaks.csv", "points.npz", "range_time.png", "range_doppler.png", "range_azimuth.png"} == {p.name for p in folder.iterdir()}
     header, first = (folder / "peaks.csv").read_text().splitlines()[:2]
     assert header == "range_m,doppler_mps,azimuth_deg,power_db"
     distance, speed, azimuth, _ = (float(cell) for cell in first.split(","))

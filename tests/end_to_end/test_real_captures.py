@@ -24,7 +24,7 @@ COLUMNS = ["range_m", "doppler_mps", "azimuth_deg", "power_db"]
 
 
 def _check_folder(folder, table):
-    assert {p.name for p in folder.iterdir()} == PICTURES | {"peaks.csv"}
+    assert {p.name for p in folder.iterdir()} == PICTURES | {"peaks.csv", "points.npz"}
     for name in PICTURES:
         assert (folder / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
         assert (folder / name).stat().st_size > 10_000

@@ -1,0 +1,93 @@
+"""Point clouds as bytes: numpy reads them by the field table, and rosbags carries them in a sensor_msgs/PointCloud2 message."""
+
+import numpy as np
+import pytest
+
+from radartwin.errors import InputError
+from radartwin.radar.detection import Peaks
+from radartwin.radar.point_messages import arrays, point_cloud2
+
+# PointField datatype codes of sensor_msgs and the numpy types that they stand for.
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+PEAKS = Peaks(
+    range_m=np.array([2.0, 4.0]),
+    velocity_mps=np.array([-1.5, 0.25]),
+    azimuth_rad=np.radians([90.0, 0.0]),
+    elevation_rad=np.radians([0.0, 30.0]),
+    power=np.array([1e-6, 1e-8]),
+    noise=np.array([1e-9, 1e-9]),
+)
+EXPECTED = {
+    "x": [0.0, 4 * np.sqrt(0.75)], "y": [2.0, 0.0], "z": [0.0, 2.0], "velocity": [-1.5, 0.25], "intensity": [30.0, 10.0],
+}  # fmt: skip
+
+
+def read(message) -> dict[str, np.ndarray]:
+    """Read the points of any object with the fields of sensor_msgs/PointCloud2, as a subscriber does."""
+    order = ">" if message.is_bigendian else "<"
+    raw = np.frombuffer(bytes(message.data), np.uint8).reshape(message.height, message.row_step)
+    raw = raw[:, : message.width * message.point_step].reshape(-1, message.point_step)
+    out = {}
+    for field in message.fields:
+        kind = np.dtype(order + DATATYPES[field.datatype])
+        out[field.name] = raw[:, field.offset : field.offset + kind.itemsize * field.count].copy().view(kind)[:, 0]
+    return out
+
+
+def check(found: dict[str, np.ndarray]) -> None:
+    assert list(found) == list(EXPECTED)
+    for name, values in EXPECTED.items():
+        # float32 holds 4 m to 2e-7 m; sin and cos of 90 degrees are zero to rounding.
+        np.testing.assert_allclose(found[name], values, rtol=1e-6, atol=1e-6)
+
+
+def test_bytes_follow_their_field_table():
+    cloud = point_cloud2(PEAKS)
+    assert (cloud.height, cloud.width, cloud.point_step, cloud.row_step, cloud.is_dense) == (1, 2, 20, 40, True)
+    assert [field.offset for field in cloud.fields] == [0, 4, 8, 12, 16]
+    check(read(cloud))
+    np.testing.assert_array_equal(cloud.points()["y"], read(cloud)["y"])
+
+
+def test_message_survives_serialisation_by_rosbags():
+    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    kinds, cloud = store.types, point_cloud2(PEAKS)
+    header = kinds["std_msgs/msg/Header"](stamp=kinds["builtin_interfaces/msg/Time"](sec=1, nanosec=5), frame_id="radar")
+    field = kinds["sensor_msgs/msg/PointField"]
+    message = kinds["sensor_msgs/msg/PointCloud2"](
+        header=header,
+        height=cloud.height,
+        width=cloud.width,
+        fields=[field(name=f.name, offset=f.offset, datatype=f.datatype, count=f.count) for f in cloud.fields],
+        is_bigendian=cloud.is_bigendian,
+        point_step=cloud.point_step,
+        row_step=cloud.row_step,
+        data=np.frombuffer(cloud.data, np.uint8),
+        is_dense=cloud.is_dense,
+    )
+    assert {f.datatype for f in cloud.fields} == {field.FLOAT32}
+    back = store.deserialize_cdr(store.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
+    assert back.header.frame_id == "radar"
+    check(read(back))
+
+
+def test_unknown_speed_makes_the_cloud_sparse_and_an_empty_frame_has_no_bytes():
+    assert not point_cloud2(Peaks(*([np.ones(1)] * 1), np.full(1, np.nan), *([np.ones(1)] * 4))).is_dense
+    empty = point_cloud2(Peaks(*([np.empty(0)] * 6)))
+    assert (empty.width, empty.row_step, empty.data, empty.is_dense) == (0, 0, b"", True)
+
+
+def test_noise_of_zero_gives_a_finite_intensity():
+    assert point_cloud2(Peaks(*([np.ones(1)] * 5), np.zeros(1))).is_dense
+
+
+def test_arrays_of_a_recording_give_the_points_of_each_frame():
+    none = Peaks(*([np.empty(0)] * 6))
+    stored = arrays([PEAKS, none, PEAKS], frame_rate_hz=10.0)
+    np.testing.assert_array_equal(stored["first"], [0, 2, 2, 4])
+    np.testing.assert_allclose(stored["time_s"], [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(stored["points"][2:4], np.array(list(EXPECTED.values())).T, rtol=1e-6, atol=1e-6)
+    assert arrays([none], 10.0)["points"].shape == (0, 5)
+    with pytest.raises(InputError, match="no frame"):
+        arrays([], 10.0)
