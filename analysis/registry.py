@@ -11,7 +11,7 @@ from radartwin.errors import ConfigError
 from radartwin.runs.experiment import Table, declared
 
 NAMES = (  # of the experiments, conf/experiment/NAME.yaml
-    "reality", "validation", "backend_crosscheck", "speed_accuracy", "growth", "stability", "complexity",
+    "reality", "validation", "angle_resolution", "backend_crosscheck", "speed_accuracy", "growth", "stability", "complexity",
     "campaign", "scan", "labels", "gallery", "gaps", "gap_attribution",
     "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment",
     "rover_fidelity", "rover_disentangle", "point_clouds", "corner_reflector_calibration", "sensitivity",

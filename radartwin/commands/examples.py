@@ -50,7 +50,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("radartwin process outputs/recordings/lab", "a recording of radartwin simulate"),
         ("radartwin process capture.bin", "a capture, its .mmwave.json beside it"),
         ("radartwin process cube.npy --radar openradar_77ghz --moving", "a cube of a known radar, without static echoes"),
-        ("radartwin process outputs/recordings/lab --angle music", "separate two targets at one range; points.npz has the points of each frame"),
+        ("radartwin process outputs/recordings/lab --angle music", "separate two targets at one range"),
     ),
     "import": (
         (

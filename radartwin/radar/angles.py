@@ -28,8 +28,9 @@ from radartwin.radar.covariance import CRITERIA, Covariance, covariance, source_
 from radartwin.radar.field_checks import is_number
 from radartwin.radar.processing import azimuth_row, response, unit_vectors
 
-Complex = NDArray[np.complexfloating]
+Complex = NDArray[np.inexact]
 Real = NDArray[np.float64]
+Positions = NDArray[np.floating]
 
 METHODS = ("bartlett", "capon", "music")
 
@@ -84,13 +85,13 @@ class AngleSpectrum:
     """
 
     form: Complex
-    positions_m: Real
+    positions_m: Positions
     frequency_hz: float
     scale: float
     reciprocal: bool
     sources: NDArray[np.intp] | None = None
 
-    def __call__(self, directions: Real) -> Real:
+    def __call__(self, directions: Positions) -> Real:
         """Return the spectra (..., D) in D directions, given as unit vectors (D, 3) in the sensor frame."""
         antennas = len(self.positions_m)
         weights = self.scale * response(self.positions_m, directions, self.frequency_hz).conj()
@@ -102,7 +103,7 @@ class AngleSpectrum:
         return value.reshape(*self.form.shape[:-2], len(directions))
 
 
-def spectrum(signals: Covariance, positions_m: Real, frequency_hz: float, method: AngleMethod = BARTLETT) -> AngleSpectrum:
+def spectrum(signals: Covariance, positions_m: Positions, frequency_hz: float, method: AngleMethod = BARTLETT) -> AngleSpectrum:
     """Return the spectra of covariance matrices.
 
     Args:

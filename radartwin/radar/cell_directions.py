@@ -1,8 +1,8 @@
 """Find the directions of the targets in a range-Doppler cell from the covariance matrix of its channels.
 
-The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The row measures
-the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at zero elevation is therefore asin(u_y). With an elevation, the search
-over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x).
+The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The row
+measures the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at elevation 0 is therefore asin(u_y). With an elevation, the
+search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x).
 
 Bartlett gives one target per cell, because a weaker maximum may be a sidelobe. Capon and MUSIC give up to TARGETS_PER_CELL targets. The
 powers of several targets are the least-squares estimates diag(A+ R A+^H), where A+ is the pseudo-inverse of the responses A. A target is
@@ -23,12 +23,12 @@ from radartwin.radar.covariance import Covariance, uniform_step
 from radartwin.radar.peak_cells import parabola
 from radartwin.radar.processing import azimuth_row, response, unit_vectors
 
-Complex = NDArray[np.complexfloating]
+Complex = NDArray[np.inexact]
 Real = NDArray[np.float64]
 
 TARGETS_PER_CELL = 2
-# A target that is weaker by this level than another target of its cell may come from errors of the channels. Phase errors of 20 degrees leave a
-# remainder of 0.35 of the amplitude, which is 9 dB below the target.
+# A target that is weaker by this level than another target of its cell may come from errors of the channels. Phase errors of 20 degrees
+# leave a remainder of 0.35 of the amplitude, which is 9 dB below the target.
 DEPTH_DB = 10.0
 LOADING = 1e-3  # of Capon, in mean eigenvalues; it limits the beam to 30 dB below the strongest signal
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))

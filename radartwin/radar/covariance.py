@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError
 
-Complex = NDArray[np.complexfloating]
-Real = NDArray[np.float64]
+Complex = NDArray[np.inexact]
+Real = NDArray[np.floating]
 
 CRITERIA = ("mdl", "aic")
 _STEP_TOLERANCE = 1e-3  # largest deviation of an antenna from a uniform line, in steps; it changes the phase by 0.2 degrees
@@ -51,7 +51,9 @@ class Covariance:
         """
         antennas = self.matrix.shape[-1]
         if not 2 <= subarray <= antennas:
-            raise InputError(f"spatial smoothing: a sub-array of {subarray} antennas does not fit an array of {antennas}; use 2 to {antennas}")
+            raise InputError(
+                f"spatial smoothing: a sub-array of {subarray} antennas does not fit an array of {antennas}; use 2 to {antennas}"
+            )
         shifts = antennas - subarray + 1
         blocks = (self.matrix[..., first : first + subarray, first : first + subarray] for first in range(shifts))
         matrix = sum(blocks, np.zeros((*self.matrix.shape[:-2], subarray, subarray), dtype=np.complex128)) / shifts

@@ -31,10 +31,10 @@ Real = NDArray[np.float64]
 class Peaks:
     """Hold N detected echoes as arrays (N,), sorted from the strongest to the weakest echo.
 
-    The azimuth is atan2(y, x) in the sensor frame, positive to the left. The azimuth is NaN if the radar has a single channel. The elevation
-    is positive upwards. It is NaN if it was not measured, and the azimuth is then that of a target at elevation 0. The radial velocity is
-    positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power and of the noise is the squared unit of the
-    IQ samples. The noise is the mean power of the training cells of the CFAR.
+    The azimuth is atan2(y, x) in the sensor frame, positive to the left. The azimuth is NaN if the radar has a single channel. The
+    elevation is positive upwards. The elevation is NaN if it was not measured, and the azimuth is then that of a target at elevation 0.
+    The radial velocity is positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power and of the noise is
+    the squared unit of the IQ samples. The noise is the mean power of the training cells of the CFAR.
     """
 
     range_m: Real
@@ -73,9 +73,7 @@ class Peaks:
         )
 
 
-def detect(
-    iq: Complex, radar: Radar, *, static_removed: bool = False, maps: PowerMaps | None = None, angle: str = "bartlett"
-) -> Peaks:
+def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: PowerMaps | None = None, angle: str = "bartlett") -> Peaks:
     """Detect the peaks of a recording, without elevation.
 
     Args:
@@ -115,7 +113,7 @@ def point_clouds(iq: Complex, radar: Radar, *, static_removed: bool = False, ang
 
 
 def _covariance(block: Complex, cells: PeakCells, radar: Radar) -> Covariance:
-    """Return the covariance matrices (cell, channel, channel) of N cells over the frames of Doppler spectra (frame, Doppler, tx, rx, range).
+    """Return the covariance matrices (cell, channel, channel) over the frames of Doppler spectra (frame, Doppler, tx, rx, range).
 
     `doppler_fft` has compensated the TDM phase only for the velocity of the Doppler bin, so this function compensates the phase of the
     difference from the velocity of the peak.

@@ -91,7 +91,7 @@ def peak_cells(power: Real, radar: Radar, frames: int) -> PeakCells:
 
 
 def _candidates(power: Real, radar: Radar, frames: int) -> tuple[NDArray[np.intp], Real]:
-    """Return the (Doppler, range) bin indices (N, 2) of the local power maxima above the CFAR threshold, and the noise power of each cell."""
+    """Return the (Doppler, range) bin indices (N, 2) of the local maxima above the CFAR threshold, and the noise power of every cell."""
     from scipy.ndimage import maximum_filter1d
 
     guard, training = [], []

@@ -75,8 +75,8 @@ def point_cloud2(peaks: Peaks) -> PointCloud2:
 def arrays(clouds: Sequence[Peaks], frame_rate_hz: float) -> dict[str, NDArray]:
     """Return the points of F frames as the arrays of points.npz.
 
-    The arrays are `points` (N, 5) float32 with the columns NAMES, `first` (F + 1,) int64 and `time_s` (F,) float64, the start of each frame.
-    The points of frame f are points[first[f] : first[f + 1]].
+    The arrays are `points` (N, 5) float32 with the columns NAMES, `first` (F + 1,) int64, and `time_s` (F,) float64 with the start of each
+    frame. The points of frame f are points[first[f] : first[f + 1]].
     """
     if not clouds:
         raise InputError("point clouds: there is no frame; give at least one")

@@ -109,7 +109,7 @@ def unit_vectors(azimuth_rad: ArrayLike, elevation_rad: ArrayLike = 0.0) -> Real
     return np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
 
-def response(positions_m: Real, directions: Real, frequency_hz: float) -> Complex:
+def response(positions_m: NDArray[np.floating], directions: NDArray[np.floating], frequency_hz: float) -> Complex:
     """Compute the array response: the signals of a plane wave of unit amplitude on each virtual antenna, relative to the origin.
 
     Args:

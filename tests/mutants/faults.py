@@ -202,6 +202,22 @@ radar/cfar: radar/test_cfar
 ca_factor | f.isf(false_alarm, 2 * looks, 2 * looks * training) | f.isf(false_alarm, looks, looks * training) | looks are halved
 training_mean | total - inner | total | the cell under test counts as noise
 
+radar/covariance: radar/test_angles
+Covariance.smoothed | matrix[..., ::-1, ::-1].conj() | matrix[..., ::-1, ::-1] | the backward average is not conjugated
+Covariance.loaded | loading * mean | loading * mean * size | the loading refers to the sum of the eigenvalues
+source_count | 2 * size - sources | size - sources | the penalty counts too few parameters
+
+radar/angles: radar/test_angles
+spectrum | antennas**-0.5 | 1.0 | the spectrum of MUSIC is too low by the number of antennas
+spectrum | antennas - sources[..., None] | antennas - sources[..., None] + 1 | the noise subspace holds a signal
+AngleSpectrum.__call__ | weights.conj() | weights | the spectrum is no Hermitian form
+
+radar/detection: physics/test_point_clouds
+_covariance | -2j * np.pi | 2j * np.pi | the TDM phase is compensated the wrong way
+
+radar/point_messages: radar/test_point_messages
+arrays | np.arange(len(clouds), dtype=np.float64) / frame_rate_hz | np.arange(len(clouds), dtype=np.float64) | frames have no time
+
 features/align: features/test_align
 overlap | max(0, -frames) | max(0, frames) | the offset has the wrong sign
 

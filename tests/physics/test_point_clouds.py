@@ -62,7 +62,7 @@ def test_point_is_in_its_place_in_three_dimensions_at_any_speed(method, azimuth,
 
 
 def test_signal_to_noise_ratio_is_that_of_the_integrated_echo():
-    """The Hann windows of range and Doppler have the noise bandwidth 3/2 each, so the ratio grows by N C / (3/2)^2 from a sample to a cell."""
+    """The Hann windows of range and Doppler have the noise bandwidth 3/2 each, so the ratio grows by N C / (3/2)^2 in a cell."""
     iq = noisy(echo(RADAR, place(40 * RADAR.range_resolution_m, 0.0), frames=40), 1.0)
     expected = 10 * np.log10(RADAR.num_samples * RADAR.num_chirps / 2.25)
     found = [cloud.snr_db[0] for cloud in point_clouds(iq, RADAR)]
@@ -111,7 +111,7 @@ def test_second_target_of_a_cell_has_its_own_power():
 
 
 def simulated(apart_deg: float, offset_m: float, frames: int = 1, noise: bool = True) -> rt.Recording:
-    """Trace two metal spheres with the nearest points at 2 m, the second sphere farther by `offset_m`, with the receiver's thermal noise."""
+    """Trace two metal spheres with the nearest points at 2 m, the second sphere farther by `offset_m`, with thermal noise."""
     places = [place(2.03 + offset_m * side, apart_deg * (side - 0.5)) for side in (0, 1)]
     motion = {f"ball{n}": np.repeat(trajectory.pose(p)[None], frames, axis=0) for n, p in enumerate(places)}
     scene = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", name) for name in motion])

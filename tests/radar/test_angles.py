@@ -80,7 +80,7 @@ def test_capon_of_one_source_in_white_noise_is_its_closed_form(snr, loading):
 
 @pytest.mark.parametrize("azimuths", [(12.0,), (-9.0, 3.0), (-50.0, 0.0, 9.5)])
 def test_music_without_noise_has_its_null_exactly_at_the_sources(azimuths):
-    matrix = sum(np.outer(wave(a), wave(a).conj()) for a in azimuths)
+    matrix = np.sum([np.outer(wave(a), wave(a).conj()) for a in azimuths], axis=0)
     found = spectrum(Covariance(matrix, 1000), line(), FREQUENCY, AngleMethod("music", sources=len(azimuths)))
     # The form a^H E E^H a / M is the rounding error of a sum of 64 terms of at most 1/8, below 1e-15 (5 units in the last place of 1).
     assert (found(unit_vectors(np.radians(azimuths))) > 1e15).all()

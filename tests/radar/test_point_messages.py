@@ -1,5 +1,7 @@
 """Point clouds as bytes: numpy reads them by the field table, and rosbags carries them in a sensor_msgs/PointCloud2 message."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ PEAKS = Peaks(
     power=np.array([1e-6, 1e-8]),
     noise=np.array([1e-9, 1e-9]),
 )
+ONE = np.ones(1)
 EXPECTED = {
     "x": [0.0, 4 * np.sqrt(0.75)], "y": [2.0, 0.0], "z": [0.0, 2.0], "velocity": [-1.5, 0.25], "intensity": [30.0, 10.0],
 }  # fmt: skip
@@ -73,17 +76,17 @@ def test_message_survives_serialisation_by_rosbags():
 
 
 def test_unknown_speed_makes_the_cloud_sparse_and_an_empty_frame_has_no_bytes():
-    assert not point_cloud2(Peaks(*([np.ones(1)] * 1), np.full(1, np.nan), *([np.ones(1)] * 4))).is_dense
-    empty = point_cloud2(Peaks(*([np.empty(0)] * 6)))
+    assert not point_cloud2(Peaks(ONE, np.full(1, np.nan), ONE, ONE, ONE, ONE)).is_dense
+    empty = point_cloud2(Peaks(*(np.empty(0) for _ in fields(Peaks))))
     assert (empty.width, empty.row_step, empty.data, empty.is_dense) == (0, 0, b"", True)
 
 
 def test_noise_of_zero_gives_a_finite_intensity():
-    assert point_cloud2(Peaks(*([np.ones(1)] * 5), np.zeros(1))).is_dense
+    assert point_cloud2(Peaks(ONE, ONE, ONE, ONE, ONE, np.zeros(1))).is_dense
 
 
 def test_arrays_of_a_recording_give_the_points_of_each_frame():
-    none = Peaks(*([np.empty(0)] * 6))
+    none = Peaks(*(np.empty(0) for _ in fields(Peaks)))
     stored = arrays([PEAKS, none, PEAKS], frame_rate_hz=10.0)
     np.testing.assert_array_equal(stored["first"], [0, 2, 2, 4])
     np.testing.assert_allclose(stored["time_s"], [0.0, 0.1, 0.2])
