@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from radartwin.io.files import read_arrays
+
 HEAVY = ("hydra", "omegaconf", "mlflow", "mitsuba", "drjit", "numpy", "scipy", "trimesh", "matplotlib", "pandas", "plotly")
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -79,3 +81,12 @@ def test_plate_is_found_at_its_distance(inside, tmp_path: Path) -> None:
     assert azimuth == pytest.approx(0, abs=1)
     assert processed.stdout.split()[:4] == header.split(",")
     assert float(processed.stdout.split()[4]) == pytest.approx(distance, abs=1e-3), "the printed table equals the file"
+    for angle in ("bartlett", "music"):
+        assert inside("process", "outputs/recordings/plate", "--angle", angle, "--out", angle).returncode == 0
+        stored = read_arrays(tmp_path / angle / "points.npz")
+        x, y, z, velocity, intensity = stored["points"][stored["first"][0]]
+        assert (x, y, z) == pytest.approx((1.5, 0.0, 0.0), abs=0.03)
+        assert velocity == pytest.approx(0, abs=0.01)
+        assert intensity > 30
+        assert len(stored["first"]) == len(stored["time_s"]) + 1
+    assert (tmp_path / "bartlett" / "peaks.csv").read_bytes() == (folder / "peaks.csv").read_bytes(), "bartlett is the default"
