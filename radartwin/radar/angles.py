@@ -95,7 +95,8 @@ class AngleSpectrum:
         """Return the spectra (..., D) in D directions, given as unit vectors (D, 3) in the sensor frame."""
         antennas = len(self.positions_m)
         weights = self.scale * response(self.positions_m, directions, self.frequency_hz).conj()
-        value = np.einsum("ca,rcd,da->ra", weights, self.form.reshape(-1, antennas, antennas), weights.conj(), optimize=True).real
+        beams = self.form.reshape(-1, antennas, antennas) @ weights.conj()
+        value = np.einsum("ca,rca->ra", weights, beams).real
         if self.reciprocal:
             # In the direction of a source, the form of MUSIC is zero, and rounding may make it negative.
             trace = np.trace(self.form, axis1=-2, axis2=-1).real.reshape(-1, 1)
