@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from experiments import statistics
 from experiments.angles import angle_resolution
@@ -25,7 +25,7 @@ def test_bartlett_resolves_from_sparrows_limit_on() -> None:
         low, middle, high = ((np.sin(one) / one) ** 2 for one in (x - step, x, x + step))
         return (low - 2 * middle + high) / step**2
 
-    limit = 2 * brentq(second_derivative, 0.5, 2.0) / np.pi  # x = pi d (M / lambda) sin(azimuth), 0.83 Rayleigh widths
+    limit = 2 * root_scalar(second_derivative, bracket=(0.5, 2.0)).root / np.pi  # x = pi d (M / lambda) sin(azimuth), 0.83 Rayleigh widths
     assert limit == pytest.approx(0.83, abs=0.01)
     # At 20 dB and 16 snapshots, the random correlation of the targets of 1/4 moves the limit by about a tenth in either direction.
     shares = [resolved(8, 20.0, factor * limit, 100, 0)["bartlett"] / 100 for factor in (0.8, 1.25)]
