@@ -64,6 +64,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_study(group: Verbs) -> None:
+    text = "the first five minutes: a shipped phone scan to a labelled scene, a recording, its peaks and a page"
+    _output(_add(group, "demo", verbs.demo, text))
+
     run = _add(group, "run", verbs.run, "one experiment, or a sweep over comma-separated values with -m", resumes=True)
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
     run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))

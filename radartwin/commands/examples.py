@@ -7,6 +7,7 @@ from __future__ import annotations
 
 FIRST_STEPS = (
     ("radartwin doctor", "check this machine"),
+    ("radartwin demo", "all steps on a shipped scan, in two minutes: outputs/demo/index.html"),
     ("radartwin reconstruct room.glb --out room", "a scan to a scene"),
     ("radartwin view room", "the scene as a page: room/view.html"),
     ("radartwin simulate scene=scan scene.path=room trajectory=static --out outputs/recordings/room", "a radar recording in it"),
@@ -14,6 +15,10 @@ FIRST_STEPS = (
     ("radartwin tables", "every table and the report"),
 )
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
+    "demo": (
+        ("radartwin demo", "outputs/demo/index.html"),
+        ("radartwin demo --output /tmp/first", "/tmp/first/demo/index.html"),
+    ),
     "run": (
         ("radartwin run experiment=validation", "the tracer against closed forms and series"),
         ("radartwin run experiment=environment materials=void seed=1", "with another option and seed"),

@@ -12,6 +12,13 @@ from pathlib import Path
 from radartwin.errors import OutputError
 
 
+def demo(options: argparse.Namespace) -> int:
+    from radartwin.commands.demo import demo
+
+    print(demo(options.output))
+    return 0
+
+
 def run(options: argparse.Namespace) -> int:
     if options.search:
         from radartwin.runs.search import SearchGoal, search

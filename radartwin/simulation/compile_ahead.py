@@ -5,6 +5,9 @@ code in its cache (`radartwin.compiled`). Two processes simulate the scenes in o
 the same time. The command takes a minute the first time and some seconds after that.
 """
 
+import contextlib
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from radartwin.compiled import cores
@@ -63,8 +66,22 @@ def _poses() -> np.ndarray:
     return trajectory.lateral_sweep(rooms.bench("lab").sensor_pose)[:2]
 
 
+@contextlib.contextmanager
+def compiling() -> Iterator[Callable[[], None]]:
+    """Compile in two worker processes while the `with` block runs. The block gets a function that waits until all functions are compiled."""
+    pool = ProcessPool(min(2, cores()), import_main=False)
+    started = [pool.submit(compile_all, backwards) for backwards in (False, True)]
+
+    def wait() -> None:
+        for one in started:
+            one.result()
+
+    try:
+        yield wait
+    finally:
+        pool.end()
+
+
 if __name__ == "__main__":
-    pool = ProcessPool(min(2, cores()))
-    for compiling in [pool.submit(compile_all, backwards) for backwards in (False, True)]:
-        compiling.result()
-    pool.end()
+    with compiling() as finished:
+        finished()

@@ -1,0 +1,101 @@
+"""Implement `radartwin demo`: take a shipped phone scan from mesh to labelled scene, recording, peaks and page, with the functions of the
+verbs reconstruct, label, simulate, process and view.
+
+The scan is in the folder `scan` beside this file, with its source and licence. A second run computes and replaces all files again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radartwin.builders.recording import build_setup, simulate_setup
+from radartwin.builders.simulator import simulated_parts, simulator_options
+from radartwin.commands.demo.page import Picture, write_page
+from radartwin.config.compose import compose, path_override
+from radartwin.io import files
+from radartwin.label.labelling import LabelOptions, label_folder
+from radartwin.radar.detection import Peaks
+from radartwin.radar.power_maps import power_maps
+from radartwin.radar.process_capture import process_capture
+from radartwin.reconstruct.build import reconstruct
+from radartwin.scene.scene import Scene
+from radartwin.scene.viewer.page import view
+from radartwin.simulation.compile_ahead import compiling
+from radartwin.simulation.origins import echo_origins
+
+SCAN = Path(__file__).resolve().parent / "scan" / "chair.obj.gz"
+POSITION_M = (-1.5, -0.5, 0.6)  # of the radar in the scan's coordinates: 1.5 m before the chair, at the height of its back
+STEPS = 6
+
+
+@dataclass
+class _Steps:
+    """Print one line per step: its number and its work when it begins, its result and duration when it ends."""
+
+    done: int = 0
+
+    @contextlib.contextmanager
+    def step(self, work: str) -> Iterator[list[str]]:
+        self.done += 1
+        start, result = time.monotonic(), list[str]()
+        print(f"[{self.done}/{STEPS}] {work}", end="", flush=True)
+        try:
+            yield result
+            print(f": {result[0]} ({time.monotonic() - start:.0f} s)", end="")
+        finally:
+            print(flush=True)
+
+
+def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
+    """Run the demonstration into the folder `output`/demo, and return the path of its page.
+
+    Args:
+        output: root of everything written.
+        overrides: configuration overrides of the simulation, as for `radartwin simulate`.
+    Raises:
+        OutputError: the folder cannot be created or written.
+    """
+    folder = files.make_folder(files.check_folder(output) / "demo")
+    files.sweep(folder)
+    scan, scene_folder, recording = folder / "chair.obj", folder / "scene", folder / "recordings" / "chair"
+    steps = _Steps()
+    with compiling() as compiled:
+        with steps.step("unpack the phone scan of a patio with a chair") as result:
+            files.write_atomically(scan, gzip.decompress(SCAN.read_bytes()))
+            result.append(str(scan))
+        with steps.step("reconstruct the scan as planes and objects") as result:
+            result.append(f"{len(reconstruct(scan, scene_folder))} surfaces")
+        with steps.step("label the materials with the recorded answers of a vision-language model") as result:
+            result.append(label_folder(scene_folder, LabelOptions())[-1].split(",")[0])
+        with steps.step("simulate a radar recording (a first run compiles the simulator: about a minute)") as result:
+            place = [path_override("scene.path", scene_folder), f"trajectory.position_m={list(POSITION_M)}"]
+            config = compose(["scene=scan", "scene.target=none", "trajectory=static", *place, *overrides])
+            compiled()
+            setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
+            simulated = simulate_setup(setup, config, config.scene.target, noise=True, out=recording)
+            result.append(f"{len(simulated.iq)} frames")
+    with steps.step("detect the peaks and find the surface of each peak") as result:
+        table = process_capture(recording, folder / "processed")
+        peaks = Peaks(
+            *(table[name].to_numpy() for name in ("range_m", "doppler_mps")),
+            np.radians(table["azimuth_deg"].to_numpy()),
+            10 ** (table["power_db"].to_numpy() / 10),
+        )
+        scene, pose = simulated_parts(config.simulator, setup.room), setup.course.sensor_poses[0]
+        tracer = simulator_options(config.simulator)["simulator"]
+        paths = tracer.paths(scene, setup.radar, pose[None])  # in the memory of this process since the simulation
+        origins = echo_origins(scene, paths, setup.radar, pose, peaks.range_m, peaks.azimuth_rad)
+        result.append(f"{len(peaks)} peaks")
+    with steps.step("write the page") as result:
+        room = view(Scene.load(scene_folder), scene_folder / "view.html", pose, title="The scan, coloured by material")
+        picture = Picture(power_maps(simulated.iq, simulated.radar), peaks, origins)
+        page = write_page(folder / "index.html", room.read_text(encoding="utf-8"), scene, picture)
+        result.append(f"{page.stat().st_size / 1e3:.0f} kB")
+    return page
