@@ -41,9 +41,9 @@ test-slurm: setup-test
 mutants: setup-test llvm
 	@$(PY) tests/mutants/plant.py
 
-# Build the API reference from the docstrings, in build/docs.
+# Build the documentation site with the executed tutorial and the reference, in build/docs.
 docs: setup-test llvm
-	@$(PY) docs/reference.py
+	@$(PY) docs/site/build.py
 
 bench: llvm
 	@$(PY) -m experiments.speed.bench --history

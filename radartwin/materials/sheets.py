@@ -40,7 +40,7 @@ SHEETS = {
     "stud wall": Sheet((_BOARD, ("air", 0.075), _BOARD), "boards of 12.5 mm (EN 520) on studs of 75 mm; 27.3 dB"),
 }
 
-# Thickness in metres of each material whose plain name means a sheet.
 MATERIAL_THICKNESS: dict[str, float] = {
     name: sheet.layers[0][1] for name, sheet in SHEETS.items() if len(sheet.layers) == 1 and sheet.layers[0][0] == name
 }
+"""Thickness in metres of each material whose plain name means a sheet in air."""

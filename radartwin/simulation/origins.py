@@ -58,9 +58,7 @@ def echo_origins(
     ends = [last_surfaces(scene, part, sensor_pose) for part in near]
     total = _power(near, radar, ranges, azimuths)
     names = [index for index in range(len(scene)) if any((end == index).any() for end in ends)]
-    alone = [
-        _power([part.where(end == index) for part, end in zip(near, ends, strict=True)], radar, ranges, azimuths) for index in names
-    ]
+    alone = [_power([part.where(end == index) for part, end in zip(near, ends, strict=True)], radar, ranges, azimuths) for index in names]
     origins = []
     for peak, power in enumerate(total):
         best = max(range(len(names)), key=lambda i: alone[i][peak], default=None)

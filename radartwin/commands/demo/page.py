@@ -42,12 +42,16 @@ def write_page(path: Path, room: str, scene: Scene, picture: Picture) -> Path:
         room: the HTML page of the scene, as `radartwin.scene.viewer.page.view` writes it.
         scene: the labelled scene, with distinct names of the surfaces.
     """
-    figure = draw(picture)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    import matplotlib
+
+    with matplotlib.rc_context(style.style()):
+        figure = draw(picture)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        echoes = pages.page(figure, "Echoes and their surfaces")
     parts = {
         "<!--ROOM-->": html.escape(room, quote=True),
-        "<!--ECHOES-->": html.escape(pages.page(figure, "Echoes and their surfaces"), quote=True),
+        "<!--ECHOES-->": html.escape(echoes, quote=True),
         "<!--ROWS-->": "\n".join(_rows(scene, picture)),
     }
     text = PAGE.read_text(encoding="utf-8")

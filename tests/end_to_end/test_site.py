@@ -1,0 +1,93 @@
+"""The documentation site is built without a warning, works from the disk without a network, and draws every formula."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import radartwin
+
+ROOT = Path(__file__).resolve().parents[2]
+SITE = ROOT / "docs" / "site"
+
+
+@pytest.fixture(scope="module")
+def builder() -> dict:
+    before = list(sys.path)
+    try:
+        return runpy.run_path(str(SITE / "build.py"))
+    finally:
+        sys.path[:] = before
+
+
+@pytest.fixture(scope="module")
+def formulas() -> dict:
+    return runpy.run_path(str(SITE / "formulas.py"))
+
+
+def test_every_page_of_the_documents_is_placed_and_its_formulas_are_drawn(builder, tmp_path: Path) -> None:
+    builder["write_pages"](tmp_path, ("radartwin",), execute=False)
+    for page in (ROOT / "docs").rglob("*.md"):
+        target = tmp_path / page.relative_to(ROOT / "docs")
+        assert (target.with_name("index.md") if page.name == "README.md" else target).is_file()
+    assert "$" not in (tmp_path / "concepts.md").read_text(), "each formula is a picture"
+    assert len(list((tmp_path / "formulas").glob("*.svg"))) > 100
+    assert "decisions/index.md" in (tmp_path / "index.md").read_text(), "a link to a folder leads to its list"
+
+
+def test_a_link_to_no_page_is_an_error(builder) -> None:
+    with pytest.raises(ValueError, match=r"README.md: the link absent.md leads to no page"):
+        builder["_link"]("absent.md", ROOT / "README.md", {ROOT / "README.md": Path("readme.md")})
+
+
+def test_formulas_outside_code_become_pictures(formulas, tmp_path: Path) -> None:
+    text = "Speed $c_0$ and `$HOME`, 3 $ and 4 $.\n\n```sh\necho $A $B\n```\n\n```math\na = \\frac12 b\n```\n"
+    out = formulas["with_pictures"](text, tmp_path, "pictures")
+    assert out.count("<img") == len(list(tmp_path.iterdir())) == 2
+    for kept in ("`$HOME`", "3 $ and 4 $.", "echo $A $B"):
+        assert kept in out
+    with pytest.raises(ValueError, match="cannot be drawn"):
+        formulas["draw"](r"\\nosuchcommand{x}")
+
+
+def test_a_fraction_is_taller_than_a_letter_and_hangs_below_the_line(formulas) -> None:
+    (_, depth, height), (_, letter_depth, letter_height) = formulas["draw"](r"\frac1{2\pi}"), formulas["draw"]("x")
+    assert height > 1.5 * letter_height
+    assert depth > letter_depth
+
+
+# MkDocs, its plugins and the notebook's kernel warn of their own deprecations.
+@pytest.mark.slow
+@pytest.mark.filterwarnings(
+    "ignore::DeprecationWarning", "ignore::RuntimeWarning", "ignore::ResourceWarning", "ignore::PendingDeprecationWarning"
+)
+def test_the_site_works_from_the_disk(builder, chromium, tmp_path: Path) -> None:
+    first = builder["build"](tmp_path / "site", tmp_path / "pages")
+    site = first.parent
+    public = (site / "reference" / "radartwin.html").read_text()
+    for name in radartwin.__all__:
+        assert f'id="radartwin.{name}"' in public, name
+    assert (site / "tutorial_files").is_dir(), "the tutorial has pictures"
+    for page in ("index", "concepts", "tutorial", "reference/radartwin", "reference/radartwin.simulation"):
+        for width, height, name in ((1280, 900, "desktop"), (390, 844, "phone")):
+            tab = chromium()
+            tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+            tab.call("Page.navigate", url=(site / f"{page}.html").as_uri())
+            tab.until("document.readyState === 'complete'")
+            assert tab.run("document.documentElement.scrollWidth") <= width, "the page does not scroll sideways"
+            shown = tab.screenshot(f"site_{page.replace('/', '_')}_{name}")
+            assert np.ptp(shown) > 100
+            assert tab.messages == [], "no page loads anything from the network"
+    tab.call("Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False)
+    tab.call("Page.navigate", url=first.as_uri())
+    tab.until("document.readyState === 'complete'")
+    tab.run("document.querySelector('#__search').click(); document.querySelector('.md-search__input').focus()")
+    tab.call("Input.insertText", text="fringe currents")
+    tab.until("document.querySelectorAll('.md-search-result__item').length > 0")
+    assert "concepts.html" in tab.run("[...document.querySelectorAll('.md-search-result__item a')].map(a => a.href).join()")
+    tab.settle()
+    tab.screenshot("site_search")
