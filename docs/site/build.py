@@ -64,6 +64,7 @@ def build(out: Path = OUT, pages: Path = PAGES, modules: tuple[str, ...] = MODUL
     out = out.resolve()
     write_pages(pages, modules, execute)
     config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(pages), site_dir=str(out), strict=True)
+    assert config.nav is not None
     for section in ("decisions", "reference"):
         found = sorted(path.name for path in (pages / section).glob("*.md") if path.name != "index.md")
         names = [f"{module}.md" for module in modules] if section == "reference" else found

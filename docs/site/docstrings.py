@@ -1,4 +1,4 @@
-"""Prepare the docstrings for mkdocstrings: fence their examples, and give each of several parameters with a joint description its own line."""
+"""Prepare docstrings for mkdocstrings: fence their examples, and write one line for each parameter of a joint description."""
 
 from __future__ import annotations
 

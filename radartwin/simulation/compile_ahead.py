@@ -68,7 +68,7 @@ def _poses() -> np.ndarray:
 
 @contextlib.contextmanager
 def compiling() -> Iterator[Callable[[], None]]:
-    """Compile in two worker processes while the `with` block runs. The block gets a function that waits until all functions are compiled."""
+    """Compile in two worker processes while the `with` block runs. The block gets a function that waits for their end."""
     pool = ProcessPool(min(2, cores()), import_main=False)
     started = [pool.submit(compile_all, backwards) for backwards in (False, True)]
 

@@ -54,11 +54,14 @@ def echo_origins(
     """
     ranges, azimuths = np.atleast_1d(np.asarray(range_m, float)), np.atleast_1d(np.asarray(azimuth_rad, float))
     reach_m = LOBE_BINS * radar.range_resolution_m
-    near = [part.where((np.abs(part.length_m[:, None] / 2 - ranges) < reach_m).any(axis=1)) for part in parts]
+    near = [part.where(np.flatnonzero((np.abs(part.length_m[:, None] / 2 - ranges) < reach_m).any(axis=1))) for part in parts]
     ends = [last_surfaces(scene, part, sensor_pose) for part in near]
     total = _power(near, radar, ranges, azimuths)
     names = [index for index in range(len(scene)) if any((end == index).any() for end in ends)]
-    alone = [_power([part.where(end == index) for part, end in zip(near, ends, strict=True)], radar, ranges, azimuths) for index in names]
+    alone = [
+        _power([part.where(np.flatnonzero(end == index)) for part, end in zip(near, ends, strict=True)], radar, ranges, azimuths)
+        for index in names
+    ]
     origins = []
     for peak, power in enumerate(total):
         best = max(range(len(names)), key=lambda i: alone[i][peak], default=None)

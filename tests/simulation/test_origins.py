@@ -33,7 +33,7 @@ def scene() -> rt.Scene:
 
 @pytest.fixture(scope="module")
 def paths(scene: rt.Scene):
-    pose = look_at(POSITION, POSITION + [1.0, 0.0, 0.0])
+    pose = look_at(POSITION, POSITION + np.array([1.0, 0.0, 0.0]))
     return trace_paths(scene, RADAR, pose[None], None, TraceSettings())[0], pose
 
 

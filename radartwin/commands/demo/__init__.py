@@ -83,11 +83,9 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
             result.append(f"{len(simulated.iq)} frames")
     with steps.step("detect the peaks and find the surface of each peak") as result:
         table = process_capture(recording, folder / "processed")
-        peaks = Peaks(
-            *(table[name].to_numpy() for name in ("range_m", "doppler_mps")),
-            np.radians(table["azimuth_deg"].to_numpy()),
-            10 ** (table["power_db"].to_numpy() / 10),
-        )
+        columns = {name: table[name].to_numpy() for name in table}
+        azimuth_rad, power = np.radians(columns["azimuth_deg"]), 10 ** (columns["power_db"] / 10)
+        peaks = Peaks(columns["range_m"], columns["doppler_mps"], azimuth_rad, power)
         scene, pose = simulated_parts(config.simulator, setup.room), setup.course.sensor_poses[0]
         tracer = simulator_options(config.simulator)["simulator"]
         paths = tracer.paths(scene, setup.radar, pose[None])  # in the memory of this process since the simulation
