@@ -34,8 +34,9 @@ CAMPAIGN = [
     "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
-# Tested in test_dashboard.py, test_classify.py, tests/experiments and, with `make test-slurm`, on a cluster of one node.
-ELSEWHERE = {"dashboard", "classify", "tables", "hydra/launcher=slurm"}
+# Tested in test_dashboard.py, test_classify.py, test_demo.py, test_live_page.py, tests/benchmark, tests/experiments and, with
+# `make test-slurm`, on a cluster of one node.
+ELSEWHERE = {"dashboard", "classify", "demo", "--live", "benchmark", "tables", "hydra/launcher=slurm"}
 PAGE = blocks(ROOT / "README.md")
 STUDY = next(n for n, block in enumerate(PAGE) if "experiment=environment" in block.text)
 
