@@ -5,25 +5,22 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
-from typing import NoReturn
 
 from radartwin.config.study import TrackingConfig
-from radartwin.errors import BackendError, ConfigError
+from radartwin.errors import ConfigError
+from radartwin.io.serving import HOST, free_port, ignore_signals, interrupted_by_signals
 from radartwin.runs.tracking import Tracker
 
-HOST, USUAL_PORT = "127.0.0.1", 5000
+USUAL_PORT = 5000
 PAGE = "/#/experiments"  # URL path of the page on which MLflow lists the experiments
 THREADS = 40  # largest number of requests that the server answers at once (the default of AnyIO, which runs its threads)
 STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
@@ -40,9 +37,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         raise ConfigError("tracking=off leaves no runs to show; use tracking=mlflow")
     if tracker.artifacts is None:
         raise ConfigError(f"tracking.uri={tracker.uri} is a server of its own; open it in a browser")
-    if port and not _bindable(port):
-        raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
-    port = port or _bindable(USUAL_PORT) or _bindable(0)
+    port = free_port(port, USUAL_PORT)
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
@@ -50,32 +45,16 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     # connections to the database, and a request that gets none for 30 s fails, so the server gets one connection per thread.
     ours = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
     environment = {**ours, **os.environ}
-    with contextlib.suppress(KeyboardInterrupt), _interrupted_by_signals():
+    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals():
         # The server gets a session of its own, so it does not receive Ctrl-C. This process ends the server and the server's children.
         server = subprocess.Popen(command, env=environment, start_new_session=True)
         try:
             threading.Thread(target=_announce, args=(server, port), daemon=True).start()
             return server.wait()
         finally:
-            for number in ENDING:
-                signal.signal(number, signal.SIG_IGN)
+            ignore_signals()
             _end(server)
     return 0
-
-
-@contextlib.contextmanager
-def _interrupted_by_signals() -> Iterator[None]:
-    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt."""
-
-    def interrupt(*_: object) -> NoReturn:
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:
@@ -95,12 +74,3 @@ def _announce(server: subprocess.Popen[bytes], port: int) -> None:
             print(f"dashboard: {address}{PAGE} (Ctrl-C ends it)", flush=True)
             return
         time.sleep(0.2)
-
-
-def _bindable(port: int) -> int:
-    """Return `port` if it is free, else 0. If `port` is 0, return a free port that the operating system chooses."""
-    with socket.socket() as probe, contextlib.suppress(OSError):
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        probe.bind((HOST, port))
-        return probe.getsockname()[1]
-    return 0

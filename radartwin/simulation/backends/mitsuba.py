@@ -39,6 +39,28 @@ atexit.register(_static_scenes.clear)
 
 
 @dataclass(frozen=True)
+class Traced:
+    """Hold the paths of a scene by what they belong to. The signals of all paths add up.
+
+    Attributes:
+        static: paths of the static surfaces. Those of a flat room have their points.
+        groups: paths of each group of surfaces that move together, by the names of these surfaces.
+        shadows: for each group, the changes of the static paths in its shadow.
+        diffuse: diffuse paths of all rough surfaces.
+    """
+
+    static: list[Paths]
+    groups: dict[tuple[str, ...], list[Paths]]
+    shadows: list[list[Paths]]
+    diffuse: list[Paths]
+
+    def parts(self) -> list[Paths]:
+        """Return all paths as the list that `Backend.paths` returns, without points."""
+        moving = [part for group, shadow in zip(self.groups.values(), self.shadows, strict=True) for part in (*group, *shadow)]
+        return [replace(part, points=None) for part in (*self.static, *moving, *self.diffuse) if len(part)]
+
+
+@dataclass(frozen=True)
 class MitsubaBackend:
     """Trace scenes by flat faces with edges and by ray tubes with physical optics, on Mitsuba 3."""
 
@@ -61,38 +83,55 @@ class MitsubaBackend:
             track: (T, 4, 4) all sensor poses of a recording, of which `sensor_poses` are a part; None if they are the whole recording. The
                 sequences of faces and edges are searched once for the whole track.
         """
+        return self.traced(scene, radar, sensor_poses, motion, track).parts()
+
+    def traced(
+        self,
+        scene: Scene,
+        radar: Radar,
+        sensor_poses: np.ndarray,
+        motion: Mapping[str, np.ndarray] | None = None,
+        track: np.ndarray | None = None,
+        searched: Searched | None = None,
+    ) -> "Traced":
+        """Trace the paths as `paths` does, and return them by what they belong to.
+
+        Args:
+            searched: sequences of faces and edges for a flat room; None searches for them. The other arguments are those of `paths`.
+        """
         variant.activate(self.settings.variant)
         motion = motion or {}
         surfaces = [s for s in scene.surfaces if s.name not in motion]
         resting = poses_module.at_rest(sensor_poses if track is None else track)
-        parts: list[Paths] = []
         surroundings = Surroundings(None, None)
-        still, movers, at_rest = None, [], []
+        still, movers, found = None, [], Traced([], {}, [], [])
         if surfaces:
             static = static_scene(surfaces, radar)
             if resting or track is None:
-                at_rest = self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses)
+                found.static.extend(self.cached_static_paths(static, radar, sensor_poses[:1] if resting else sensor_poses, searched))
             else:
                 bounces = self.settings.max_bounces
                 searched = static.searched(track, radar, bounces, pruning.PRUNE) if self._by_faces(static) else None
-                at_rest = self._static_paths(static, radar, sensor_poses, searched)
-            parts += at_rest
+                found.static.extend(self._static_paths(static, radar, sensor_poses, searched))
             if motion:
                 surroundings = Surroundings(static.beside(flat=static.is_flat), static.geometry)
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
-        levels = [pruning.level(part, radar) for part in at_rest] if motion else []
+        levels = [pruning.level(part, radar) for part in found.static] if motion else []
         for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
             frames = slice(1) if resting and poses_module.at_rest(poses) else slice(None)
             members = [s for s in scene.surfaces if s.name in names]
             group = target(members, radar)
-            parts += self.group_paths(group, surroundings, radar, sensor_poses[frames], poses[frames])
+            found.groups[tuple(names)] = self.group_paths(group, surroundings, radar, sensor_poses[frames], poses[frames])
             if surroundings.room is not None:
-                parts += shadows_of_mover(at_rest, levels, group.geometry, sensor_poses, poses[frames], surroundings.room.wavenumber)
+                wavenumber = surroundings.room.wavenumber
+                found.shadows.append(shadows_of_mover(found.static, levels, group.geometry, sensor_poses, poses[frames], wavenumber))
+            else:
+                found.shadows.append([])
             movers.append(diffuse.Body(members, group.geometry, poses))
         if self.settings.diffuse and any(surface.roughness_m > 0 for surface in scene.surfaces):
-            parts += diffuse.of_scene(still, movers, radar, sensor_poses)
-        return [replace(part, points=None) for part in parts if len(part)]
+            found.diffuse.extend(diffuse.of_scene(still, movers, radar, sensor_poses))
+        return found
 
     def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None = None) -> list[Paths]:
         """Return the paths of the static surfaces.

@@ -1,0 +1,192 @@
+"""Compute what the radar receives in a scene: range profile, range-azimuth map and the strongest paths with their surfaces.
+
+Levels are in decibels of received over transmitted power. A path's level includes the gain of the antenna element at both ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.radar.chirp import Radar
+from radartwin.radar.power_maps import power_maps
+from radartwin.scene.scene import Scene
+from radartwin.simulation.backends.mitsuba import Traced
+from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import level
+
+FLOOR_DB = -200.0  # level of an empty range bin
+SHOWN_PATHS = 30  # number of paths in an answer
+ON_SURFACE_M = 0.003  # a point this near to a surface lies on it; the points of two surfaces that meet at an edge lie on both
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Hold the range profile and the range-azimuth map of one frame.
+
+    Attributes:
+        range_m: (B,) range bins in metres. azimuth_rad: (A,) azimuth in radians, positive to the left.
+        profile_db: (B,) mean power of all channels and chirps.
+        map_db: (A, B) power per direction, by Bartlett beamforming.
+    """
+
+    range_m: np.ndarray
+    azimuth_rad: np.ndarray
+    profile_db: np.ndarray
+    map_db: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Hold one propagation path, or the coherent sum of the paths of an object that the radar cannot resolve.
+
+    Attributes:
+        level_db: received over transmitted power in decibels, with the gain of the antenna element.
+        length_m: length from the transmitter to the receiver, metres.
+        bounces: number of reflections and diffractions.
+        points: (V, 3) corners of the path in the world, from the radar back to the radar. If `partial`, corners between the first and the
+            last are unknown.
+        owner: name of the object, or "" for a path of the room.
+    """
+
+    level_db: float
+    length_m: float
+    bounces: int
+    points: np.ndarray
+    owner: str = ""
+    partial: bool = False
+
+    @property
+    def delay_s(self) -> float:
+        return self.length_m / SPEED_OF_LIGHT
+
+    @property
+    def range_m(self) -> float:
+        """Range at which the radar shows the path: half of its length."""
+        return self.length_m / 2
+
+
+def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
+    """Compute the range profile and the range-azimuth map of one frame of samples (C, T, R, N)."""
+    maps = power_maps(iq[None], radar)
+    return Spectra(maps.range_m, maps.azimuth_rad, decibels(maps.range_time.mean(axis=0)), decibels(maps.range_azimuth))
+
+
+def decibels(power: np.ndarray) -> np.ndarray:
+    """Convert power to decibels, with FLOOR_DB for zero power.
+
+    >>> decibels(np.array([0.0, 0.01])).tolist()
+    [-200.0, -20.0]
+    """
+    return 10 * np.log10(np.maximum(power, 10 ** (FLOOR_DB / 10)))
+
+
+def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[Path]:
+    """Return the strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
+
+    The paths of a room come one by one. A path and its reverse, which have equal lengths and levels, are listed once.
+    """
+    found = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose, count)]
+    for names, parts in traced.groups.items():
+        found += [path for part in parts for path in _object_paths(part, radar, sensor_pose, names[0])]
+    found.sort(key=lambda path: -path.level_db)
+    return found[:count]
+
+
+def surfaces_at(path: Path, scene: Scene) -> list[str]:
+    """Return the names of the surfaces at the corners of a path, in the order of the path; two surfaces that meet at an edge share a name.
+
+    Args:
+        scene: the room and the objects at their places, in world coordinates.
+    """
+    import trimesh
+
+    points = path.points[1:-1]
+    names, distances = [], []
+    for index, surface in enumerate(scene):
+        mesh = surface.mesh
+        near = (points >= mesh.bounds[0] - 0.05).all(axis=1) & (points <= mesh.bounds[1] + 0.05).all(axis=1)
+        away = np.full(len(points), np.inf)
+        for p in np.flatnonzero(near):
+            triangles = np.asarray(mesh.triangles)
+            closest = trimesh.triangles.closest_point(triangles, np.repeat(points[p : p + 1], len(triangles), axis=0))
+            away[p] = np.linalg.norm(closest - points[p], axis=1).min()
+        names.append(surface.name or f"surface {index}")
+        distances.append(away)
+    if not names:
+        return []
+    table = np.array(distances)
+    out = []
+    for p in range(len(points)):
+        nearest = float(table[:, p].min())
+        touching = [name for name, away in zip(names, table[:, p], strict=True) if away <= max(nearest, ON_SURFACE_M)]
+        out.append(" and ".join(dict.fromkeys(touching)) if np.isfinite(nearest) else "unknown")
+    return out
+
+
+def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list[Path]:
+    levels = level(part, radar)
+    order = np.argsort(-levels, kind="stable")[: 2 * count]
+    seen, out = set[tuple[float, float]](), []
+    for n in order:
+        length = float(part.length_m[n])
+        key = round(length, 5), round(float(levels[n]) / float(levels[order[0]]), 5)
+        if levels[n] <= 0 or (key in seen and part.bounces[n] > 1):
+            continue
+        seen.add(key)
+        if part.points is None:
+            points, partial = _corners(part, n, pose)
+        else:
+            points, partial = part.points[n][np.isfinite(part.points[n]).all(axis=1)], False
+        out.append(Path(_db(levels[n]), length, int(part.bounces[n]), _closed(points, pose), partial=partial))
+    return out
+
+
+def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[Path]:
+    """Return one path for each number of bounces and each range bin: the coherent sum of its tubes, along the strongest of them."""
+    levels = level(part, radar)
+    gain = radar.gain(part.departure) * radar.gain(part.arrival)
+    middle = part.amplitude.shape[1] // 2
+    wavenumber = 2 * np.pi * float(part.frequencies_hz[middle]) / SPEED_OF_LIGHT
+    field = part.amplitude[:, middle] * gain * np.exp(1j * wavenumber * part.length_m)
+    # rounded to two range bins, so that the tubes of one echo stay together
+    bins = np.round(part.length_m / (4 * radar.range_resolution_m))
+    out = []
+    for bounces, near in np.unique(np.column_stack([part.bounces, bins]), axis=0):
+        some = np.flatnonzero((part.bounces == bounces) & (bins == near))
+        n = some[np.argmax(levels[some])]
+        points, partial = _corners(part, n, pose)
+        out.append(Path(_db(abs(field[some].sum())), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial))
+    return out
+
+
+def _corners(part: Paths, n: np.integer | int, pose: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return the corners (V, 3) of a path without stored points, and whether corners in the middle are missing.
+
+    The last corner is known. For two bounces, the length of the path gives the first corner, which lies at the distance s along the
+    departure direction d with |last - s d| + s = length_in. For more bounces, the first corner is unknown too, and only the last is returned.
+    """
+    departure, arrival = pose[:3, :3] @ part.departure[n], pose[:3, :3] @ part.arrival[n]
+    last, length_in = part.length_out_m[n] * arrival, float(part.length_in_m[n])
+    bounces = int(part.bounces[n])
+    if bounces == 2:
+        first = (length_in**2 - last @ last) / (2 * (length_in - last @ departure))
+        return np.stack([first * departure, last]) + pose[:3, 3], False
+    return (last + pose[:3, 3])[None], bounces > 1
+
+
+def _closed(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    return np.concatenate([pose[None, :3, 3], points, pose[None, :3, 3]])
+
+
+def _db(amplitude: float) -> float:
+    return max(20 * float(np.log10(max(float(amplitude), 1e-30))), FLOOR_DB)
+
+
+def span_db(values: Sequence[float] | np.ndarray, dynamic_db: float) -> tuple[float, float]:
+    """Return the limits of a level scale: the largest value, rounded up to 5 dB, and `dynamic_db` below it."""
+    top = 5 * float(np.ceil((np.max(values) if len(values) else 0.0) / 5))
+    return top - dynamic_db, top

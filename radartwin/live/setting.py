@@ -1,0 +1,96 @@
+"""Describe what the live page simulates: the pose of the radar, the poses of the objects, the materials and the number of bounces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from radartwin.label.labels import belongs_to_room
+from radartwin.label.sources import SceneLabels, Uniform, Void
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories.trajectory import pose
+
+MATERIALS = {"labelled": SceneLabels(), "uniform": Uniform(), "void": Void()}
+MAX_BOUNCES = 4  # the default of `radartwin.simulate`
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """Hold what the live page simulates.
+
+    Attributes:
+        radar_pose: sensor-to-world pose (4, 4).
+        object_poses: object-to-world poses (4, 4) by name of the object.
+        materials: a key of MATERIALS: the labels of the scene, one material for the room, or no room.
+        max_bounces: largest number of reflections of a path.
+    """
+
+    radar_pose: np.ndarray
+    object_poses: Mapping[str, np.ndarray] = field(default_factory=dict)
+    materials: str = "labelled"
+    max_bounces: int = MAX_BOUNCES
+
+
+@dataclass(frozen=True, eq=False)
+class Movable:
+    """Hold an object of the scene that the user can move.
+
+    Attributes:
+        name: name of the object, which all of its surfaces have.
+        surfaces: surfaces in the object's own frame.
+        pose: object-to-world pose (4, 4) at the start.
+    """
+
+    name: str
+    surfaces: tuple[Surface, ...]
+    pose: np.ndarray
+
+
+def split(scene: Scene) -> tuple[Scene, list[Movable]]:
+    """Split a scene into the room and the objects that the user can move.
+
+    An object is the set of all surfaces with one name that do not belong to the room or to its scan. The frame of an object has the axes
+    of the world, and its origin is the centre of the object's bounding box.
+    """
+    room, groups = [], dict[str, list[Surface]]()
+    taken = set(scene.names)
+    for surface in scene:
+        if belongs_to_room(surface):
+            room.append(surface)
+        elif surface.name:
+            groups.setdefault(surface.name, []).append(surface)
+        else:
+            groups[free_name("object", [*taken, *groups])] = [surface]
+    return Scene(room, scene.provenance), [_movable(name, surfaces) for name, surfaces in groups.items()]
+
+
+def free_name(name: str, taken: Sequence[str]) -> str:
+    """Return the name, with a number after it if the name is taken.
+
+    >>> free_name("mug", ["mug", "mug 2"])
+    'mug 3'
+    """
+    number = 1
+    while (found := name if number == 1 else f"{name} {number}") in taken:
+        number += 1
+    return found
+
+
+def _movable(name: str, surfaces: Sequence[Surface]) -> Movable:
+    low, high = Scene(surfaces).bounds
+    place = pose((low + high) / 2)
+    return Movable(name, tuple(s.moved(pose(-place[:3, 3])).replaced(name=name) for s in surfaces), place)
+
+
+class Rooms:
+    """Give the room of a scene with each choice of materials. Equal choices return the same Scene object.
+
+    Args:
+        room: the scene without its movable objects.
+    """
+
+    def __init__(self, room: Scene) -> None:
+        self.with_materials = lru_cache(maxsize=len(MATERIALS))(lambda materials: MATERIALS[materials](room))

@@ -1,0 +1,171 @@
+"""Answer a setting of the live page: a draft at once, and the complete answer when the search for its paths has finished.
+
+A complete answer equals `radartwin.simulate`. Most of its time is the search for sequences of faces and edges of the room. A draft
+evaluates known sequences at the new pose of the radar: the strongest ones of the last complete search, and those with few bounces and at
+most one diffraction that a short search finds at the new pose. A draft has no paths between objects and the room.
+docs/decisions/025-live-view.md has the errors and times of drafts.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from radartwin.errors import SceneError
+from radartwin.live.echoes import Path, Spectra, spectra, strongest_paths
+from radartwin.live.setting import Movable, Rooms, Setting
+from radartwin.radar.chirp import Radar
+from radartwin.scene.scene import Scene
+from radartwin.simulation import pruning, variant
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene
+from radartwin.simulation.backends.static_scene import StaticScene
+from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.flat.room import Searched
+from radartwin.simulation.flat.search import Sequences
+from radartwin.simulation.poses import check_poses, inverse
+from radartwin.simulation.signal.synthesis import received
+
+DRAFT_BOUNCES = 2  # largest number of bounces that the short search of a draft finds
+DRAFT_SEQUENCES = 2000  # number of known sequences that a draft evaluates
+DRAFT_RAYS = 300_000  # number of ray tubes of a draft in a room that is not flat
+KEPT = 8  # number of complete searches that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Hold the radar's answer to a setting.
+
+    Attributes:
+        iq: (1, T, R, N) samples of the first chirp of each transmitter, in amplitude units. Radar and objects are at rest, so that all
+            chirps of the frame are equal.
+        complete: whether the answer equals `radartwin.simulate`; False for a draft.
+        seconds: time of the computation.
+    """
+
+    setting: Setting
+    iq: np.ndarray
+    spectra: Spectra
+    paths: list[Path]
+    complete: bool
+    seconds: float
+
+
+class Tracer:
+    """Trace one room with movable objects.
+
+    Args:
+        room: the room without movable objects.
+        radar: radar whose samples are simulated, with one chirp for each transmitter.
+        movables: objects of the scene; `add` adds more.
+    """
+
+    def __init__(self, room: Scene, radar: Radar, movables: Sequence[Movable] = ()) -> None:
+        self.radar = replace(radar, num_chirps=1)
+        self._rooms = Rooms(room)
+        self._movables = {movable.name: movable for movable in movables}
+        self._searches: OrderedDict[tuple, Searched] = OrderedDict()
+        self._strong: dict[tuple[str, int], Sequences] = {}
+
+    def add(self, movable: Movable) -> None:
+        self._movables[movable.name] = movable
+
+    def scene(self, setting: Setting) -> Scene:
+        """Return the room with the materials of the setting, and the objects at their places."""
+        placed = [s.moved(setting.object_poses[m.name]) for m in self._present(setting) for s in m.surfaces]
+        return Scene([*self._rooms.with_materials(setting.materials), *placed])
+
+    def check(self, setting: Setting) -> None:
+        """Check that the radar can stand at its pose.
+
+        Raises:
+            PoseError: a pose is not rigid or not finite.
+            SceneError: the radar is inside a solid.
+        """
+        pose = check_poses(setting.radar_pose, "radar_pose")
+        self._rooms.with_materials(setting.materials).check_sensor(pose[:, :3, 3])
+        for movable in self._present(setting):
+            local = inverse(check_poses(setting.object_poses[movable.name], movable.name)) @ pose
+            Scene(movable.surfaces).check_sensor(local[:, :3, 3])
+
+    def needs_search(self, setting: Setting) -> bool:
+        """Return whether a complete answer needs a search that has not been made. A room that is not flat needs no search."""
+        static = self._static(setting)
+        return static is not None and static.is_flat and self._key(setting) not in self._searches
+
+    def search(self, setting: Setting) -> tuple[Searched, Sequences]:
+        """Search the sequences of faces and edges at the pose of a setting.
+
+        Returns:
+            The sequences for the complete answer, and the strongest of them for later drafts at other poses.
+        """
+        static = self._static(setting)
+        if static is None or not static.is_flat:
+            raise SceneError("only rooms of flat faces have sequences of faces and edges to search")
+        pose = setting.radar_pose
+        searched = static.searched(pose[None], self.radar, setting.max_bounces, pruning.PRUNE)
+        levels = static.room.levels(searched.sequences, pose, self.radar)
+        return searched, searched.sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
+
+    def learn(self, setting: Setting, searched: Searched, strong: Sequences) -> None:
+        """Use the result of `search` for this setting from now on, and for drafts at other poses."""
+        self._searches[self._key(setting)] = searched
+        self._strong[setting.materials, setting.max_bounces] = strong
+        while len(self._searches) > KEPT:
+            self._searches.popitem(last=False)
+
+    def answer(self, setting: Setting, complete: bool = False) -> Answer:
+        """Compute the radar's answer. A draft that needs no search is complete.
+
+        Args:
+            complete: whether to search all sequences first if necessary.
+        Raises:
+            PoseError, SceneError: see `check`.
+        """
+        start = time.perf_counter()
+        self.check(setting)
+        if complete and self.needs_search(setting):
+            self.learn(setting, *self.search(setting))
+        static, settings = self._static(setting), TraceSettings(max_bounces=setting.max_bounces)
+        searched, draft = None, not complete
+        if static is None:
+            draft = False
+        elif static.is_flat:
+            searched = self._searches.get(self._key(setting))
+            draft = searched is None
+            searched = searched or Searched.of_pose(setting.radar_pose, self._draft_sequences(static, setting))
+        elif draft:
+            settings = replace(settings, rays=DRAFT_RAYS)
+        if draft:
+            settings = replace(settings, coupling=False)
+        room, movables = self._rooms.with_materials(setting.materials), self._present(setting)
+        scene = Scene([*room, *(surface for movable in movables for surface in movable.surfaces)])
+        motion = {movable.name: setting.object_poses[movable.name][None] for movable in movables}
+        pose = setting.radar_pose[None]
+        traced = MitsubaBackend(settings).traced(scene, self.radar, pose, motion, searched=searched)
+        iq = received(traced.parts(), self.radar, 1)[0]
+        paths = strongest_paths(traced, self.radar, setting.radar_pose)
+        return Answer(setting, iq, spectra(iq, self.radar), paths, not draft, time.perf_counter() - start)
+
+    def _draft_sequences(self, static: StaticScene, setting: Setting) -> Sequences:
+        bounces = setting.max_bounces
+        known = self._strong.get((setting.materials, bounces))
+        fewest = bounces if known is None else min(DRAFT_BOUNCES, bounces)
+        found = static.room.single_diffractions(setting.radar_pose, self.radar, fewest, pruning.PRUNE)
+        return found if known is None else Sequences.union([known, found])[0]
+
+    def _present(self, setting: Setting) -> list[Movable]:
+        return [movable for name, movable in self._movables.items() if name in setting.object_poses]
+
+    def _static(self, setting: Setting) -> StaticScene | None:
+        room = self._rooms.with_materials(setting.materials)
+        if not len(room):
+            return None
+        variant.activate("auto")
+        return static_scene(list(room.surfaces), self.radar)
+
+    def _key(self, setting: Setting) -> tuple:
+        return setting.materials, setting.max_bounces, setting.radar_pose.tobytes()
