@@ -166,6 +166,11 @@ def _add_scenes(group: Verbs) -> None:
     view.add_argument("--trajectory", metavar="FILE", type=Path, help="draw the radar's track: TUM or CSV text, or a ROS bag")
     view.add_argument("--layout", metavar="FILE", type=Path, help="add a layout's objects on this page")
     view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
+    text = "serve a page on this machine in which you drag the radar and the objects; SCENE may also be lab, atrium or squash_court"
+    view.add_argument("--live", action="store_true", help=text)
+    view.add_argument("--port", type=_port, help="live: default 8080, or a free port if 8080 is taken")
+    view.add_argument("--radar", metavar="FILE", help="live: .cfg, .mmwave.json or .yaml, or the name of a radar option (default: iwr1843)")
+    view.add_argument("--recording", metavar="FILE", type=Path, help="live: play this recording beside its simulation")
 
 
 def _add_results(group: Verbs) -> None:

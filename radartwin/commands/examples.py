@@ -101,6 +101,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("radartwin view room", "room/view.html, by material"),
         ("radartwin view room --by reflectivity --out 77ghz.html", "coloured by reflectivity at 77 GHz"),
         ("radartwin view room --layout layout.yaml --trajectory drive.csv", "with objects and the radar's track"),
+        ("radartwin view room --live", "a page in which you drag the radar and see its answer"),
+        ("radartwin view lab --live --recording outputs/recordings/lab", "a recording beside its simulation"),
     ),
     "classify": (
         (

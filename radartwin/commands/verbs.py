@@ -156,6 +156,10 @@ def view(options: argparse.Namespace) -> int:
     from radartwin.scene.scene import Scene
     from radartwin.scene.viewer.page import view
 
+    if options.live:
+        from radartwin.commands.live import live
+
+        return live(options)
     out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
     scene, poses = Scene.load(options.scene), None
     if options.trajectory:

@@ -30,7 +30,7 @@ from radartwin.simulation.poses import check_poses, inverse
 from radartwin.simulation.signal.synthesis import received
 
 DRAFT_BOUNCES = 2  # largest number of bounces that the short search of a draft finds
-DRAFT_SEQUENCES = 2000  # number of known sequences that a draft evaluates
+DRAFT_SEQUENCES = 1000  # number of known sequences that a draft evaluates
 DRAFT_RAYS = 300_000  # number of ray tubes of a draft in a room that is not flat
 KEPT = 8  # number of complete searches that are kept
 

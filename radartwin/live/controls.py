@@ -1,0 +1,208 @@
+"""The panel of the live page: profile, map, list of paths, sliders and choices."""
+
+from __future__ import annotations
+
+import html
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from radartwin.live.echoes import SHOWN_PATHS, Path, Spectra
+from radartwin.live.pictures import map_picture
+from radartwin.live.playback import Playback
+from radartwin.live.setting import MATERIALS, MAX_BOUNCES
+from radartwin.live.tracing import Answer
+from radartwin.scene import objects
+from radartwin.scene.viewer.colouring import RGB
+
+PANEL_PX = 540
+PROFILE_PX = 215
+SIMULATED, MEASURED = "#0072B2", "#D55E00"
+NO_PATH = "none"
+STYLE = (
+    "<style>.rt{font:12px/1.45 system-ui,sans-serif;margin:0 .6em}.rt th{text-align:left;padding-right:1em;font-weight:600;"
+    "vertical-align:top}.rt i{display:inline-block;width:.9em;height:.9em;margin:0 .35em -.1em 0;border:1px solid #8888}"
+    ".rt span{margin-right:.9em;white-space:nowrap}.rt b.draft{color:#b45309}.rt b.done{color:#15803d}.rt b.bad{color:#b91c1c}</style>"
+)
+
+
+class Actions(Protocol):
+    """What the panel asks of the page."""
+
+    def ask(self) -> None: ...
+    def change_materials(self) -> None: ...
+    def add_object(self, name: str) -> None: ...
+    def reset(self) -> None: ...
+    def place_radar(self, position: np.ndarray, heading_deg: float) -> None: ...
+    def show_frame(self, frame: int) -> None: ...
+    def draw(self) -> None: ...
+    def choose(self, number: int | None) -> None: ...
+
+
+class Controls:
+    """Add the panel to a viser server.
+
+    Args:
+        server: viser server. actions: the page. playback: recording to play back, or None.
+        farthest_m: largest range that profile and map show, metres.
+    """
+
+    def __init__(self, server: Any, actions: Actions, playback: Playback | None, farthest_m: float) -> None:
+        from viser import uplot
+
+        self._gui, self._actions, self._playback = server.gui, actions, playback
+        gui = server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.set_panel_label("RadarTwin live")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_PX)
+        self._status = gui.add_html("")
+        zero = np.array([0.0, farthest_m])
+        series = [uplot.Series(label="range (m)"), uplot.Series(label="simulated (dB)", stroke=SIMULATED, width=1.5)]
+        if playback is not None:
+            series.append(uplot.Series(label="measured (dB)", stroke=MEASURED, width=1.2))
+        self._profile = gui.add_uplot(
+            (zero, *(np.array([-200.0, -200.0]) for _ in series[1:])), tuple(series), height=PROFILE_PX,
+            scales={"x": uplot.Scale(time=False, auto=False, range=(0.0, farthest_m)), "y": uplot.Scale(auto=False, range=(-150.0, -60.0))},
+            axes=(uplot.Axis(label="range (m)", size=36, labelSize=18), uplot.Axis(label="mean channel power (dB)", size=52, labelSize=18)),
+            padding=(8, 14, 0, 0),
+        )  # fmt: skip
+        self._caption = gui.add_html("", visible=playback is not None)
+        self.map = gui.add_image(map_picture(_empty(farthest_m), farthest_m), format="png")
+        self._add_paths()
+        self._add_simulation()
+        self._add_places()
+        if playback is not None:
+            self._add_recording(playback)
+        self._legend = gui.add_html("")
+        self.show_working()
+
+    @property
+    def materials(self) -> str:
+        return self._materials.value
+
+    @property
+    def bounces(self) -> int:
+        return int(self._bounces.value)
+
+    @property
+    def paths(self) -> int:
+        """Return the number of paths to draw."""
+        return int(self._number.value)
+
+    @property
+    def frame(self) -> int:
+        return int(self._frame.value)
+
+    @property
+    def shows_measured_map(self) -> bool:
+        return self._which.value == "measured"
+
+    def show_working(self) -> None:
+        self._status.content = _html("<b class='draft'>computing the first answer</b>; the first one of a process takes some seconds")
+
+    def show_status(self, answer: Answer, count: int) -> None:
+        kind = "<b class='done'>complete</b>" if answer.complete else "<b class='draft'>draft</b>, the complete answer follows at rest"
+        self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · {len(answer.paths)} strongest paths")
+
+    def fail(self, message: str) -> None:
+        self._status.content = _html(f"<b class='bad'>not simulated:</b> {html.escape(message)}")
+
+    def caption(self, text: str) -> None:
+        self._caption.content = _html(html.escape(text))
+
+    def legend(self, colours: Mapping[str, RGB]) -> None:
+        items = "".join(f"<span><i style='background:rgb{colour}'></i>{html.escape(name)}</span>" for name, colour in colours.items())
+        self._legend.content = _html(f"<b>materials</b><br>{items}")
+
+    def show_profile(self, range_m: np.ndarray, simulated_db: np.ndarray, measured_db: np.ndarray | None, top_db: float) -> None:
+        from viser import uplot
+
+        values = [range_m, simulated_db, *([] if measured_db is None else [measured_db])]
+        limits = uplot.Scale(auto=False, range=(top_db - 70.0, top_db))
+        if self._profile.scales["y"] != limits:
+            self._profile.scales = {**self._profile.scales, "y": limits}
+        self._profile.data = tuple(np.asarray(v, np.float64) for v in values)
+
+    def show_paths(self, paths: Sequence[Path], chosen: int | None, card: str) -> None:
+        self._options = [f"{k + 1}: {p.level_db:.1f} dB, {p.range_m:.2f} m, {p.owner or 'room'}" for k, p in enumerate(paths)]
+        self._path.options = (NO_PATH, *self._options)
+        self._path.value = NO_PATH if chosen is None else self._options[chosen]
+        self._card.content = _html(f"<table>{card}</table>" if card else "click a path in the room, or choose one here")
+
+    def show_pose(self, pose: np.ndarray) -> None:
+        """Show the place of the radar after a drag."""
+        self._follows = True
+        self._position.value = tuple(float(v) for v in np.round(pose[:3, 3], 3))
+        self._heading.value = round(float(np.degrees(np.arctan2(pose[1, 0], pose[0, 0]))), 1)
+        self._follows = False
+
+    def _add_paths(self) -> None:
+        self._options: list[str] = []
+        self._path = self._gui.add_dropdown("path", (NO_PATH,))
+        self._card = self._gui.add_html("")
+
+        @self._path.on_update
+        def _(event) -> None:
+            if event.client is not None:
+                value = self._path.value
+                self._actions.choose(self._options.index(value) if value in self._options else None)
+
+    def _add_simulation(self) -> None:
+        with self._gui.add_folder("simulation"):
+            self._bounces = self._gui.add_slider("bounces", min=1, max=MAX_BOUNCES, step=1, initial_value=MAX_BOUNCES)
+            self._materials = self._gui.add_dropdown("materials", tuple(MATERIALS))
+            self._number = self._gui.add_slider("drawn paths", min=0, max=SHOWN_PATHS, step=1, initial_value=12)
+        self._bounces.on_update(lambda _: self._actions.ask())
+        self._materials.on_update(lambda _: self._actions.change_materials())
+        self._number.on_update(lambda _: self._actions.draw())
+
+    def _add_places(self) -> None:
+        self._follows = False
+        with self._gui.add_folder("places"):
+            self._position = self._gui.add_vector3("radar x, y, z (m)", (0.0, 0.0, 0.0), step=0.01)
+            self._heading = self._gui.add_number("heading (degrees)", 0.0, step=1.0, hint="of the boresight, from +x to the left")
+            added = self._gui.add_dropdown("object", tuple(objects.catalogue()))
+            self._gui.add_button("add the object").on_click(lambda _: self._actions.add_object(added.value))
+            self._gui.add_button("all back to the start").on_click(lambda _: self._actions.reset())
+
+        def typed(event) -> None:
+            if event.client is not None:
+                self._actions.place_radar(np.array(self._position.value), float(self._heading.value))
+
+        self._position.on_update(typed)
+        self._heading.on_update(typed)
+
+    def _add_recording(self, playback: Playback) -> None:
+        with self._gui.add_folder("recording"):
+            self._frame = self._gui.add_slider("frame", min=0, max=max(playback.frames - 1, 1), step=1, initial_value=0)
+            self._plays = self._gui.add_checkbox("play", False)
+            self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
+        self._frame.on_update(lambda _: self._actions.show_frame(self.frame))
+        self._which.on_update(lambda _: self._actions.draw())
+        self._plays.on_update(lambda _: self._play(playback) if self._plays.value else None)
+
+    def _play(self, playback: Playback) -> None:
+        """Advance the frame at the frame rate until the last frame, or until the user stops."""
+        threading.Thread(target=self._advance, args=(playback,), name="playback", daemon=True).start()
+
+    def _advance(self, playback: Playback) -> None:
+        while self._plays.value and self.frame < playback.frames - 1:
+            started = time.monotonic()
+            self._frame.value = self.frame + 1
+            self._actions.show_frame(self.frame)
+            time.sleep(max(0.0, 1 / playback.recording.radar.frame_rate_hz - (time.monotonic() - started)))
+        self._plays.value = False
+
+
+def _empty(farthest_m: float) -> Spectra:
+    """Return the map of no echoes, which the page shows before its first answer."""
+    range_m, azimuth_rad = np.linspace(0, farthest_m, 16), np.radians(np.arange(-90.0, 91.0))
+    return Spectra(range_m, azimuth_rad, np.zeros(16), np.full((181, 16), -200.0))
+
+
+def _html(text: str) -> str:
+    return f"{STYLE}<div class='rt'>{text}</div>"

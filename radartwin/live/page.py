@@ -1,0 +1,195 @@
+"""Build the live page: the 3D scene, the radar's answer and the controls, on a viser server."""
+
+from __future__ import annotations
+
+import html
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from radartwin.live.controls import Controls
+from radartwin.live.echoes import FLOOR_DB, Path, span_db, surfaces_at
+from radartwin.live.pictures import map_picture
+from radartwin.live.playback import Playback, shifted_db
+from radartwin.live.setting import Movable, Rooms, Setting, free_name, split
+from radartwin.live.stage import Stage
+from radartwin.live.tracing import Answer, Tracer
+from radartwin.scene import objects
+from radartwin.scene.scene import Scene
+from radartwin.scene.trajectories.trajectory import pose
+
+PANEL_PX = 520
+PROFILE_DYNAMIC_DB = 70.0
+BEFORE_RADAR_M = 1.5  # distance from the radar at which a new object appears
+SIMULATED_RGB, MEASURED_RGB = "#0072B2", "#D55E00"
+
+
+class Page:
+    """Show a scene on a viser server.
+
+    Args:
+        server: viser server.
+        scene: room and objects. start: sensor-to-world pose (4, 4) of the radar at the start.
+        tracer: tracer of the same scene, which gets the objects that the user adds.
+        request: function that receives each new setting.
+        playback: recording to play back, or None.
+    """
+
+    def __init__(
+        self,
+        server: Any,
+        scene: Scene,
+        start: np.ndarray,
+        tracer: Tracer,
+        request: Callable[[Setting], object],
+        playback: Playback | None = None,
+    ) -> None:
+        self._server, self._tracer, self._request, self._playback = server, tracer, request, playback
+        room, movables = split(scene)
+        self._rooms, self._start, self._movables = Rooms(room), start, {m.name: m for m in movables}
+        self._answer: Answer | None = None
+        self._chosen: int | None = None
+        self._count = 0
+        self._lock = threading.RLock()
+        self._stage = Stage(server, self._changed, self._choose)
+        self._stage.look(room, start)
+        self._stage.show_room(room, movables)
+        self._stage.add_radar(start)
+        for movable in movables:
+            self._stage.add_object(movable)
+        extent = float(np.linalg.norm(np.ptp(room.bounds, axis=0))) if len(room) else 10.0
+        self._farthest_m = float(np.clip(np.ceil(extent), 3.0, tracer.radar.unambiguous_range_m))
+        self.controls = Controls(server, self, playback, self._farthest_m)
+        self.controls.legend(self._stage.colours)
+
+    @property
+    def setting(self) -> Setting:
+        """Return what the page asks for now."""
+        controls = self.controls
+        poses = {name: self._stage.pose(name) for name in self._movables}
+        return Setting(self._stage.pose("radar"), poses, controls.materials, controls.bounces)
+
+    def ask(self) -> None:
+        """Request the answer to the present setting."""
+        self._request(self.setting)
+
+    def change_materials(self) -> None:
+        with self._lock, self._server.atomic():
+            self._stage.show_room(self._rooms.with_materials(self.controls.materials), list(self._movables.values()))
+            self.controls.legend(self._stage.colours)
+        self._changed()
+
+    def add_object(self, name: str) -> None:
+        """Put an object of the catalogue in front of the radar, turned towards the radar."""
+        entry = objects.entry(name)
+        radar = self._stage.pose("radar")
+        place = radar.copy()
+        place[:3, :3] = radar[:3, :3] @ np.diag([-1.0, -1.0, 1.0])
+        place[:3, 3] = radar[:3, 3] + BEFORE_RADAR_M * radar[:3, 0] - entry.aim_m * radar[:3, 2]
+        with self._lock:
+            free = free_name(name, ["radar", *self._movables])
+            movable = Movable(free, entry.surfaces(name=free), place)
+            self._tracer.add(movable)
+            self._movables[free] = movable
+            self._stage.add_object(movable)
+            self.controls.legend(self._stage.colours)
+        self._changed()
+
+    def reset(self) -> None:
+        """Put the radar and all objects back to the places at which they started."""
+        with self._lock, self._server.atomic():
+            self._stage.place("radar", self._start)
+            for name, movable in self._movables.items():
+                self._stage.place(name, movable.pose)
+        self._changed()
+
+    def place_radar(self, position: np.ndarray, heading_deg: float) -> None:
+        """Move the radar to a position (3,) in metres, level, with its boresight at `heading_deg` from +x to the left."""
+        angle = np.radians(heading_deg)
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        self._stage.place("radar", pose(position, turn))
+        self._changed()
+
+    def show_frame(self, frame: int) -> None:
+        """Show a frame of the recording, and move the radar to its recorded pose."""
+        assert self._playback is not None
+        recorded = self._playback.pose(frame)
+        if recorded is not None:
+            self._stage.place("radar", recorded)
+            self._changed()
+        with self._lock:
+            self._draw()
+
+    def show(self, answer: Answer) -> None:
+        """Show an answer, unless the objects or the controls have changed since its setting."""
+        with self._lock:
+            if self._answer is None or answer.setting is not self._answer.setting:
+                self._count += 1
+            self._answer = answer
+            self._draw()
+
+    def fail(self, message: str) -> None:
+        """Show why a setting cannot be simulated. The last answer stays on the page."""
+        self.controls.fail(message)
+
+    def draw(self) -> None:
+        with self._lock:
+            self._draw()
+
+    def _changed(self) -> None:
+        self.controls.show_pose(self._stage.pose("radar"))
+        self.ask()
+
+    def _choose(self, number: int) -> None:
+        with self._lock:
+            self._chosen = None if self._chosen == number else number
+            self._draw()
+
+    def choose(self, number: int | None) -> None:
+        if number != self._chosen:
+            with self._lock:
+                self._chosen = number
+                self._draw()
+
+    def _draw(self) -> None:
+        answer = self._answer
+        if answer is None:
+            return
+        paths = answer.paths[: self.controls.paths]
+        chosen = self._chosen if self._chosen is not None and self._chosen < len(paths) else None
+        spectra, measured, caption = answer.spectra, None, ""
+        if self._playback is not None:
+            frame = self.controls.frame
+            recorded = self._playback.spectra(frame)
+            measured = recorded.profile_db if self._playback.calibrated else shifted_db(recorded.profile_db, spectra.profile_db)
+            caption = self._playback.caption(frame)
+            if self.controls.shows_measured_map:
+                spectra = recorded
+        seen = answer.spectra.range_m <= self._farthest_m
+        top = span_db(answer.spectra.profile_db[seen], PROFILE_DYNAMIC_DB)[1]
+        profile = np.maximum(answer.spectra.profile_db, FLOOR_DB)[seen]
+        with self._server.atomic():
+            self.controls.show_profile(answer.spectra.range_m[seen], profile, None if measured is None else measured[seen], top)
+            self.controls.map.image = map_picture(spectra, self._farthest_m)
+            self.controls.caption(caption)
+            self._stage.show_paths(paths, chosen)
+            self.controls.show_paths(paths, chosen, self._card(paths, chosen, answer))
+            self.controls.show_status(answer, self._count)
+        self._server.flush()
+
+    def _card(self, paths: list[Path], chosen: int | None, answer: Answer) -> str:
+        if chosen is None:
+            return ""
+        path = paths[chosen]
+        surfaces = surfaces_at(path, self._tracer.scene(answer.setting))
+        unknown = ", …" if path.partial else ""
+        rows = {
+            "level": f"{path.level_db:.1f} dB received over transmitted power",
+            "range": f"{path.range_m:.3f} m (half of {path.length_m:.3f} m)",
+            "delay": f"{1e9 * path.delay_s:.2f} ns",
+            "bounces": str(path.bounces),
+            "surfaces": " → ".join(map(html.escape, surfaces)) + unknown,
+        }
+        return "".join(f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in rows.items())

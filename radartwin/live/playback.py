@@ -1,0 +1,49 @@
+"""Play a recording back: the spectra of its frames, and the poses of the radar where the recording has them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from radartwin.errors import RecordingError
+from radartwin.live.echoes import Spectra, spectra
+from radartwin.radar.recording import Recording
+
+COUNTS = 1.0  # scale of a capture without calibration, whose samples are ADC counts
+
+
+class Playback:
+    """Give the frames of a recording.
+
+    Args:
+        recording: recording with at least one frame.
+        name: name of its file, for messages.
+    Raises:
+        RecordingError: samples are NaN or infinite.
+    """
+
+    def __init__(self, recording: Recording, name: str) -> None:
+        self.recording, self.name = recording, name
+        self.frames = recording.num_frames
+        self.calibrated = recording.scale != COUNTS
+        if not np.isfinite(recording.iq[0]).all():
+            raise RecordingError(f"{name}: frame 0 holds NaN or infinite samples; record or simulate it again")
+
+    def pose(self, frame: int) -> np.ndarray | None:
+        """Return the sensor pose (4, 4) of a frame, or None if the recording has no poses."""
+        poses = self.recording.sensor_poses
+        return None if poses is None else poses[frame if len(poses) > 1 else 0]
+
+    def spectra(self, frame: int) -> Spectra:
+        return spectra(self.recording.iq[frame], self.recording.radar)
+
+    def caption(self, frame: int) -> str:
+        """Describe a frame in one line of the page."""
+        seconds = frame / self.recording.radar.frame_rate_hz
+        poses = "radar at the recorded pose" if self.pose(frame) is not None else "the recording has no poses: drag the radar to its place"
+        level = "" if self.calibrated else "; levels in ADC counts, shifted to the simulated maximum"
+        return f"{self.name}, frame {frame} of {self.frames}, {seconds:.2f} s; {poses}{level}"
+
+
+def shifted_db(measured_db: np.ndarray, simulated_db: np.ndarray) -> np.ndarray:
+    """Return a measured profile (B,) whose maximum is that of a simulated profile, for recordings without calibration."""
+    return measured_db + float(simulated_db.max() - measured_db.max())

@@ -1,0 +1,132 @@
+"""Serve the live page on this machine until Ctrl-C, SIGTERM or SIGHUP (`radartwin view SCENE --live`)."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import threading
+import time
+import urllib.request
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from radartwin.errors import BackendError, SceneError
+from radartwin.io.serving import HOST, free_port, ignore_signals, interrupted_by_signals
+from radartwin.live.page import Page
+from radartwin.live.playback import Playback
+from radartwin.live.session import Session
+from radartwin.live.setting import split
+from radartwin.live.tracing import Tracer
+from radartwin.live.worker import Searcher
+from radartwin.radar.chirp import Radar
+from radartwin.scene.scene import Scene
+
+USUAL_PORT = 8080
+ANSWERS_WITHIN_S = 30
+
+
+def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
+    """Serve the live page of a scene, and return 0 after Ctrl-C, SIGTERM or SIGHUP.
+
+    Args:
+        scene: room and objects. radar: radar to simulate. start: sensor-to-world pose (4, 4) at the start.
+        port: port on the loopback address; None means 8080, or another free port if 8080 is taken.
+        playback: recording to play back beside the simulation.
+    Raises:
+        BackendError: viser is not installed, or the port that the user gave is taken.
+        SceneError: the scene has no surfaces.
+    """
+    if not len(scene):
+        raise SceneError("the scene has no surfaces, so there is nothing to view")
+    port = free_port(port, USUAL_PORT)
+    room, movables = split(scene)
+    tracer = Tracer(room, radar, movables)
+    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), contextlib.ExitStack() as ends:
+        server = _server(port)
+        ends.callback(_quietly, server.stop)
+        ends.callback(ignore_signals)
+        searcher = Searcher(room, radar) if len(room) else None
+        if searcher:
+            ends.callback(searcher.end)
+        crash: list[BaseException] = []
+        finished = threading.Event()
+
+        def crashed(error: BaseException) -> None:
+            crash.append(error)
+            finished.set()
+
+        session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+        page = Page(server, scene, start, tracer, session.request, playback)
+        session.start()
+        ends.callback(session.end)
+        page.ask()
+        _announce(port)
+        finished.wait()
+        raise crash[0]
+    return 0
+
+
+def _server(port: int) -> Any:
+    """Start a viser server that accepts connections from pages of its own on this machine only."""
+    try:
+        import viser
+    except ImportError as error:
+        raise BackendError("view --live needs viser: pip install 'radartwin[live]'") from error
+
+    class Loopback(viser.ViserServer):
+        """A server that opens no tunnel to the internet, although a page may ask for one."""
+
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            return None
+
+    with _only_own_pages(port), contextlib.redirect_stdout(io.StringIO()):
+        server = Loopback(host=HOST, port=port, verbose=False)
+    if server.get_port() != port:  # viser takes the next port if another program has just taken this one
+        _quietly(server.stop)
+        raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
+    return server
+
+
+@contextlib.contextmanager
+def _only_own_pages(port: int) -> Iterator[None]:
+    """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens.
+
+    A browser lets any page open a web socket to this machine, and tells the server the origin of the page. Viser does not check it.
+    """
+    import websockets.asyncio.server as module
+
+    before = module.serve
+    own = [f"http://{HOST}:{port}", f"http://localhost:{port}", None]  # None: a program that is not a browser
+    module.serve = functools.partial(before, origins=own)  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        module.serve = before  # type: ignore[misc]
+
+
+def _quietly(stop: Any) -> None:
+    """Stop the server without the message that viser prints."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        stop()
+
+
+def _announce(port: int) -> None:
+    """Print the address of the page as soon as the server answers.
+
+    Raises:
+        BackendError: the server does not answer.
+    """
+    address, end = f"http://{HOST}:{port}", time.monotonic() + ANSWERS_WITHIN_S
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # a proxy of the environment is not asked
+    while True:
+        try:
+            with opener.open(address, timeout=5):
+                print(f"live: {address}", flush=True)
+                return
+        except OSError as error:
+            if time.monotonic() > end:
+                raise BackendError(f"{address} does not answer ({error}); choose another --port") from error
+        time.sleep(0.1)

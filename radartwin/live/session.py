@@ -1,0 +1,112 @@
+"""Answer the newest setting of the live page: first by a draft, then completely when its search has finished.
+
+One thread computes the answers. A newer setting replaces an older one that has not been answered, so that a drag is never behind.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from radartwin.errors import UserError
+from radartwin.live.setting import Setting
+from radartwin.live.tracing import Answer, Tracer
+from radartwin.live.worker import Found, Searcher
+
+RESTS_S = 0.4  # a setting that has not changed for this time is searched completely
+
+
+class Session:
+    """Compute answers in a thread.
+
+    Args:
+        tracer: scene and radar.
+        searcher: worker that searches for complete answers; None computes drafts only.
+        answered: function that receives each answer. failed: function that receives the message of a setting that cannot be simulated.
+        crashed: function that receives an exception that is a defect of the program; the thread ends after it.
+    """
+
+    def __init__(
+        self,
+        tracer: Tracer,
+        searcher: Searcher | None,
+        answered: Callable[[Answer], object],
+        failed: Callable[[str], object],
+        crashed: Callable[[BaseException], object],
+    ) -> None:
+        self._tracer, self._searcher = tracer, searcher
+        self._answered, self._failed, self._crashed = answered, failed, crashed
+        self._changed = threading.Condition()
+        self._wanted: Setting | None = None  # newest setting
+        self._pending = False  # whether the newest setting has not been answered
+        self._found: list[tuple[Setting, Found | BaseException]] = []  # finished searches that the thread has not used
+        self._open = False  # whether the newest setting lacks its complete answer, and no search for it runs
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name="live answers", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def request(self, setting: Setting) -> None:
+        """Answer this setting next."""
+        with self._changed:
+            self._wanted, self._pending = setting, True
+            self._changed.notify()
+
+    def end(self) -> None:
+        """End the thread after the answer that it is computing."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join(timeout=5)
+
+    def _run(self) -> None:
+        try:
+            while not self._ended:
+                self._step()
+        except BaseException as error:
+            self._crashed(error)
+
+    def _step(self) -> None:
+        timeout = RESTS_S if self._open else None
+        with self._changed:
+            self._changed.wait_for(lambda: self._pending or self._found or self._ended, timeout)
+            setting, found, pending = self._wanted, self._found, self._pending
+            self._found, self._pending = [], False
+        for place, result in found:
+            if isinstance(result, BaseException):
+                raise result
+            self._tracer.learn(place, *result)
+            pending = pending or place is setting
+        if self._ended or setting is None:
+            return
+        if pending:
+            self._open = self._answer(setting)
+        elif not found:
+            self._open = self._complete(setting)
+
+    def _answer(self, setting: Setting, complete: bool = False) -> bool:
+        """Answer a setting. Returns whether the answer is a draft."""
+        try:
+            answer = self._tracer.answer(setting, complete)
+        except UserError as error:
+            self._failed(str(error))
+            return False
+        self._answered(answer)
+        return not answer.complete
+
+    def _complete(self, setting: Setting) -> bool:
+        """Start the search for a setting that rests. Returns whether the search could not start, because the worker is busy."""
+        if self._searcher is None:
+            return False
+        if not self._tracer.needs_search(setting):
+            return self._answer(setting, complete=True)
+        if self._searcher.busy:
+            return True
+        self._searcher.submit(setting, self._finished)
+        return False
+
+    def _finished(self, setting: Setting, found: Found | BaseException) -> None:
+        with self._changed:
+            self._found.append((setting, found))
+            self._changed.notify()

@@ -1,0 +1,175 @@
+"""Draw the room, the radar, the objects and the paths in the 3D scene of a viser server."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from radartwin.live.echoes import Path, span_db
+from radartwin.live.pictures import level_colours
+from radartwin.live.setting import Movable
+from radartwin.scene.scene import Scene
+from radartwin.scene.surface import Surface
+from radartwin.scene.viewer.colouring import RGB, material_colours, material_label
+from radartwin.scene.viewer.display_mesh import MAX_FACES, thinned, wall_planes
+from radartwin.simulation.poses import check_poses
+
+PATHS_DYNAMIC_DB = 50.0  # range of levels of the drawn paths, below the strongest
+TUBE_M = 0.007  # radius of a drawn path
+CHOSEN_RGB = (214, 40, 40)
+RADAR_RGB = (35, 35, 45)
+BORESIGHT_RGB = (194, 65, 12)
+SIDES = 6  # sides of the prism that draws a leg of a path
+
+
+class Stage:
+    """Draw into a viser server.
+
+    Args:
+        server: viser server.
+        moved: function that is called after the user has dragged the radar or an object.
+        clicked: function that receives the number of a clicked path.
+    """
+
+    def __init__(self, server: Any, moved: Callable[[], object], clicked: Callable[[int], object]) -> None:
+        self._server, self._moved, self._clicked = server, moved, clicked
+        self._gizmos: dict[str, Any] = {}
+        self._room: list[Any] = []
+        self._paths: list[Any] = []
+        self.colours: dict[str, RGB] = {}
+
+    def look(self, room: Scene, radar_pose: np.ndarray) -> None:
+        """Set the first view: from above and behind the radar, with the room in the middle of the picture."""
+        low, high = room.bounds if len(room) else (radar_pose[:3, 3] - 2, radar_pose[:3, 3] + 2)
+        middle, size = (low + high) / 2, float(np.linalg.norm((high - low)[:2]))
+        behind = np.array([*radar_pose[:2, 0], 0.0])
+        behind = behind / max(float(np.linalg.norm(behind)), 1e-9)
+        camera = self._server.initial_camera
+        camera.position = middle - 0.75 * size * behind - 0.35 * size * np.cross(behind, [0, 0, 1]) + np.array([0, 0, 0.75 * size])
+        camera.look_at = middle - np.array([0, 0, 0.1 * size])
+        camera.up = np.array([0.0, 0.0, 1.0])
+
+    def show_room(self, room: Scene, movables: Sequence[Movable]) -> None:
+        """Draw the room coloured by material. Walls show their inner side only, so that the room is open to a view from outside."""
+        for handle in self._room:
+            handle.remove()
+        self._room = []
+        self.colours = material_colours([s.material for s in (*room, *(s for m in movables for s in m.surfaces))])
+        meshes, _ = thinned([s.mesh for s in room], MAX_FACES)
+        for index, (surface, mesh, plane) in enumerate(zip(room, meshes, wall_planes(room.surfaces), strict=True)):
+            faces = np.asarray(mesh.faces)
+            if plane is not None:
+                faces = _facing(mesh, np.array(plane["normal"]))
+            side = "double" if plane is None else "front"
+            self._room.append(self._mesh(f"/room/{index}", surface, np.asarray(mesh.vertices), faces, side))
+
+    def add_radar(self, pose: np.ndarray) -> None:
+        gizmo = self._gizmo("radar", pose, 0.42)
+        scene = self._server.scene
+        scene.add_box(f"{gizmo.name}/board", dimensions=(0.02, 0.07, 0.09), color=RADAR_RGB)
+        shaft = trimesh.creation.cylinder(0.006, segment=[[0, 0, 0], [0.5, 0, 0]], sections=12)
+        tip = trimesh.creation.cone(0.02, 0.06, sections=16).apply_transform(trimesh.geometry.align_vectors([0, 0, 1], [1, 0, 0]))
+        arrow = trimesh.util.concatenate([shaft, tip.apply_translation([0.5, 0, 0])])
+        scene.add_mesh_simple(f"{gizmo.name}/boresight", arrow.vertices, arrow.faces, color=BORESIGHT_RGB, cast_shadow=False)
+        scene.add_label(f"{gizmo.name}/label", "radar", position=(0, 0, 0.12))
+
+    def add_object(self, movable: Movable) -> None:
+        gizmo = self._gizmo(movable.name, movable.pose, 0.28)
+        for index, surface in enumerate(movable.surfaces):
+            self.colours |= {k: v for k, v in material_colours([surface.material]).items() if k not in self.colours}
+            self._mesh(f"{gizmo.name}/{index}", surface, np.asarray(surface.mesh.vertices), np.asarray(surface.mesh.faces), "double")
+        high = max(float(s.mesh.bounds[1, 2]) for s in movable.surfaces)
+        self._server.scene.add_label(f"{gizmo.name}/label", movable.name, position=(0, 0, high + 0.06))
+
+    def pose(self, name: str) -> np.ndarray:
+        """Return the pose (4, 4) of the radar (name "radar") or of an object."""
+        gizmo = self._gizmos[name]
+        return pose_of(np.asarray(gizmo.wxyz, float), np.asarray(gizmo.position, float))
+
+    def place(self, name: str, pose: np.ndarray) -> None:
+        """Move the radar or an object, as a drag does."""
+        gizmo = self._gizmos[name]
+        gizmo.wxyz, gizmo.position = quaternion(pose[:3, :3]), pose[:3, 3]
+
+    def show_paths(self, paths: Sequence[Path], chosen: int | None) -> None:
+        """Draw the paths coloured by level; the chosen one is red and thicker."""
+        low, high = span_db([path.level_db for path in paths], PATHS_DYNAMIC_DB)
+        colours = level_colours(np.array([path.level_db for path in paths]), low, high)
+        scene = self._server.scene
+        for index, path in enumerate(paths):
+            here = index == chosen
+            vertices, faces = tube(path.points, TUBE_M * (2.2 if here else 1))
+            colour = CHOSEN_RGB if here else tuple(int(c) for c in colours[index])
+            if index < len(self._paths):
+                handle = self._paths[index]
+                handle.vertices, handle.faces, handle.color, handle.visible = vertices, faces, colour, True
+                continue
+            handle = scene.add_mesh_simple(f"/paths/{index}", vertices, faces, color=colour, cast_shadow=False, receive_shadow=False)
+            handle.on_click(lambda _, number=index: self._clicked(number))
+            self._paths.append(handle)
+        for handle in self._paths[len(paths) :]:
+            handle.visible = False
+
+    def _mesh(self, name: str, surface: Surface, vertices: np.ndarray, faces: np.ndarray, side: str) -> Any:
+        colour = self.colours[material_label(surface.material)]
+        return self._server.scene.add_mesh_simple(
+            name, vertices, faces, color=colour, flat_shading=not surface.is_curved(), side=side, cast_shadow=False, receive_shadow=False
+        )
+
+    def _gizmo(self, name: str, pose: np.ndarray, scale: float) -> Any:
+        # the number keeps apart an object that is called "radar", and names that viser would read as paths
+        gizmo = self._server.scene.add_transform_controls(
+            f"/moved/{len(self._gizmos)}", scale=scale, line_width=2.5, depth_test=False, opacity=0.7,
+            wxyz=quaternion(pose[:3, :3]), position=pose[:3, 3],
+        )  # fmt: skip
+        gizmo.on_update(lambda _: self._moved())
+        self._gizmos[name] = gizmo
+        return gizmo
+
+
+def pose_of(wxyz: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Return the pose (4, 4) of a quaternion (w, x, y, z) of any length and a position (3,)."""
+    from scipy.spatial.transform import Rotation
+
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat(wxyz / np.linalg.norm(wxyz), scalar_first=True).as_matrix()
+    pose[:3, 3] = position
+    return check_poses(pose, "pose")[0]
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+
+
+def tube(points: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices and faces of prisms around the legs of a polyline (V, 3)."""
+    vertices, faces = [], []
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    ring = np.arange(SIDES)
+    one = np.stack([ring, (ring + 1) % SIDES, ring + SIDES], axis=1)
+    two = np.stack([(ring + 1) % SIDES, (ring + 1) % SIDES + SIDES, ring + SIDES], axis=1)
+    for start, end in pairwise(points):
+        way = end - start
+        length = float(np.linalg.norm(way))
+        if length < 1e-9:
+            continue
+        across = np.linalg.svd(way[None] / length)[2][1:]
+        circle = radius_m * (np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1])
+        faces.append(np.concatenate([one, two]) + 2 * SIDES * len(vertices))
+        vertices.append(np.concatenate([start + circle, end + circle]))
+    return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.uint32)
+
+
+def _facing(mesh: trimesh.Trimesh, normal: np.ndarray) -> np.ndarray:
+    """Return the faces of a wall, turned so that each one faces along `normal` (3,)."""
+    faces = np.array(mesh.faces)
+    away = mesh.face_normals @ normal < 0
+    faces[away] = faces[away][:, ::-1]
+    return faces

@@ -1,0 +1,60 @@
+"""Search sequences of faces and edges in a process of its own, so that a search of some seconds does not delay the answer to a drag."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import partial
+
+from radartwin.io.process_pool import ProcessPool
+from radartwin.live.setting import Setting
+from radartwin.live.tracing import Tracer
+from radartwin.radar.chirp import Radar
+from radartwin.scene.scene import Scene
+from radartwin.simulation.flat.room import Searched
+from radartwin.simulation.flat.search import Sequences
+
+NICENESS = 10  # the search gives way to the drafts, which run at the usual priority
+
+Found = tuple[Searched, Sequences]
+_tracer: Tracer | None = None
+
+
+class Searcher:
+    """Start one worker process that searches for a room.
+
+    Args:
+        room: the room without movable objects. radar: radar whose array and sweep apply.
+    """
+
+    def __init__(self, room: Scene, radar: Radar) -> None:
+        self._pool = ProcessPool(1, partial(_prepare, room, radar), import_main=False)
+        self.busy = False
+
+    def submit(self, setting: Setting, done: Callable[[Setting, Found | BaseException], object]) -> None:
+        """Search for one setting; another thread calls `done` with the result or the exception. One search runs at a time."""
+        self.busy = True
+        # The objects do not change the search, and their poses need not be sent.
+        bare = Setting(setting.radar_pose, {}, setting.materials, setting.max_bounces)
+        future = self._pool.submit(_search, bare)
+
+        def finish(future) -> None:
+            self.busy = False
+            done(setting, future.exception() or future.result())
+
+        future.add_done_callback(finish)
+
+    def end(self) -> None:
+        """End the worker process, even if it searches."""
+        self._pool.end()
+
+
+def _prepare(room: Scene, radar: Radar) -> None:
+    global _tracer
+    os.nice(NICENESS)
+    _tracer = Tracer(room, radar)
+
+
+def _search(setting: Setting) -> Found:
+    assert _tracer is not None
+    return _tracer.search(setting)
