@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from radartwin.live.echoes import SHOWN_PATHS, Path, Spectra
-from radartwin.live.pictures import map_picture
+from radartwin.live.pictures import map_limits, map_picture
 from radartwin.live.playback import Playback
 from radartwin.live.setting import MATERIALS, MAX_BOUNCES
 from radartwin.live.tracing import Answer
@@ -19,7 +19,8 @@ from radartwin.scene import objects
 from radartwin.scene.viewer.colouring import RGB
 
 PANEL_PX = 540
-PROFILE_PX = 215
+PROFILE_PX = 230
+PROFILE_DYNAMIC_DB = 70.0  # range of levels in the profile
 SIMULATED, MEASURED = "#0072B2", "#D55E00"
 NO_PATH = "none"
 STYLE = (
@@ -67,17 +68,19 @@ class Controls:
         self._profile = gui.add_uplot(
             (zero, *(np.array([-200.0, -200.0]) for _ in series[1:])), tuple(series), height=PROFILE_PX,
             scales={"x": uplot.Scale(time=False, auto=False, range=(0.0, farthest_m)), "y": uplot.Scale(auto=False, range=(-150.0, -60.0))},
-            axes=(uplot.Axis(label="range (m)", size=36, labelSize=18), uplot.Axis(label="mean channel power (dB)", size=52, labelSize=18)),
+            axes=(uplot.Axis(label="range (m)", size=36, labelSize=18), uplot.Axis(label="power (dB)", size=52, labelSize=18)),
             padding=(8, 14, 0, 0),
         )  # fmt: skip
         self._caption = gui.add_html("", visible=playback is not None)
-        self.map = gui.add_image(map_picture(_empty(farthest_m), farthest_m), format="png")
+        self._farthest_m = farthest_m
+        self._map = gui.add_image(map_picture(_empty(farthest_m), farthest_m), format="png")
+        self._map_caption = gui.add_html("")
         self._add_paths()
-        self._add_simulation()
-        self._add_places()
         if playback is not None:
             self._add_recording(playback)
+        self._add_simulation()
         self._legend = gui.add_html("")
+        self._add_places()
         self.show_working()
 
     @property
@@ -122,10 +125,15 @@ class Controls:
         from viser import uplot
 
         values = [range_m, simulated_db, *([] if measured_db is None else [measured_db])]
-        limits = uplot.Scale(auto=False, range=(top_db - 70.0, top_db))
+        limits = uplot.Scale(auto=False, range=(top_db - PROFILE_DYNAMIC_DB, top_db))
         if self._profile.scales["y"] != limits:
             self._profile.scales = {**self._profile.scales, "y": limits}
         self._profile.data = tuple(np.asarray(v, np.float64) for v in values)
+
+    def show_map(self, spectra: Spectra) -> None:
+        self._map.image = map_picture(spectra, self._farthest_m)
+        top = map_limits(spectra, self._farthest_m)[1]
+        self._map_caption.content = _html(f"map from above; 0 dB is {top:.0f} dB received over transmitted power")
 
     def show_paths(self, paths: Sequence[Path], chosen: int | None, card: str) -> None:
         self._options = [f"{k + 1}: {p.level_db:.1f} dB, {p.range_m:.2f} m, {p.owner or 'room'}" for k, p in enumerate(paths)]

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.live.controls import Controls
+from radartwin.live.controls import PROFILE_DYNAMIC_DB, Controls
 from radartwin.live.echoes import FLOOR_DB, Path, span_db, surfaces_at
-from radartwin.live.pictures import map_picture
 from radartwin.live.playback import Playback, shifted_db
 from radartwin.live.setting import Movable, Rooms, Setting, free_name, split
 from radartwin.live.stage import Stage
@@ -20,10 +19,7 @@ from radartwin.scene import objects
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import pose
 
-PANEL_PX = 520
-PROFILE_DYNAMIC_DB = 70.0
 BEFORE_RADAR_M = 1.5  # distance from the radar at which a new object appears
-SIMULATED_RGB, MEASURED_RGB = "#0072B2", "#D55E00"
 
 
 class Page:
@@ -63,6 +59,7 @@ class Page:
         self._farthest_m = float(np.clip(np.ceil(extent), 3.0, tracer.radar.unambiguous_range_m))
         self.controls = Controls(server, self, playback, self._farthest_m)
         self.controls.legend(self._stage.colours)
+        self.controls.show_pose(start)
 
     @property
     def setting(self) -> Setting:
@@ -172,7 +169,7 @@ class Page:
         profile = np.maximum(answer.spectra.profile_db, FLOOR_DB)[seen]
         with self._server.atomic():
             self.controls.show_profile(answer.spectra.range_m[seen], profile, None if measured is None else measured[seen], top)
-            self.controls.map.image = map_picture(spectra, self._farthest_m)
+            self.controls.show_map(spectra)
             self.controls.caption(caption)
             self._stage.show_paths(paths, chosen)
             self.controls.show_paths(paths, chosen, self._card(paths, chosen, answer))

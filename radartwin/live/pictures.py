@@ -26,12 +26,16 @@ def map_picture(spectra: Spectra, farthest_m: float) -> np.ndarray:
         RGB picture (H, W, 3), uint8.
     """
     frame, rows, columns, range_bin, azimuth_bin = _frame(farthest_m, spectra.range_m.tobytes(), spectra.azimuth_rad.tobytes())
-    seen = spectra.map_db[:, spectra.range_m <= farthest_m]
-    low, high = span_db(seen, DYNAMIC_DB)
+    low, high = map_limits(spectra, farthest_m)
     levels = spectra.map_db[azimuth_bin, range_bin]
     picture = frame.copy()
     picture[rows, columns] = _colours()[np.clip((levels - low) / (high - low) * 255, 0, 255).astype(np.uint8)]
     return picture
+
+
+def map_limits(spectra: Spectra, farthest_m: float) -> tuple[float, float]:
+    """Return the levels in decibels at both ends of the map's colour scale, for ranges up to `farthest_m` in metres."""
+    return span_db(spectra.map_db[:, spectra.range_m <= farthest_m], DYNAMIC_DB)
 
 
 def level_colours(levels_db: np.ndarray, low_db: float, high_db: float) -> np.ndarray:

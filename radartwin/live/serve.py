@@ -9,6 +9,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -39,34 +40,52 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         BackendError: viser is not installed, or the port that the user gave is taken.
         SceneError: the scene has no surfaces.
     """
+    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
+        _announce(live.port)
+        live.finished.wait()
+        raise live.crash[0]
+    return 0
+
+
+@dataclass(frozen=True, eq=False)
+class Live:
+    """Hold a running live page. The event `finished` is set after a defect of the program, which is then in the list `crash`."""
+
+    port: int
+    server: Any
+    page: Page
+    finished: threading.Event
+    crash: list[BaseException]
+
+
+@contextlib.contextmanager
+def running(
+    scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None
+) -> Iterator[Live]:
+    """Run the live page within the `with` block. The arguments and errors are those of `serve`."""
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
-    port = free_port(port, USUAL_PORT)
     room, movables = split(scene)
-    tracer = Tracer(room, radar, movables)
-    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), contextlib.ExitStack() as ends:
-        server = _server(port)
+    tracer, crash, finished = Tracer(room, radar, movables), [], threading.Event()
+
+    def crashed(error: BaseException) -> None:
+        crash.append(error)
+        finished.set()
+
+    with contextlib.ExitStack() as ends:
+        server = _server(free_port(port, USUAL_PORT))
         ends.callback(_quietly, server.stop)
-        ends.callback(ignore_signals)
         searcher = Searcher(room, radar) if len(room) else None
         if searcher:
             ends.callback(searcher.end)
-        crash: list[BaseException] = []
-        finished = threading.Event()
-
-        def crashed(error: BaseException) -> None:
-            crash.append(error)
-            finished.set()
-
         session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
         page = Page(server, scene, start, tracer, session.request, playback)
         session.start()
         ends.callback(session.end)
+        if threading.current_thread() is threading.main_thread():
+            ends.callback(ignore_signals)
         page.ask()
-        _announce(port)
-        finished.wait()
-        raise crash[0]
-    return 0
+        yield Live(server.get_port(), server, page, finished, crash)
 
 
 def _server(port: int) -> Any:

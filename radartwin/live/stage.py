@@ -49,7 +49,7 @@ class Stage:
         behind = np.array([*radar_pose[:2, 0], 0.0])
         behind = behind / max(float(np.linalg.norm(behind)), 1e-9)
         camera = self._server.initial_camera
-        camera.position = middle - 0.75 * size * behind - 0.35 * size * np.cross(behind, [0, 0, 1]) + np.array([0, 0, 0.75 * size])
+        camera.position = middle - 0.55 * size * behind + 0.3 * size * np.cross(behind, [0, 0, 1]) + np.array([0, 0, 0.6 * size])
         camera.look_at = middle - np.array([0, 0, 0.1 * size])
         camera.up = np.array([0.0, 0.0, 1.0])
 
@@ -68,7 +68,7 @@ class Stage:
             self._room.append(self._mesh(f"/room/{index}", surface, np.asarray(mesh.vertices), faces, side))
 
     def add_radar(self, pose: np.ndarray) -> None:
-        gizmo = self._gizmo("radar", pose, 0.42)
+        gizmo = self._gizmo("radar", pose, 0.55)
         scene = self._server.scene
         scene.add_box(f"{gizmo.name}/board", dimensions=(0.02, 0.07, 0.09), color=RADAR_RGB)
         shaft = trimesh.creation.cylinder(0.006, segment=[[0, 0, 0], [0.5, 0, 0]], sections=12)
@@ -78,7 +78,7 @@ class Stage:
         scene.add_label(f"{gizmo.name}/label", "radar", position=(0, 0, 0.12))
 
     def add_object(self, movable: Movable) -> None:
-        gizmo = self._gizmo(movable.name, movable.pose, 0.28)
+        gizmo = self._gizmo(movable.name, movable.pose, 0.4)
         for index, surface in enumerate(movable.surfaces):
             self.colours |= {k: v for k, v in material_colours([surface.material]).items() if k not in self.colours}
             self._mesh(f"{gizmo.name}/{index}", surface, np.asarray(surface.mesh.vertices), np.asarray(surface.mesh.faces), "double")
