@@ -143,10 +143,8 @@ class Controls:
 
     def show_pose(self, pose: np.ndarray) -> None:
         """Show the place of the radar after a drag."""
-        self._follows = True
         self._position.value = tuple(float(v) for v in np.round(pose[:3, 3], 3))
         self._heading.value = round(float(np.degrees(np.arctan2(pose[1, 0], pose[0, 0]))), 1)
-        self._follows = False
 
     def _add_paths(self) -> None:
         self._options: list[str] = []
@@ -169,7 +167,6 @@ class Controls:
         self._number.on_update(lambda _: self._actions.draw())
 
     def _add_places(self) -> None:
-        self._follows = False
         with self._gui.add_folder("places"):
             self._position = self._gui.add_vector3("radar x, y, z (m)", (0.0, 0.0, 0.0), step=0.01)
             self._heading = self._gui.add_number("heading (degrees)", 0.0, step=1.0, hint="of the boresight, from +x to the left")
@@ -200,8 +197,7 @@ class Controls:
     def _advance(self, playback: Playback) -> None:
         while self._plays.value and self.frame < playback.frames - 1:
             started = time.monotonic()
-            self._frame.value = self.frame + 1
-            self._actions.show_frame(self.frame)
+            self._frame.value = self.frame + 1  # viser then calls the function of the slider
             time.sleep(max(0.0, 1 / playback.recording.radar.frame_rate_hz - (time.monotonic() - started)))
         self._plays.value = False
 

@@ -19,6 +19,7 @@ from radartwin.scene import objects
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import pose
 
+SIMILAR_M = 0.3  # largest change in length of a path that stays chosen when something moves
 BEFORE_RADAR_M = 1.5  # distance from the radar at which a new object appears
 
 
@@ -49,7 +50,7 @@ class Page:
         self._chosen: int | None = None
         self._count = 0
         self._lock = threading.RLock()
-        self._stage = Stage(server, self._changed, self._choose)
+        self._stage = Stage(server, self._changed, self._clicked)
         self._stage.look(room, start)
         self._stage.show_room(room, movables)
         self._stage.add_radar(start)
@@ -89,8 +90,8 @@ class Page:
             free = free_name(name, ["radar", *self._movables])
             movable = Movable(free, entry.surfaces(name=free), place)
             self._tracer.add(movable)
-            self._movables[free] = movable
             self._stage.add_object(movable)
+            self._movables = {**self._movables, free: movable}  # another thread may be reading the old dictionary
             self.controls.legend(self._stage.colours)
         self._changed()
 
@@ -120,11 +121,12 @@ class Page:
             self._draw()
 
     def show(self, answer: Answer) -> None:
-        """Show an answer, unless the objects or the controls have changed since its setting."""
+        """Show an answer. The chosen path stays chosen if the answer has a similar one."""
         with self._lock:
-            if self._answer is None or answer.setting is not self._answer.setting:
-                self._count += 1
-            self._answer = answer
+            before, self._answer = self._answer, answer
+            self._count += before is None or answer.setting is not before.setting
+            if before and self._chosen is not None:
+                self._chosen = _same_path(before.paths[self._chosen], answer.paths)
             self._draw()
 
     def fail(self, message: str) -> None:
@@ -139,10 +141,8 @@ class Page:
         self.controls.show_pose(self._stage.pose("radar"))
         self.ask()
 
-    def _choose(self, number: int) -> None:
-        with self._lock:
-            self._chosen = None if self._chosen == number else number
-            self._draw()
+    def _clicked(self, number: int) -> None:
+        self.choose(None if self._chosen == number else number)
 
     def choose(self, number: int | None) -> None:
         if number != self._chosen:
@@ -190,3 +190,10 @@ class Page:
             "surfaces": " → ".join(map(html.escape, surfaces)) + unknown,
         }
         return "".join(f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in rows.items())
+
+
+def _same_path(path: Path, paths: list[Path]) -> int | None:
+    """Return the number of the path with the same owner and bounces whose length is nearest, or None if it differs by over SIMILAR_M."""
+    away = [abs(p.length_m - path.length_m) if (p.owner, p.bounces) == (path.owner, path.bounces) else np.inf for p in paths]
+    nearest = int(np.argmin(away)) if away else 0
+    return nearest if away and away[nearest] < SIMILAR_M else None

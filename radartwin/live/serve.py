@@ -41,8 +41,11 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         SceneError: the scene has no surfaces.
     """
     with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
-        _announce(live.port)
-        live.finished.wait()
+        try:
+            _announce(live.port)
+            live.finished.wait()
+        finally:
+            ignore_signals()
         raise live.crash[0]
     return 0
 
@@ -73,17 +76,15 @@ def running(
         finished.set()
 
     with contextlib.ExitStack() as ends:
-        server = _server(free_port(port, USUAL_PORT))
-        ends.callback(_quietly, server.stop)
         searcher = Searcher(room, radar) if len(room) else None
+        session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+        ends.callback(session.end)
         if searcher:
             ends.callback(searcher.end)
-        session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+        server = _server(free_port(port, USUAL_PORT))
+        ends.callback(_quietly, server.stop)
         page = Page(server, scene, start, tracer, session.request, playback)
         session.start()
-        ends.callback(session.end)
-        if threading.current_thread() is threading.main_thread():
-            ends.callback(ignore_signals)
         page.ask()
         yield Live(server.get_port(), server, page, finished, crash)
 

@@ -54,11 +54,12 @@ class Session:
             self._changed.notify()
 
     def end(self) -> None:
-        """End the thread after the answer that it is computing."""
+        """End the thread after the answer that it is computing. The first answer of a process takes some seconds."""
         with self._changed:
             self._ended = True
             self._changed.notify()
-        self._thread.join(timeout=5)
+        if self._thread.is_alive():
+            self._thread.join()
 
     def _run(self) -> None:
         try:

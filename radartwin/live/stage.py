@@ -23,6 +23,7 @@ TUBE_M = 0.007  # radius of a drawn path
 CHOSEN_RGB = (214, 40, 40)
 RADAR_RGB = (35, 35, 45)
 BORESIGHT_RGB = (194, 65, 12)
+AMBIENT, SUN = 2.5, 0.9  # intensities of light; pi would show the colour of a material unchanged
 SIDES = 6  # sides of the prism that draws a leg of a path
 
 
@@ -41,6 +42,11 @@ class Stage:
         self._room: list[Any] = []
         self._paths: list[Any] = []
         self.colours: dict[str, RGB] = {}
+        # even light, so that a surface has about the colour of its material in the legend, and edges between walls stay visible
+        server.scene.configure_default_lights(False)
+        server.scene.configure_environment_map(None)
+        server.scene.add_light_ambient("/light/all", intensity=AMBIENT)
+        server.scene.add_light_directional("/light/sun", intensity=SUN, position=(0.5, -0.8, 1.6), cast_shadow=False)
 
     def look(self, room: Scene, radar_pose: np.ndarray) -> None:
         """Set the first view: from above and behind the radar, with the room in the middle of the picture."""

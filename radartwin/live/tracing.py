@@ -68,10 +68,10 @@ class Tracer:
         self._rooms = Rooms(room)
         self._movables = {movable.name: movable for movable in movables}
         self._searches: OrderedDict[tuple, Searched] = OrderedDict()
-        self._strong: dict[tuple[str, int], Sequences] = {}
+        self._strong: dict[int, Sequences] = {}  # by number of bounces; rooms of other materials have the same faces
 
     def add(self, movable: Movable) -> None:
-        self._movables[movable.name] = movable
+        self._movables = {**self._movables, movable.name: movable}  # another thread may be reading the old dictionary
 
     def scene(self, setting: Setting) -> Scene:
         """Return the room with the materials of the setting, and the objects at their places."""
@@ -113,7 +113,7 @@ class Tracer:
     def learn(self, setting: Setting, searched: Searched, strong: Sequences) -> None:
         """Use the result of `search` for this setting from now on, and for drafts at other poses."""
         self._searches[self._key(setting)] = searched
-        self._strong[setting.materials, setting.max_bounces] = strong
+        self._strong[setting.max_bounces] = strong
         while len(self._searches) > KEPT:
             self._searches.popitem(last=False)
 
@@ -152,7 +152,7 @@ class Tracer:
 
     def _draft_sequences(self, static: StaticScene, setting: Setting) -> Sequences:
         bounces = setting.max_bounces
-        known = self._strong.get((setting.materials, bounces))
+        known = self._strong.get(bounces)
         fewest = bounces if known is None else min(DRAFT_BOUNCES, bounces)
         found = static.room.single_diffractions(setting.radar_pose, self.radar, fewest, pruning.PRUNE)
         return found if known is None else Sequences.union([known, found])[0]
