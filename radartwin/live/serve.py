@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import os
+import sys
 import threading
 import time
 import urllib.request
@@ -40,6 +42,7 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         BackendError: viser is not installed, or the port that the user gave is taken.
         SceneError: the scene has no surfaces.
     """
+    live = None
     with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
         try:
             _announce(live.port)
@@ -47,6 +50,9 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         finally:
             ignore_signals()
         raise live.crash[0]
+    if live and not live.session.end():
+        sys.stdout.flush()
+        os._exit(0)  # the thread still computes an answer in compiled code, and Python would unload this code under it
     return 0
 
 
@@ -57,6 +63,7 @@ class Live:
     port: int
     server: Any
     page: Page
+    session: Session
     finished: threading.Event
     crash: list[BaseException]
 
@@ -86,7 +93,7 @@ def running(
         page = Page(server, scene, start, tracer, session.request, playback)
         session.start()
         page.ask()
-        yield Live(server.get_port(), server, page, finished, crash)
+        yield Live(server.get_port(), server, page, session, finished, crash)
 
 
 def _server(port: int) -> Any:

@@ -13,6 +13,7 @@ from radartwin.live.setting import Setting
 from radartwin.live.tracing import Answer, Tracer
 from radartwin.live.worker import Found, Searcher
 
+ENDS_WITHIN_S = 1.0
 RESTS_S = 0.4  # a setting that has not changed for this time is searched completely
 
 
@@ -53,13 +54,14 @@ class Session:
             self._wanted, self._pending = setting, True
             self._changed.notify()
 
-    def end(self) -> None:
-        """End the thread after the answer that it is computing. The first answer of a process takes some seconds."""
+    def end(self) -> bool:
+        """Give no more answers. Returns whether the thread has ended within ENDS_WITHIN_S; compiled code cannot be interrupted."""
         with self._changed:
             self._ended = True
             self._changed.notify()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(ENDS_WITHIN_S)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         try:
@@ -92,6 +94,8 @@ class Session:
             answer = self._tracer.answer(setting, complete)
         except UserError as error:
             self._failed(str(error))
+            return False
+        if self._ended:
             return False
         self._answered(answer)
         return not answer.complete
