@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable
@@ -45,3 +46,22 @@ def wait_until(condition: Callable[[], object], seconds: float = 200) -> None:
     while not condition():
         assert time.monotonic() < end, f"not within {seconds} s"
         time.sleep(0.05)
+
+
+def listening(port: int) -> set[str]:
+    """Return the IPv4 and IPv6 addresses on which this machine listens at the port."""
+    found = set()
+    for family, table in ((socket.AF_INET, "tcp"), (socket.AF_INET6, "tcp6")):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            local, state = line.split()[1], line.split()[3]
+            address, _, number = local.partition(":")
+            if state == "0A" and int(number, 16) == port:
+                words = b"".join(bytes.fromhex(address[i : i + 8])[::-1] for i in range(0, len(address), 8))
+                found.add(socket.inet_ntop(family, words))
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """Return the ids of the processes that a process started, directly or indirectly."""
+    children = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
+    return children + [grandchild for child in children for grandchild in descendants(child)]

@@ -9,7 +9,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from radartwin.errors import OutputError
+from radartwin.errors import ConfigError, OutputError
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -160,6 +160,9 @@ def view(options: argparse.Namespace) -> int:
         from radartwin.commands.live import live
 
         return live(options)
+    for name in ("port", "radar", "recording"):
+        if getattr(options, name) is not None:
+            raise ConfigError(f"view: --{name} needs --live")
     out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
     scene, poses = Scene.load(options.scene), None
     if options.trajectory:

@@ -1,6 +1,7 @@
 """Compute what the radar receives in a scene: range profile, range-azimuth map and the strongest paths with their surfaces.
 
-Levels are in decibels of received over transmitted power. A path's level includes the gain of the antenna element at both ends.
+Levels are in decibels of received over transmitted power. A path's level holds in the middle of the sweep and includes the gain of the
+antenna element at both ends.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from radartwin.radar.power_maps import power_maps
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.mitsuba import Traced
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import level
+from radartwin.simulation.pruning import both_gains
 
 FLOOR_DB = -200.0  # level of an empty range bin
 SHOWN_PATHS = 30  # number of paths in an answer
@@ -128,7 +129,7 @@ def surfaces_at(path: Path, scene: Scene) -> list[str]:
 
 
 def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list[Path]:
-    levels = level(part, radar)
+    levels = np.abs(_field(part, radar))
     order = np.argsort(-levels, kind="stable")[: 2 * count]
     seen, out = set[tuple[float, float]](), []
     for n in order:
@@ -147,11 +148,9 @@ def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list
 
 def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[Path]:
     """Return one path for each number of bounces and each range bin: the coherent sum of its tubes, along the strongest of them."""
-    levels = level(part, radar)
-    gain = radar.gain(part.departure) * radar.gain(part.arrival)
-    middle = part.amplitude.shape[1] // 2
-    wavenumber = 2 * np.pi * float(part.frequencies_hz[middle]) / SPEED_OF_LIGHT
-    field = part.amplitude[:, middle] * gain * np.exp(1j * wavenumber * part.length_m)
+    field = _field(part, radar)
+    levels = np.abs(field)
+    field *= np.exp(2j * np.pi * part.frequencies_hz[_middle(part)] * part.length_m / SPEED_OF_LIGHT)
     # rounded to two range bins, so that the tubes of one echo stay together
     bins = np.round(part.length_m / (4 * radar.range_resolution_m))
     out = []
@@ -163,11 +162,20 @@ def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> lis
     return out
 
 
+def _field(part: Paths, radar: Radar) -> np.ndarray:
+    """Return the complex amplitude (N,) of each path in the middle of the sweep, with the element gain, without the propagation phase."""
+    return part.amplitude[:, _middle(part)] * both_gains(radar, part.departure, part.arrival)
+
+
+def _middle(part: Paths) -> int:
+    return part.amplitude.shape[1] // 2
+
+
 def _corners(part: Paths, n: np.integer | int, pose: np.ndarray) -> tuple[np.ndarray, bool]:
     """Return the corners (V, 3) of a path without stored points, and whether corners in the middle are missing.
 
     The last corner is known. For two bounces, the length of the path gives the first corner, which lies at the distance s along the
-    departure direction d with |last - s d| + s = length_in. For more bounces, the first corner is unknown too, and only the last is returned.
+    departure direction d with |last - s d| + s = length_in. For more bounces, only the last corner is returned.
     """
     departure, arrival = pose[:3, :3] @ part.departure[n], pose[:3, :3] @ part.arrival[n]
     last, length_in = part.length_out_m[n] * arrival, float(part.length_in_m[n])

@@ -69,6 +69,11 @@ class Page:
         poses = {name: self._stage.pose(name) for name in self._movables}
         return Setting(self._stage.pose("radar"), poses, controls.materials, controls.bounces)
 
+    @property
+    def answer(self) -> Answer | None:
+        """Return the newest answer."""
+        return self._answer
+
     def ask(self) -> None:
         """Request the answer to the present setting."""
         self._request(self.setting)
@@ -107,7 +112,11 @@ class Page:
         """Move the radar to a position (3,) in metres, level, with its boresight at `heading_deg` from +x to the left."""
         angle = np.radians(heading_deg)
         turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        self._stage.place("radar", pose(position, turn))
+        self.move_radar(pose(position, turn))
+
+    def move_radar(self, radar_pose: np.ndarray) -> None:
+        """Move the radar to a sensor-to-world pose (4, 4), as a drag does."""
+        self._stage.place("radar", radar_pose)
         self._changed()
 
     def show_frame(self, frame: int) -> None:
@@ -115,8 +124,7 @@ class Page:
         assert self._playback is not None
         recorded = self._playback.pose(frame)
         if recorded is not None:
-            self._stage.place("radar", recorded)
-            self._changed()
+            self.move_radar(recorded)
         with self._lock:
             self._draw()
 

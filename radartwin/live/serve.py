@@ -42,15 +42,16 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         BackendError: viser is not installed, or the port that the user gave is taken.
         SceneError: the scene has no surfaces.
     """
-    live = None
+    sessions: list[Session] = []
     with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
+        sessions.append(live.session)
         try:
             _announce(live.port)
             live.finished.wait()
         finally:
             ignore_signals()
         raise live.crash[0]
-    if live and not live.session.end():
+    if not all(session.end() for session in sessions):
         sys.stdout.flush()
         os._exit(0)  # the thread still computes an answer in compiled code, and Python would unload this code under it
     return 0
@@ -69,9 +70,7 @@ class Live:
 
 
 @contextlib.contextmanager
-def running(
-    scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None
-) -> Iterator[Live]:
+def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> Iterator[Live]:
     """Run the live page within the `with` block. The arguments and errors are those of `serve`."""
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")

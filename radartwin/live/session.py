@@ -41,7 +41,8 @@ class Session:
         self._wanted: Setting | None = None  # newest setting
         self._pending = False  # whether the newest setting has not been answered
         self._found: list[tuple[Setting, Found | BaseException]] = []  # finished searches that the thread has not used
-        self._open = False  # whether the newest setting lacks its complete answer, and no search for it runs
+        self._draft = False  # whether the last answer was a draft
+        self._open = False  # whether to complete the last answer as soon as its setting rests
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="live answers", daemon=True)
 
@@ -84,8 +85,10 @@ class Session:
         if self._ended or setting is None:
             return
         if pending:
-            self._open = self._answer(setting)
-        elif not found:
+            self._draft = self._open = self._answer(setting)
+        elif found:  # a search for another setting, which may be equal to the newest one
+            self._open = self._draft
+        else:
             self._open = self._complete(setting)
 
     def _answer(self, setting: Setting, complete: bool = False) -> bool:
@@ -105,7 +108,8 @@ class Session:
         if self._searcher is None:
             return False
         if not self._tracer.needs_search(setting):
-            return self._answer(setting, complete=True)
+            self._draft = self._answer(setting, complete=True)
+            return False
         if self._searcher.busy:
             return True
         self._searcher.submit(setting, self._finished)

@@ -24,11 +24,13 @@ import browser
 import numpy as np
 import own_experiment
 import pytest
+from processes import descendants, listening
 
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError
+from radartwin.io.serving import HOST
 from radartwin.plotting import style
-from radartwin.runs.dashboard import HOST, USUAL_PORT, dashboard
+from radartwin.runs.dashboard import USUAL_PORT, dashboard
 from radartwin.runs.tracking import Tracker
 
 # SQLAlchemy warns about a loader that mlflow uses.
@@ -71,25 +73,6 @@ def runs_of(address: str, table: str = "environment", words: str = "", most: int
     """Ask the server for the runs of a table that match a text filter, at most `most` runs."""
     url = f"{address}/api/2.0/mlflow/runs/search"
     return json.loads(ask(url, experiment_ids=[experiment_id(address, table)], filter=words, max_results=most))["runs"]
-
-
-def listening(port: int) -> set[str]:
-    """Return the IPv4 and IPv6 addresses on which this machine listens at the port."""
-    found = set()
-    for family, table in ((socket.AF_INET, "tcp"), (socket.AF_INET6, "tcp6")):
-        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
-            local, state = line.split()[1], line.split()[3]
-            address, _, number = local.partition(":")
-            if state == "0A" and int(number, 16) == port:
-                words = b"".join(bytes.fromhex(address[i : i + 8])[::-1] for i in range(0, len(address), 8))
-                found.add(socket.inet_ntop(family, words))
-    return found
-
-
-def descendants(pid: int) -> list[int]:
-    """Return the ids of the processes that a process started, directly or indirectly."""
-    children = [int(word) for path in Path(f"/proc/{pid}/task").glob("*/children") for word in path.read_text().split()]
-    return children + [grandchild for child in children for grandchild in descendants(child)]
 
 
 def assert_ends(command: subprocess.Popen[str], number: signal.Signals, port: int) -> None:
