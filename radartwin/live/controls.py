@@ -137,7 +137,9 @@ class Controls:
     def show_map(self, spectra: Spectra) -> None:
         self._map.image = map_picture(spectra, self._farthest_m)
         top = map_limits(spectra, self._farthest_m)[1]
-        self._map_caption.content = _html(f"map from above; 0 dB is {top:.0f} dB received over transmitted power")
+        self._map_caption.content = _html(
+            f"map from above, 0 dB is {top:.0f} dB received over transmitted power; paths in the room: same colours, 0 dB is the strongest"
+        )
 
     def show_paths(self, paths: Sequence[Path], chosen: int | None, card: str) -> None:
         self._options = [f"{k + 1}: {p.level_db:.1f} dB, {p.range_m:.2f} m, {p.owner or 'room'}" for k, p in enumerate(paths)]

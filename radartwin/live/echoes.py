@@ -142,7 +142,7 @@ def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list
             points, partial = _corners(part, n, pose)
         else:
             points, partial = part.points[n][np.isfinite(part.points[n]).all(axis=1)], False
-        out.append(Path(_db(levels[n]), length, int(part.bounces[n]), _closed(points, pose), partial=partial))
+        out.append(Path(_db(float(levels[n])), length, int(part.bounces[n]), _closed(points, pose), partial=partial))
     return out
 
 
@@ -158,7 +158,7 @@ def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> lis
         some = np.flatnonzero((part.bounces == bounces) & (bins == near))
         n = some[np.argmax(levels[some])]
         points, partial = _corners(part, n, pose)
-        out.append(Path(_db(abs(field[some].sum())), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial))
+        out.append(Path(_db(float(np.abs(field[some].sum()))), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial))
     return out
 
 
@@ -191,7 +191,7 @@ def _closed(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 
 def _db(amplitude: float) -> float:
-    return max(20 * float(np.log10(max(float(amplitude), 1e-30))), FLOOR_DB)
+    return max(20 * float(np.log10(max(amplitude, 1e-30))), FLOOR_DB)
 
 
 def span_db(values: Sequence[float] | np.ndarray, dynamic_db: float) -> tuple[float, float]:

@@ -64,7 +64,9 @@ def _frame(farthest_m: float, ranges: bytes, azimuths: bytes) -> tuple[np.ndarra
     from radartwin.plotting.style import style
 
     range_m, azimuth_rad = np.frombuffer(ranges), np.frombuffer(azimuths)
-    with matplotlib.rc_context(style() | {"figure.constrained_layout.use": False}):
+    settings = style()
+    settings["figure.constrained_layout.use"] = False  # the pixels of the sector need axes at a fixed place
+    with matplotlib.rc_context(settings):
         drawing = Figure(figsize=SIZE_IN, dpi=DPI)
         axes = drawing.add_axes((0.09, 0.16, 0.76, 0.8))
         axes.set(xlim=(farthest_m, -farthest_m), ylim=(0, farthest_m), xlabel="left of the boresight (m)", ylabel="along the boresight (m)")

@@ -12,6 +12,7 @@ import trimesh
 from radartwin.live.echoes import Path, span_db
 from radartwin.live.pictures import level_colours
 from radartwin.live.setting import Movable
+from radartwin.scene import objects
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
 from radartwin.scene.viewer.colouring import RGB, material_colours, material_label
@@ -23,7 +24,7 @@ TUBE_M = 0.007  # radius of a drawn path
 CHOSEN_RGB = (214, 40, 40)
 RADAR_RGB = (35, 35, 45)
 BORESIGHT_RGB = (194, 65, 12)
-AMBIENT, SUN = 2.5, 0.9  # intensities of light; pi would show the colour of a material unchanged
+AMBIENT, SUN = 2.2, 1.3  # intensities of light; pi would show the colour of a material unchanged
 SIDES = 6  # sides of the prism that draws a leg of a path
 
 
@@ -79,8 +80,9 @@ class Stage:
         scene.add_box(f"{gizmo.name}/board", dimensions=(0.02, 0.07, 0.09), color=RADAR_RGB)
         shaft = trimesh.creation.cylinder(0.006, segment=[[0, 0, 0], [0.5, 0, 0]], sections=12)
         tip = trimesh.creation.cone(0.02, 0.06, sections=16).apply_transform(trimesh.geometry.align_vectors([0, 0, 1], [1, 0, 0]))
-        arrow = trimesh.util.concatenate([shaft, tip.apply_translation([0.5, 0, 0])])
-        scene.add_mesh_simple(f"{gizmo.name}/boresight", arrow.vertices, arrow.faces, color=BORESIGHT_RGB, cast_shadow=False)
+        arrow = objects.joined([shaft, tip.apply_translation([0.5, 0, 0])])
+        vertices, faces = np.asarray(arrow.vertices), np.asarray(arrow.faces)
+        scene.add_mesh_simple(f"{gizmo.name}/boresight", vertices, faces, color=BORESIGHT_RGB, cast_shadow=False)
         scene.add_label(f"{gizmo.name}/label", "radar", position=(0, 0, 0.12))
 
     def add_object(self, movable: Movable) -> None:

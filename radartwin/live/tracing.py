@@ -110,10 +110,24 @@ class Tracer:
         levels = static.room.levels(searched.sequences, pose, self.radar)
         return searched, searched.sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
 
-    def learn(self, setting: Setting, searched: Searched, strong: Sequences) -> None:
-        """Use the result of `search` for this setting from now on, and for drafts at other poses."""
+    def single_diffractions(self, setting: Setting, max_bounces: int) -> Sequences:
+        """Search the sequences of at most `max_bounces` with at most one diffraction, at the pose of a setting in a flat room."""
+        static = self._static(setting)
+        assert static is not None
+        return static.room.single_diffractions(setting.radar_pose, self.radar, max_bounces, pruning.PRUNE)
+
+    def learn(self, setting: Setting, searched: Searched | None, strong: Sequences) -> None:
+        """Use the result of `search` for this setting from now on, and `strong` for drafts at other poses.
+
+        If `searched` is None, the sequences `strong` come from a short search and are added to those that are known.
+        """
+        bounces = setting.max_bounces
+        known = self._strong.get(bounces)
+        if searched is None:
+            self._strong[bounces] = strong if known is None else Sequences.union([known, strong])[0]
+            return
+        self._strong[bounces] = strong
         self._searches[self._key(setting)] = searched
-        self._strong[setting.max_bounces] = strong
         while len(self._searches) > KEPT:
             self._searches.popitem(last=False)
 
@@ -136,7 +150,7 @@ class Tracer:
         elif static.is_flat:
             searched = self._searches.get(self._key(setting))
             draft = searched is None
-            searched = searched or Searched.of_pose(setting.radar_pose, self._draft_sequences(static, setting))
+            searched = searched or Searched.of_pose(setting.radar_pose, self._draft_sequences(setting))
         elif draft:
             settings = replace(settings, rays=DRAFT_RAYS)
         if draft:
@@ -150,11 +164,10 @@ class Tracer:
         paths = strongest_paths(traced, self.radar, setting.radar_pose)
         return Answer(setting, iq, spectra(iq, self.radar), paths, not draft, time.perf_counter() - start)
 
-    def _draft_sequences(self, static: StaticScene, setting: Setting) -> Sequences:
+    def _draft_sequences(self, setting: Setting) -> Sequences:
         bounces = setting.max_bounces
         known = self._strong.get(bounces)
-        fewest = bounces if known is None else min(DRAFT_BOUNCES, bounces)
-        found = static.room.single_diffractions(setting.radar_pose, self.radar, fewest, pruning.PRUNE)
+        found = self.single_diffractions(setting, bounces if known is None else min(DRAFT_BOUNCES, bounces))
         return found if known is None else Sequences.union([known, found])[0]
 
     def _present(self, setting: Setting) -> list[Movable]:

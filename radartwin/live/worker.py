@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import partial
 
 from radartwin.io.process_pool import ProcessPool
@@ -16,7 +17,7 @@ from radartwin.simulation.flat.search import Sequences
 
 NICENESS = 10  # the search gives way to the drafts, which run at the usual priority
 
-Found = tuple[Searched, Sequences]
+Found = tuple[Searched | None, Sequences]  # complete search, or None after a first search; strongest sequences for drafts
 _tracer: Tracer | None = None
 
 
@@ -32,17 +33,22 @@ class Searcher:
         self.busy = False
 
     def submit(self, setting: Setting, done: Callable[[Setting, Found | BaseException], object]) -> None:
-        """Search for one setting; another thread calls `done` with the result or the exception. One search runs at a time."""
+        """Search for one setting: first for paths of at most one diffraction, then completely. One setting is searched at a time.
+
+        Another thread calls `done` with each of the two results, or with an exception.
+        """
         self.busy = True
         # The objects do not change the search, and their poses need not be sent.
         bare = Setting(setting.radar_pose, {}, setting.materials, setting.max_bounces)
-        future = self._pool.submit(_search, bare)
 
-        def finish(future) -> None:
-            self.busy = False
-            done(setting, future.exception() or future.result())
+        def finish(future: Future[Found], last: bool) -> None:
+            if last:
+                self.busy = False
+            if not future.cancelled():
+                done(setting, future.exception() or future.result())
 
-        future.add_done_callback(finish)
+        for function, last in ((_sketch, False), (_search, True)):
+            self._pool.submit(function, bare).add_done_callback(partial(finish, last=last))
 
     def end(self) -> None:
         """End the worker process, even if it searches."""
@@ -53,6 +59,11 @@ def _prepare(room: Scene, radar: Radar) -> None:
     global _tracer
     os.nice(NICENESS)
     _tracer = Tracer(room, radar)
+
+
+def _sketch(setting: Setting) -> Found:
+    assert _tracer is not None
+    return None, _tracer.single_diffractions(setting, setting.max_bounces)
 
 
 def _search(setting: Setting) -> Found:

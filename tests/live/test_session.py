@@ -88,10 +88,16 @@ def test_a_setting_at_rest_is_answered_by_a_draft_and_then_completely() -> None:
 
 
 def test_a_search_also_completes_an_equal_setting_that_came_while_it_ran() -> None:
-    fake = Fake()
-    session = fake.session()
     again = replace(PLACE)
-    fake.submit = lambda setting, done: (session.request(again), fake.known.add(id(again)), Fake.submit(fake, setting, done))
+
+    class Interrupted(Fake):
+        def submit(self, setting: Setting, done: Any) -> None:
+            session.request(again)
+            self.known.add(id(again))
+            super().submit(setting, done)
+
+    fake = Interrupted()
+    session = fake.session()
     session.request(PLACE)
     fake.wait(2)
     while fake.shown[-1].complete is False:
