@@ -77,12 +77,14 @@ class Session:
             self._changed.wait_for(lambda: self._pending or self._found or self._ended, timeout)
             setting, found, pending = self._wanted, self._found, self._pending
             self._found, self._pending = [], False
+        if self._ended:
+            return
         for place, result in found:
             if isinstance(result, BaseException):
                 raise result
             self._tracer.learn(place, *result)
             pending = pending or place is setting
-        if self._ended or setting is None:
+        if setting is None:
             return
         if pending:
             self._draft = self._open = self._answer(setting)

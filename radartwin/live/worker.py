@@ -15,7 +15,7 @@ from radartwin.scene.scene import Scene
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.flat.search import Sequences
 
-NICENESS = 10  # the search gives way to the drafts, which run at the usual priority
+NICENESS = 4  # the search gives way to the drafts; with 10, other programs at full load would starve it
 
 Found = tuple[Searched | None, Sequences]  # complete search, or None after a first search; strongest sequences for drafts
 _tracer: Tracer | None = None
