@@ -32,6 +32,8 @@ README = ROOT / "README.md"
 RUN_HERE = {"extending.md", "own-objects.md", "recording-sets.md"}
 # Commands that take too long or need a cluster, by their first words, with the reason. They are composed only.
 COMPOSED = {
+    "radartwin view room --live": "serves until Ctrl-C; test_live.py serves a scene folder",
+    "radartwin view lab --live": "serves until Ctrl-C; test_live.py serves the laboratory",
     "radartwin run -m experiment=environment materials=vlm,uniform,void seed": "nine jobs of minutes; sweeps of small ones: test_faults.py",
     "radartwin run -m experiment=environment seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
     "radartwin run experiment=environment -m seed=0,1,2,3 --output": "needs a cluster: make test-slurm starts one",
