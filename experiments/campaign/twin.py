@@ -26,7 +26,7 @@ from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
-from radartwin.features.families import SETS
+from radartwin.features.families import feature_set
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
@@ -129,7 +129,7 @@ def _families(config: Config, case: Case) -> tuple[str, ...]:
     """Return the feature families that simulator=auto must preserve: the configured families that exist for the motion, else all of
     them.
     """
-    fit = set(SETS[config.features.name]) <= set(MOTION_FAMILIES[case.motion])
+    fit = set(feature_set(config.features.name)) <= set(MOTION_FAMILIES[case.motion])
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 

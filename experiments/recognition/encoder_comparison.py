@@ -25,9 +25,11 @@ from experiments.recognition.copies import rows_of_copies
 from experiments.recognition.figures import bars, label_curve
 from experiments.recognition.protocol import RecognitionRows, anchors, correct, scaled, seeds, settings
 from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
+from radartwin import plugins
 from radartwin.config.config import Config
+from radartwin.config.plugged import code_of
 from radartwin.io.progress import Progress
-from radartwin.recognize.learners import LEARNERS, Fitted
+from radartwin.recognize.learners import LEARNERS, Fitted, learner
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
 from radartwin.recognize.samples import Samples, join
@@ -61,6 +63,18 @@ RECORDINGS = "other recordings"
 Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the measured rows for each seed
 
 
+def methods() -> dict[str, tuple[str, str]]:
+    """Return METHODS, and one method for each learner of other packages (entry points of the group `radartwin.encoders`)."""
+    return METHODS | {name: (name, "description") for name in plugins.names(plugins.ENCODERS)}
+
+
+def identity() -> dict[str, Any]:
+    """Return additions to the run key: the source code of the learners of other packages."""
+    found = {name: plugins.find(plugins.ENCODERS, name, LEARNERS) for name in plugins.names(plugins.ENCODERS)}
+    code = {name: code_of(plugin) for name, plugin in found.items() if plugin is not None}
+    return {"encoders": code} if code else {}
+
+
 def run(config: Config, store: Store, progress: Progress) -> Result:
     return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
 
@@ -72,35 +86,36 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     for of in (measured, copies):
         of["features"] = scaled(of["features"])  # pictures have levels from 0 to 1
     fitted: dict[str, list[Fitted]] = {}
-    for method in progress.over(list(METHODS), "learners"):
+    reads = {method: learner(kind).reads for method, (kind, _) in methods().items()}
+    for method in progress.over(list(reads), "learners"):
         fitted[method] = fit_method(config, method, copies, measured)
     truth = measured["features"]
     chance = uniform_chance(truth)
-    curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*METHODS, RAW, SCRATCH, JOINT)}
+    curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*reads, RAW, SCRATCH, JOINT)}
     for method, some in fitted.items():
-        predicted = [one.predict(measured[LEARNERS[METHODS[method][0]].reads].unlabelled()) for one in some]
+        predicted = [one.predict(measured[reads[method]].unlabelled()) for one in some]
         claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else Claim()
         case = {"level": "label_free", "labels per class": 0, "method": method}
         curve[method].append(rows.share(case, correct(predicted, truth.label), truth, keys, chance, claim) | {"shots": 0})
-    embedded = {method: [one.embedded(measured[LEARNERS[METHODS[method][0]].reads]) for one in some] for method, some in fitted.items()} | {
+    embedded = {method: [one.embedded(measured[reads[method]]) for one in some] for method, some in fitted.items()} | {
         RAW: [truth] * len(seeds(config))
     }
     _add_shots(rows, embedded, copies["features"], truth, keys, chance, curve)
     _add_other_recordings(rows, embedded, truth, keys, chance)
     figures: dict[str, Callable[[], Figure]] = {
-        "encoder_comparison": lambda: bars({"no labels": {m: curve[m][0] for m in METHODS}}, "accuracy", grey=TREES),
+        "encoder_comparison": lambda: bars({"no labels": {m: curve[m][0] for m in reads}}, "accuracy", grey=TREES),
         "label_efficiency": lambda: label_curve({method: some for method, some in curve.items() if some}, chance),
     }
-    metrics = {f"accuracy_{method.replace(', ', '_').replace(' ', '_')}": float(curve[method][0]["value"]) for method in METHODS}
+    metrics = {f"accuracy_{method.replace(', ', '_').replace(' ', '_')}": float(curve[method][0]["value"]) for method in reads}
     return Result(TABLE.name, rows, figures, metrics | {"chance": chance}, keys)
 
 
 def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
     """Train the learner of a method on scaled rows of copies, once for each seed. Boosted trees draw nothing at random: they have one."""
-    kind, text = METHODS[method]
-    learner = LEARNERS[kind]
-    split, texts = label_free(copies[learner.reads], measured[learner.reads]), anchors(measured["features"].classes, text)
-    return [learner.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
+    kind, text = methods()[method]
+    chosen = learner(kind)
+    split, texts = label_free(copies[chosen.reads], measured[chosen.reads]), anchors(measured["features"].classes, text)
+    return [chosen.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
 
 
 def fit_with_labels(

@@ -104,8 +104,8 @@ def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, found) in enumerate(rows.items()):
         shots, value, low, high = (np.array([row[name] for row in found], float) for name in ("shots", "value", "low", "high"))
-        colour = PALETTE[number]
-        axis.plot(shots, value, color=colour, marker="os^DvPX"[number], ms=4, label=method)
+        colour = PALETTE[number % len(PALETTE)]
+        axis.plot(shots, value, color=colour, marker="os^DvPX"[number % 7], ms=4, label=method)
         axis.fill_between(shots, low, high, color=colour, alpha=0.2, lw=0)
     axis.axhline(chance, color="black", ls="--", lw=0.8, label="chance")
     ticks = sorted({int(row["shots"]) for found in rows.values() for row in found})

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.speed import signal_error
-from experiments.speed.methods import OURS, Method, counted_rays, published_seconds, rays_of
+from experiments.speed.methods import OURS, Method, counted_rays, rays_of
 from experiments.speed.problems import RADAR, Problem
+from radartwin.benchmark import signal_error
+from radartwin.benchmark.entrants import published_seconds
 from radartwin.simulation import variant
 from radartwin.simulation.backends import sionna_process
 from radartwin.store import array_cache
@@ -101,7 +102,10 @@ class Timed:
         """
         if self.method.published:
             settings = self.method.simulator.settings
-            seconds = [published_seconds(part, settings, RADAR, clock) for part in self.problem.parts]
+            seconds = [
+                published_seconds(part.scene, part.sensor[:1], {k: p[:1] for k, p in part.motion.items()}, settings, RADAR, clock)
+                for part in self.problem.parts
+            ]
             return float(np.mean(seconds)), float(np.mean(seconds))  # one thread works, so processor time is close to wall-clock time
         aside = ASIDE_M * next(self._calls) if moved or not self.problem.resting else 0.0
         began, wall = clock(), time.perf_counter()

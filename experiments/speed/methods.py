@@ -9,9 +9,9 @@ take the same time.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,6 @@ from radartwin.radar.chirp import Radar
 from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
-from radartwin.simulation.backends.rfgenesis_signal import direct_frame
 from radartwin.simulation.backends.sionna import RAYS, SionnaBackend
 from radartwin.simulation.curved import tube_grid
 from radartwin.simulation.paths import Paths
@@ -137,21 +136,6 @@ class ExactImages:
         pose, level, length, departure, arrival, order = (np.array(column) for column in zip(*found, strict=True))
         ends = length / 2, length / 2
         return [Paths(len(sensor_poses), pose, order, level[:, None], np.array([frequency]), *ends, departure, arrival, 0 * length)]
-
-
-def published_seconds(part: Part, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]) -> float:
-    """Return the seconds per frame of RF-Genesis with its own signal generator: trace time plus the number of sums times a sum's time."""
-    poses, motion = part.sensor[:1], {name: pose[:1] for name, pose in part.motion.items()}
-    began = clock()
-    hits = rfgenesis.trace(part.scene, radar, poses, motion, settings)
-    traced = clock() - began
-    seen = hits.distance[0] > rfgenesis.MIN_VISIBLE
-    distance = hits.distance[0, seen]
-    points = distance[:, None] * hits.directions[seen]
-    one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
-    began = clock()
-    direct_frame(points, points, distance, one)
-    return traced + (clock() - began) * radar.num_chirps * radar.num_tx * radar.num_rx
 
 
 @contextmanager

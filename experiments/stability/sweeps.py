@@ -19,7 +19,7 @@ import trimesh
 
 from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours, quiet
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
-from experiments.speed.signal_error import DYNAMIC_DB, compare
+from radartwin.benchmark.signal_error import DYNAMIC_DB, compare
 from experiments.validation.baselines import speed_read_mps
 from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
 from experiments.validation.oracles.nearfield import corner_quadrature

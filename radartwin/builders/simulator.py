@@ -13,7 +13,7 @@ from radartwin.adaptive.probe import Probe
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator, SimulatorConfig
 from radartwin.config.study import FeaturesConfig
 from radartwin.errors import ConfigError
-from radartwin.features.families import SETS
+from radartwin.features.families import SETS, feature_set
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.backend import backend, settings_of
 from radartwin.store.products import Store, save_json
@@ -43,7 +43,7 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
         known = "a turntable's whole turn, rail, depth or lateral"
         raise ConfigError(f"simulator=auto needs a target and a motion of known repeatability, {known}; or use simulator=mitsuba")
     available = MOTION_FAMILIES[motion]
-    families = available if config.name == "raw" else SETS[config.name]
+    families = available if config.name == "raw" else feature_set(config.name)
     if not set(families) <= set(available):
         fitting = [name for name, of in SETS.items() if name == "raw" or set(of) <= set(available)]
         raise ConfigError(f"simulator=auto: features={config.name} are not read from a {motion} recording; choose {' or '.join(fitting)}")

@@ -191,6 +191,13 @@ def _add_results(group: Verbs) -> None:
     whole = "per revolution, at least 13 (default: the radar's frames in trajectory.period_s)"
     train.add_argument("--frames", metavar="N", type=int, help=whole)
 
+    text = "simulators on six frozen problems with independent answers: errors and seconds per frame, in leaderboard.csv"
+    compare = _add(group, "benchmark", verbs.benchmark, text)
+    entrant = "a folder of signals, or a simulator by name; repeat it for more (default: the shipped methods)"
+    compare.add_argument("--method", metavar="NAME_OR_FOLDER", action="append", default=[], help=entrant)
+    compare.add_argument("--problem", metavar="NAME", action="append", default=[], help="one problem; repeat it for more (default: all)")
+    _output(compare)
+
     dashboard = _add(group, "dashboard", verbs.dashboard, "the MLflow server on loopback")
     dashboard.add_argument("--port", type=_port, help="default: 5000, or a free port if 5000 is taken")
     _output(dashboard)
@@ -265,9 +272,10 @@ def _distances(text: str) -> tuple[float, ...]:
 
 
 def _experiments() -> list[str]:
+    from radartwin import plugins
     from radartwin.config.compose import groups
 
     try:
-        return groups().get("experiment", [])
+        return [*groups().get("experiment", []), *plugins.names(plugins.EXPERIMENTS)]
     except MissingError:  # a broken installation can still print its help
         return ["none found"]

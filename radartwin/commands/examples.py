@@ -119,6 +119,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "for your turntable and radar",
         ),
     ),
+    "benchmark": (
+        ("radartwin benchmark", "the shipped methods on all problems"),
+        ("radartwin benchmark --method FOLDER", "signals of your own program, see docs/benchmark.md"),
+        ("radartwin benchmark --method ours --method points --problem near", "two methods on one problem"),
+    ),
     "dashboard": (
         ("radartwin dashboard", "the runs in outputs"),
         ("radartwin dashboard --port 0 --output /data/study", "the runs of another folder, on a free port"),

@@ -200,6 +200,16 @@ def train(options: argparse.Namespace) -> int:
     return train(options)
 
 
+def benchmark(options: argparse.Namespace) -> int:
+    from radartwin.benchmark.leaderboard import benchmark, table
+    from radartwin.io.progress import Progress
+
+    path, rows = benchmark(options.output, options.method, options.problem, Progress().say)
+    print(table(rows))
+    print(path)
+    return 0
+
+
 def dashboard(options: argparse.Namespace) -> int:
     from radartwin.config.compose import compose
     from radartwin.runs.dashboard import dashboard

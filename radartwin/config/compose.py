@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radartwin import plugins
 from radartwin.config import messages
 from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.trusted import check_secrets, check_targets
@@ -37,7 +38,10 @@ def conf_dir() -> Path:
 
 
 def groups() -> dict[str, list[str]]:
-    """Return the option names of each configuration group that the package contains: {"scene": ["empty", "lab", ...], ...}."""
+    """Return the option names of each configuration group that the package contains: {"scene": ["empty", "lab", ...], ...}.
+
+    Options of plug-ins are not included; see `plugins.names`.
+    """
     folders = sorted(d for d in conf_dir().iterdir() if d.is_dir() and d.name != "hydra")
     return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in folders}
 
@@ -91,11 +95,33 @@ class Composer:
         _register_schemas()
         GlobalHydra.instance().clear()
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            composed = hydra.compose(CONFIG_NAME, overrides=[*options, *self._search_path], return_hydra_config=True)
+            composed = _with_plugins(
+                lambda: hydra.compose(CONFIG_NAME, overrides=[*options, *self._search_path], return_hydra_config=True)
+            )
         check_targets(composed)
         with open_dict(composed):
             del composed["hydra"]
         return composed
+
+
+def _with_plugins(read: Callable[[], DictConfig]) -> DictConfig:
+    """Call `read` again after each option that only a plug-in provides, and check that no chosen option has two providers."""
+    from hydra.errors import MissingConfigException
+
+    from radartwin.config import plugged
+
+    tried: set[str] = set()
+    while True:
+        try:
+            composed = read()
+        except MissingConfigException as error:
+            missing = error.missing_cfg_file or ""
+            if missing in tried or not plugged.register(missing):
+                raise
+            tried.add(missing)
+        else:
+            plugged.check(composed.hydra.runtime.choices, groups())
+            return composed
 
 
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
@@ -221,7 +247,7 @@ def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
         yield
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(messages.explain(error)) from error
-    except ConfigError:
+    except (ConfigError, plugins.PluginError):
         raise
     except ValueError as error:  # Hydra raises ValueError if an override gives a group a number, a boolean or null
         for override in overrides:

@@ -12,7 +12,9 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from radartwin import plugins
 from radartwin.config.config import SCHEMAS, Config
+from radartwin.config.plugged import GROUPS
 
 LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # pip extra that installs each launcher
 
@@ -52,7 +54,8 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
         return f"hydra/launcher={extra} needs an extra: pip install 'radartwin[{extra}]'"
     if not group:
         return f"there is no configuration '{option}'"
-    return f"{group}={option} is not an option of {group}{_nearest(option, options)}; options: {', '.join(sorted(options))}"
+    options = sorted({*options, *(plugins.names(GROUPS[group]) if group in GROUPS else ())})
+    return f"{group}={option} is not an option of {group}{_nearest(option, options)}; options: {', '.join(options)}"
 
 
 def unknown_key(full_key: str, owner: Any) -> str:

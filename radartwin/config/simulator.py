@@ -93,4 +93,5 @@ class SionnaSimulator(SimulatorConfig):
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # number of rays that Sionna samples; null takes Sionna's default
     diffuse: bool = False  # whether Sionna computes diffuse scattering, whose paths it adds coherently
+    diffraction: bool = False  # whether Sionna computes one diffraction at an edge, and refraction
     separation_m: float = share(0.0)  # distance between transmitter and receiver in Sionna's path search; above 0, corners return paths

@@ -123,6 +123,7 @@ class FeaturesConfig:
 
     name: str = "raw"  # named group of features (radartwin/features/families.py): rotation | depth | lateral | raw
     without: list[str] = field(default_factory=list)  # names of feature families to leave out, such as brightness
+    code: str = ""  # digest of the source code of a plug-in's feature set, which is part of run keys
 
     def __post_init__(self) -> None:
         families(self.name, self.without)

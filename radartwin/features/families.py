@@ -4,14 +4,23 @@ The module imports no NumPy, so that the configuration can import it without del
 computed together (radartwin/features/sets.py). A feature set lists the families for one kind of motion and follows the section
 "motion-specific feature design" of the RadarTwin paper. A rotation shows the target's shape from all sides. A drive along the line of
 sight ("depth") shows range and multipath. A drive past the target, at right angles to the line of sight ("lateral"), shows the target over
-a limited span of viewing angles. The family brightness depends on the material of the target.
+a limited span of viewing angles. The family brightness depends on the material of the target. Another package may provide a feature set
+as an entry point of the group `radartwin.features` (docs/extending.md); its own families are named SET/FAMILY.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
+from radartwin import plugins
 from radartwin.errors import ConfigError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from radartwin.features.processed import Processed
 
 # The feature vector of a set contains the families in the listed order.
 SETS: dict[str, tuple[str, ...]] = {
@@ -20,6 +29,50 @@ SETS: dict[str, tuple[str, ...]] = {
     "lateral": ("harmonics", "envelope", "multipath", "window", "extent", "brightness"),
     "raw": ("profile",),
 }
+
+
+@dataclass(frozen=True)
+class FeatureSet:
+    """A feature set of another package.
+
+    Attributes:
+        families: names of the families in the order of the feature vector: built-in families, and names in `own`.
+        own: function of each family that the package adds. It takes a processed recording and the target's range (F,) in metres, and returns
+            feature values by name, each (F,) or a scalar. The feature of a recording is the mean over its F frames.
+        turntable: whether the target's range is the nominal one of a turntable. Otherwise it is tracked.
+    """
+
+    families: tuple[str, ...]
+    own: Mapping[str, Callable[[Processed, np.ndarray], Mapping[str, Any]]] = field(default_factory=dict)
+    turntable: bool = False
+
+
+def feature_set(name: str) -> tuple[str, ...]:
+    """Return the names of all families of a feature set.
+
+    Raises:
+        ConfigError: the feature set is unknown. PluginError: a plug-in of this name cannot be used.
+    """
+    plugin = plugins.find(plugins.FEATURES, name, SETS)
+    if plugin is not None:
+        found = plugged_in(plugin)
+        return tuple(f"{name}/{family}" if family in found.own else family for family in found.families)
+    if name not in SETS:
+        raise ConfigError(f"features.name={name} is unknown; options: {', '.join([*SETS, *plugins.names(plugins.FEATURES)])}")
+    return SETS[name]
+
+
+def plugged_in(plugin: plugins.Plugin) -> FeatureSet:
+    """Return the feature set of a plug-in. Raises PluginError if its object is no feature set of known families."""
+    found = plugins.load(plugin)
+    if not isinstance(found, FeatureSet):
+        raise plugins.refusal(plugin, f"{plugin.value} is no radartwin.features.families.FeatureSet")
+    known = {family for families in SETS.values() for family in families}
+    unknown = [family for family in found.families if family not in known and family not in found.own]
+    if unknown or not found.families or known & set(found.own):
+        reason = f"its families must be of {', '.join(sorted(known))}, or have a function and another name in own"
+        raise plugins.refusal(plugin, f"family '{unknown[0]}' is unknown; {reason}" if unknown else reason)
+    return found
 
 
 def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
@@ -34,12 +87,11 @@ def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
     >>> families("depth", ["window", "brightness"])
     ('track', 'multipath', 'extent')
     """
-    if name not in SETS:
-        raise ConfigError(f"features.name={name} is unknown; options: {', '.join(SETS)}")
+    known = feature_set(name)
     for family in without:
-        if family not in SETS[name]:
-            raise ConfigError(f"features.without: {family} is not in features={name}, which has {', '.join(SETS[name])}")
-    remaining = tuple(family for family in SETS[name] if family not in without)
+        if family not in known:
+            raise ConfigError(f"features.without: {family} is not in features={name}, which has {', '.join(known)}")
+    remaining = tuple(family for family in known if family not in without)
     if not remaining:
-        raise ConfigError(f"features.without excludes every family of features={name}; keep one of {', '.join(SETS[name])}")
+        raise ConfigError(f"features.without excludes every family of features={name}; keep one of {', '.join(known)}")
     return remaining

@@ -18,8 +18,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin import plugins
 from radartwin.features import envelope, extent, log, track, window
-from radartwin.features.families import families
+from radartwin.features.families import SETS, families, plugged_in
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate_energies, multipath_share
 
@@ -125,6 +126,31 @@ _FAMILIES: dict[str, Callable[[_Recording, bool], NamedValues]] = {
 }  # fmt: skip
 
 
+def _turns(name: str) -> bool:
+    """Return whether a feature set uses the nominal range of a target on a turntable."""
+    plugin = plugins.find(plugins.FEATURES, name, SETS)
+    return name == _TURNTABLE if plugin is None else plugged_in(plugin).turntable
+
+
+def _family(name: str) -> Callable[[_Recording, bool], NamedValues]:
+    """Return the function of a family. A family SET/FAMILY belongs to the feature set of a plug-in."""
+    of, separator, own = name.partition("/")
+    plugin = plugins.find(plugins.FEATURES, of, SETS) if separator else None
+    if plugin is None:
+        return _FAMILIES[name]
+
+    def plugged(recording: _Recording, per_frame: bool) -> NamedValues:
+        frames = recording.processed.num_frames
+        with plugins.calling(plugin, own):
+            found = plugged_in(plugin).own[own](recording.processed, recording.target_m)
+            rows = np.stack([np.broadcast_to(np.asarray(value, float), (frames,)) for value in found.values()], axis=1)
+        if not np.isfinite(rows).all():
+            raise plugins.refusal(plugin, f"{own} returned a value that is not finite")
+        return list(found), rows if per_frame else rows.mean(axis=0)
+
+    return plugged
+
+
 def vector(processed: Processed, motion_log: log.Log, name: str, without: Sequence[str] = ()) -> tuple[list[str], Real]:
     """Compute the features of one recording.
 
@@ -140,7 +166,7 @@ def vector(processed: Processed, motion_log: log.Log, name: str, without: Sequen
         ConfigError: the feature set or a family is unknown.
         InputError: the motion log does not fit the recording, or the target is not between NEAR_M and FAR_M.
     """
-    return read(processed, motion_log, families(name, without), turns=name == _TURNTABLE)
+    return read(processed, motion_log, families(name, without), turns=_turns(name))
 
 
 def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str], turns: bool) -> tuple[list[str], Real]:
@@ -153,7 +179,7 @@ def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str]
         turns: whether the target is on a turntable. If so, its nominal range replaces the tracked range.
     """
     recording = _Recording(processed, motion_log, turns)
-    parts = [_FAMILIES[family](recording, False) for family in families_read]
+    parts = [_family(family)(recording, False) for family in families_read]
     values = np.concatenate([np.asarray(values, dtype=np.float64) for _, values in parts])
     return [name for names, _ in parts for name in names], values
 
@@ -165,7 +191,7 @@ def frames(processed: Processed, motion_log: log.Log, name: str) -> tuple[list[s
         names: names of the features.
         values: feature values (F, features) of F frames.
     """
-    recording = _Recording(processed, motion_log, name == _TURNTABLE)
-    parts = [_FAMILIES[family](recording, True) for family in families(name)]
+    recording = _Recording(processed, motion_log, _turns(name))
+    parts = [_family(family)(recording, True) for family in families(name)]
     blocks = [np.broadcast_to(values, (processed.num_frames, len(names))) for names, values in parts]
     return [feature for names, _ in parts for feature in names], np.concatenate(blocks, axis=1).astype(np.float64)

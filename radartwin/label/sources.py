@@ -7,11 +7,12 @@ experiment knows the target's material and measures only the effect of the room.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 
+from radartwin import plugins
 from radartwin.errors import ConfigError, SceneError
 from radartwin.label.journal import Record
 from radartwin.label.labels import LABEL_KEYS, VLM, Label, belongs_to_room, labelled, relabelled
@@ -31,7 +32,8 @@ class MaterialSource(Protocol):
     The returned scene shares the mesh objects of the input scene.
     """
 
-    name: ClassVar[str]
+    @property
+    def name(self) -> str: ...
 
     def __call__(self, scene: Scene) -> Scene: ...
 
@@ -210,13 +212,51 @@ SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (U
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
-    """Make a material source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`."""
-    if name not in SOURCES:
-        raise ConfigError(f"materials={name} is not a material source; choose {', '.join(SOURCES)}")
+    """Make a material source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`.
+
+    Raises:
+        ConfigError: the name or an option is unknown. PluginError: a plug-in of this name cannot be used.
+    """
+    plugin = plugins.find(plugins.MATERIALS, name, SOURCES)
+    kind = SOURCES.get(name) if plugin is None else plugged_in(plugin)
+    if kind is None:
+        raise ConfigError(f"materials={name} is not a material source; choose {', '.join([*SOURCES, *plugins.names(plugins.MATERIALS)])}")
     try:
-        return SOURCES[name](**options)
+        source = kind(**options)
     except TypeError as error:
         raise ConfigError(f"materials={name} does not take {', '.join(options)}") from error
+    return source if plugin is None else _PluggedIn(source, plugin)
+
+
+@dataclass(frozen=True)
+class _PluggedIn:
+    """A plug-in's material source, whose mistakes become one line that names the package."""
+
+    inner: MaterialSource
+    plugin: plugins.Plugin
+
+    @property
+    def name(self) -> str:
+        return self.plugin.name
+
+    def __call__(self, scene: Scene) -> Scene:
+        with plugins.calling(self.plugin, "the call"):
+            found = self.inner(scene)
+        if not isinstance(found, Scene):
+            raise plugins.refusal(self.plugin, "the call returned something else than a radartwin.Scene")
+        return found
+
+
+def plugged_in(plugin: plugins.Plugin) -> Callable[..., MaterialSource]:
+    """Return the class of a plug-in's material source.
+
+    Raises:
+        PluginError: the plug-in cannot be imported, or its object is no dataclass of a material source.
+    """
+    kind = plugins.load(plugin)
+    if not (isinstance(kind, type) and is_dataclass(kind) and "__call__" in vars(kind)) or getattr(kind, "name", None) != plugin.name:
+        raise plugins.refusal(plugin, f"{plugin.value} is no dataclass with name = '{plugin.name}' and a method __call__(scene)")
+    return kind
 
 
 def _stand_in(material: str | Layered) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from typing import Any
 
 import miepython
@@ -11,12 +12,13 @@ import numpy as np
 import pytest
 
 from analysis.figures import choosing
-from experiments.speed import chart, chart_page, measuring, methods, problems, signal_error, speed_accuracy
+from experiments.speed import chart, chart_page, measuring, methods, problems, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
 from experiments.stability.sweeps import SWEEPS
 from experiments.validation.oracles import fullwave, furnished_motions, traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import corner_faces, cylinder_rcs
+from radartwin.benchmark import signal_error
 from radartwin.config.compose import compose
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
@@ -144,7 +146,7 @@ def test_ratios_compare_the_same_rounds() -> None:
 def test_one_sum_of_the_published_generator_equals_that_of_its_frame() -> None:
     points = np.array([[1.0, 0.1, 0.0], [1.5, -0.2, 0.1]])
     radar = Radar.iwr1843()
-    one = methods.replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
+    one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
     whole = direct_frame(points, points, np.ones(2), radar)
     assert whole.size == direct_frame(points, points, np.ones(2), one).size * radar.num_chirps * radar.num_tx * radar.num_rx
     assert direct_frame(points, points, np.ones(2), one)[0, 0, 0] == pytest.approx(whole[0, 0, 0])

@@ -1,15 +1,17 @@
 """Define the interface (Protocol) that all simulators implement, and functions that choose a simulator by name.
 
-To add a simulator, write a module with a settings dataclass and a class that implements the Protocol, and add a line to `_kinds`. The
-contract tests (tests/contract/test_simulators.py) then also test the new simulator.
+To add a simulator, write a settings dataclass and a class that implements the Protocol, and name the class in the entry-point group
+`radartwin.simulators` of your package (docs/extending.md). A built-in simulator has a line in `_kind` instead, and
+tests/contract/test_simulators.py tests it.
 """
 
 from collections.abc import Mapping
-from dataclasses import fields
-from typing import Any, ClassVar, Protocol
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
+from radartwin import plugins
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
@@ -24,11 +26,12 @@ class Backend(Protocol):
     """Find the propagation paths of a scene.
 
     Attributes:
-        name: name of the simulator, one of SIMULATORS. Recordings store this name.
+        name: name of the simulator. Recordings store this name.
         settings: dataclass instance with the simulator's settings. Recordings store these settings.
     """
 
-    name: ClassVar[str]
+    @property
+    def name(self) -> str: ...
 
     @property
     def settings(self) -> Any: ...
@@ -77,7 +80,7 @@ def backend(name: str, **settings: Any) -> Backend:
     """Return the simulator with the given name and settings.
 
     Args:
-        name: one of SIMULATORS.
+        name: one of SIMULATORS, or the name of a plug-in.
         settings: values for fields of the simulator's settings dataclass; all other fields have their defaults.
     Raises:
         InputError: the name or a setting is unknown, or a value is invalid. The message names the wrong argument.
@@ -85,14 +88,38 @@ def backend(name: str, **settings: Any) -> Backend:
     >>> backend("rfgenesis", version="corrected").settings.grid
     128
     """
-    kinds = _kinds()
-    if name not in kinds:
-        raise InputError(f"simulator {name!r} is not known; choose one of {', '.join(kinds)}")
-    kind, describe = kinds[name]
+    plugin = plugins.find(plugins.SIMULATORS, name, SIMULATORS)
+    kind, describe = _kind(name)
     known = [f.name for f in fields(describe)]
     if unknown := sorted(set(settings) - set(known)):
         raise InputError(f"simulator {name} has no setting {unknown[0]!r}; it has {', '.join(known)}")
-    return kind(describe(**settings))
+    if plugin is None:
+        return kind(describe(**settings))
+    with plugins.calling(plugin, f"{plugin.value}(...)"):
+        return _PluggedIn(kind(describe(**settings)), plugin)
+
+
+@dataclass(frozen=True)
+class _PluggedIn:
+    """A plug-in's simulator, whose mistakes become one line that names the package."""
+
+    inner: Any
+    plugin: plugins.Plugin
+
+    @property
+    def name(self) -> str:
+        return self.plugin.name
+
+    @property
+    def settings(self) -> Any:
+        return self.inner.settings
+
+    def paths(self, *arguments: Any, **options: Any) -> list[Paths]:
+        with plugins.calling(self.plugin, "paths"):
+            found = list(self.inner.paths(*arguments, **options))
+        if not all(isinstance(part, Paths) for part in found):
+            raise plugins.refusal(self.plugin, "paths returned something else than a list of radartwin.simulation.paths.Paths")
+        return found
 
 
 def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
@@ -116,19 +143,47 @@ def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
     return simulator
 
 
+def names(built_in: bool = True) -> list[str]:
+    """Return the names of all simulators: the built-in ones, if `built_in` is true, and those of plug-ins."""
+    return [*(SIMULATORS if built_in else ()), *plugins.names(plugins.SIMULATORS)]
+
+
 def settings_of(name: str) -> frozenset[str]:
     """Return the names of a simulator's settings."""
-    return frozenset(f.name for f in fields(_kinds()[name][1]))
+    return frozenset(f.name for f in fields(_kind(name)[1]))
 
 
-def _kinds() -> dict[str, tuple[Any, Any]]:
+def plugged_in(plugin: plugins.Plugin) -> tuple[Any, Any]:
+    """Return the class of a plug-in's simulator and the class of its settings.
+
+    Raises:
+        PluginError: the plug-in cannot be imported, or its object is no class of a simulator.
+    """
+    kind = plugins.load(plugin)
+    if not (isinstance(kind, type) and callable(getattr(kind, "paths", None))):
+        raise plugins.refusal(plugin, f"{plugin.value} is no class with a method paths(scene, radar, sensor_poses, motion, track)")
+    with plugins.calling(plugin, f"{plugin.value}()"):
+        settings = kind().settings
+    if not is_dataclass(settings) or getattr(kind, "name", None) != plugin.name:
+        raise plugins.refusal(plugin, f"{plugin.value} needs name = '{plugin.name}' and a dataclass in settings")
+    return kind, type(settings)
+
+
+def _kind(name: str) -> tuple[Any, Any]:
+    """Return the class of a simulator and the class of its settings. Raises InputError for an unknown name."""
     from radartwin.simulation.backends.rfgenesis import RFGenesisBackend, RFGenesisSettings
     from radartwin.simulation.backends.scatterers import PointBackend, PointSettings
     from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
 
-    return {
+    kinds = {
         "mitsuba": (MitsubaBackend, TraceSettings),
         "rfgenesis": (RFGenesisBackend, RFGenesisSettings),
         "points": (PointBackend, PointSettings),
         "sionna": (SionnaBackend, SionnaSettings),
     }
+    plugin = plugins.find(plugins.SIMULATORS, name, SIMULATORS)
+    if plugin is not None:
+        return plugged_in(plugin)
+    if name not in kinds:
+        raise InputError(f"simulator {name!r} is not known; choose one of {', '.join(names())}")
+    return kinds[name]

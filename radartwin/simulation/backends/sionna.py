@@ -48,6 +48,8 @@ class SionnaSettings:
         rays: number of rays per pose in all directions; None takes RAYS.
         diffuse: whether to add diffuse reflection. Its power is the power that roughness removes from the mirror reflection at normal
             incidence.
+        diffraction: whether to add paths with one diffraction at an edge (uniform theory of diffraction), also at free edges, and to let
+            Sionna refract. Sionna treats the faces at an edge as metal. Surfaces here reflect only, so refraction finds no further paths.
         separation_m: distance of the receiver from the transmitter while Sionna searches for paths, 0 to 1 m. The simulator computes
             lengths and angles of the paths for receiver and transmitter at one point.
         variant: Mitsuba variant: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
@@ -57,6 +59,7 @@ class SionnaSettings:
     max_bounces: int = 4
     rays: int | None = None
     diffuse: bool = False
+    diffraction: bool = False
     separation_m: float = 0.0
     variant: str = "auto"
     seed: int = 0
@@ -67,6 +70,7 @@ class SionnaSettings:
             check_whole("sionna: rays", self.rays, 1, MAX_RAYS)
         check_whole("sionna: seed", self.seed, 0, 2**32 - 1)
         check_flag("sionna: diffuse", self.diffuse)
+        check_flag("sionna: diffraction", self.diffraction)
         if not 0 <= self.separation_m <= 1:
             raise InputError(f"sionna: separation_m must be from 0 to 1 m, not {self.separation_m!r}")
 
@@ -86,7 +90,7 @@ class SionnaBackend:
         motion: Mapping[str, np.ndarray] | None = None,
         track: np.ndarray | None = None,
     ) -> list[Paths]:
-        """Return one `Paths` object with mirror reflections and one with diffuse paths. The arguments are those of `backend.Backend.paths`.
+        """Return one `Paths` object with mirror reflections and one with diffuse and diffracted paths. The arguments are those of `backend.Backend.paths`.
 
         If neither sensor nor surfaces move, the paths have a single pose.
 
@@ -103,7 +107,7 @@ class SionnaBackend:
         for text in sionna_limits.warnings_for(scene.surfaces, mesh, found, radar.wavelength_m, self.settings.diffuse):
             warnings.warn(text, stacklevel=2)
         usable = np.isfinite(found["amplitude"]).all(axis=1) & (found["face"][:, 0] >= 0)
-        sets = (usable & ~found["scattered"], usable & found["scattered"])
+        sets = (usable & found["mirrored"], usable & ~found["mirrored"])
         chosen = [{name: values[keep] if name != "frequencies_hz" else values for name, values in found.items()} for keep in sets]
         rates = [_rate(one, mesh, sensor_poses, self._offset, radar.frame_rate_hz) for one in chosen]
         parts = [_specular(chosen[0], mesh, sensor_poses, rates[0]), _scattered(chosen[1], sensor_poses, self._offset, rates[1])]
@@ -127,7 +131,7 @@ class SionnaBackend:
             "row": row[mesh.surface], "frequencies_hz": frequencies,
             "scattering": (scattering(scene.surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(row)))[mesh.surface],
             "sensor": sensor_poses, "offset_m": self._offset, "max_bounces": self.settings.max_bounces,
-            "samples": self.settings.rays or RAYS, "diffuse": diffuse, "seed": self.settings.seed,
+            "samples": self.settings.rays or RAYS, "diffuse": diffuse, "diffraction": self.settings.diffraction, "seed": self.settings.seed,
         })  # fmt: skip
         return answer | {"frequencies_hz": frequencies}
 
@@ -191,7 +195,7 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
 
 
 def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: np.ndarray, rate: np.ndarray) -> Paths:
-    """Build paths that contain a diffuse hit. Each path is the line through the hits that Sionna found."""
+    """Build paths that contain a diffuse hit or a diffraction. Each path is the line through the hits that Sionna found."""
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, offset)
     length = np.linalg.norm(legs, axis=2)

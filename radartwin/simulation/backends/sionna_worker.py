@@ -50,18 +50,19 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
             reflection tables te and tm (D, C, Q) have one row per material; row (T,) is the table row of each face. scattering (T,) is
             Sionna's scattering coefficient of each face. frequencies_hz (Q,) are the frequency nodes. sensor (F, 4, 4) are the sensor
             poses, and offset_m (3,) is the position of the receiver in the sensor frame in metres. max_bounces is the largest number of
-            reflections, samples the number of rays, diffuse whether to add diffuse reflection, and seed the random seed.
+            reflections, samples the number of rays, diffuse whether to add diffuse reflection, diffraction whether to add diffraction, and
+            seed the random seed.
     Returns:
         Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), `vertex`
-        (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; and `scattered` (N,), which
-        is true for paths with a diffuse hit. Q is the number of frequency nodes and D the largest number of hits of a path.
+        (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; `scattered` (N,), which
+        is true for paths with a diffuse hit; and `mirrored` (N,), which is true for paths of mirror reflections only. Q is the number of frequency nodes and D the largest number of hits of a path.
     """
     import mitsuba as mi
     from sionna.rt import PathSolver
 
     scene, material = _build(message)
     solver = PathSolver(deterministic=True)
-    vertices = message["vertices"]
+    vertices, diffraction = message["vertices"], bool(message["diffraction"])
     found: list[dict[str, np.ndarray]] = []
     for pose, sensor in enumerate(message["sensor"]):
         if pose and len(vertices) > 1:
@@ -71,7 +72,8 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         material.use(message["te"][..., 0], message["tm"][..., 0])
         paths = solver(
             scene, max_depth=int(message["max_bounces"]), samples_per_src=int(message["samples"]), los=False, specular_reflection=True,
-            diffuse_reflection=bool(message["diffuse"]), refraction=False, synthetic_array=True, seed=int(message["seed"]),
+            diffuse_reflection=bool(message["diffuse"]), refraction=diffraction, diffraction=diffraction, edge_diffraction=diffraction,
+            synthetic_array=True, seed=int(message["seed"]),
         )  # fmt: skip
         if paths._paths_buffer.buffer_size:
             found.append(_found(pose, scene, solver, paths, material, message))
@@ -135,13 +137,14 @@ def _found(pose: int, scene: Any, solver: Any, paths: Any, material: Any, messag
         "vertex": np.moveaxis(np.array(paths.vertices)[:, 0, 0, order], 0, 1).astype(float),
         "face": np.where(kind == InteractionType.NONE, -1, face.astype(np.int64)),
         "scattered": (kind == InteractionType.DIFFUSE).any(axis=1),
+        "mirrored": ((kind == InteractionType.NONE) | (kind == InteractionType.SPECULAR)).all(axis=1),
     }
 
 
 def _nothing(nodes: int) -> dict[str, np.ndarray]:
     return {
         "pose": np.zeros(0, int), "amplitude": np.zeros((0, nodes), complex), "length_m": np.zeros(0), "vertex": np.zeros((0, 1, 3)),
-        "face": np.zeros((0, 1), np.int64), "scattered": np.zeros(0, bool),
+        "face": np.zeros((0, 1), np.int64), "scattered": np.zeros(0, bool), "mirrored": np.zeros(0, bool),
     }  # fmt: skip
 
 
@@ -162,7 +165,7 @@ def _amplitudes(scene: Any, solver: Any, paths: Any, material: Any, message: dic
         material.use(message["te"][..., q], message["tm"][..., q])
         replayed = solver._field_calculator(
             wavelength=dr.opaque(mi.Float, SPEED_OF_LIGHT / frequency), paths=paths._paths_buffer,
-            samples_per_src=int(message["samples"]), diffraction=False,
+            samples_per_src=int(message["samples"]), diffraction=bool(message["diffraction"]),
             src_positions=source, tgt_positions=target, src_orientations=source_turn, tgt_orientations=target_turn,
             src_antenna_patterns=scene.tx_array.antenna_pattern.patterns, tgt_antenna_patterns=scene.rx_array.antenna_pattern.patterns,
         )  # fmt: skip

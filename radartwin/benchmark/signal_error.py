@@ -35,16 +35,29 @@ class Errors:
     gain_db: float  # gain in dB that minimises the rms difference of the profiles
 
 
-def profiles(iq: np.ndarray, radar: Radar) -> np.ndarray:
-    """Return range profiles (F, bins) in power between NEAR_M and FAR_M, from samples (F, chirps, tx, rx, samples)."""
+Gate = tuple[float, float]  # nearest and farthest range in metres
+
+
+def spectra(iq: np.ndarray, radar: Radar, gate_m: Gate) -> np.ndarray:
+    """Return the complex range spectra (F, tx, rx, bins) inside a range gate, from samples (F, chirps, tx, rx, samples)."""
     spectrum, range_m = range_fft(iq.mean(axis=1), radar)
-    return (np.abs(spectrum) ** 2).mean(axis=(1, 2))[:, (range_m >= NEAR_M) & (range_m <= FAR_M)]
+    return spectrum[..., (range_m >= gate_m[0]) & (range_m <= gate_m[1])]
 
 
-def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0) -> Errors:
+def profiles(iq: np.ndarray, radar: Radar, gate_m: Gate = (NEAR_M, FAR_M)) -> np.ndarray:
+    """Return range profiles (F, bins) in power inside a range gate, from samples (F, chirps, tx, rx, samples)."""
+    return (np.abs(spectra(iq, radar, gate_m)) ** 2).mean(axis=(1, 2))
+
+
+def compare(
+    pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0, gate_m: Gate | None = None
+) -> Errors:
     """Return the errors over pairs (samples of the method, samples of the reference). All pairs have equal weight.
 
-    The method's samples are first multiplied by the gain `gain_db`.
+    Args:
+        gain_db: gain by which the method's samples are multiplied first.
+        gate_m: ranges in which the reference is valid. The profiles are compared inside it, and the signal error is that of the complex
+            range spectra inside it. None compares the profiles from NEAR_M to FAR_M and the signals over all samples.
 
     >>> one = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
     >>> found = compare([(0.5 * one, one)], Radar.iwr1843())
@@ -52,8 +65,10 @@ def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_d
     (0.5, 6.02, 0.0, 6.0)
     """
     gain = 10 ** (gain_db / 20)
-    signal = np.sqrt(np.mean([np.linalg.norm(gain * a - b) ** 2 / np.linalg.norm(b) ** 2 for a, b in pairs]))
-    both = [(gain**2 * profiles(a, radar), profiles(b, radar)) for a, b in pairs]
+    signals = pairs if gate_m is None else [(spectra(a, radar, gate_m), spectra(b, radar, gate_m)) for a, b in pairs]
+    signal = np.sqrt(np.mean([np.linalg.norm(gain * a - b) ** 2 / np.linalg.norm(b) ** 2 for a, b in signals]))
+    gate_m = gate_m or (NEAR_M, FAR_M)
+    both = [(gain**2 * profiles(a, radar, gate_m), profiles(b, radar, gate_m)) for a, b in pairs]
     offset = float(np.mean([_db(a.sum() / b.sum()) for a, b in both]))
     rough = GAINS_DB[np.argmin([_rms(both, g) for g in GAINS_DB])]
     best = minimize_scalar(lambda g: _rms(both, g), bounds=(rough - 0.5, rough + 0.5), method="bounded")

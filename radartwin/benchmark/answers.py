@@ -1,0 +1,181 @@
+"""Read the frozen problems of the benchmark and check their SHA-256 checksums.
+
+    frozen/answers.json    version, licence, and for each problem: title, radar, surfaces, what the answer rests on and its known error
+    frozen/PROBLEM.npz     meshes, poses and answers of the scenarios of a problem
+
+An answer holds the samples of a single isotropic element that transmits and receives (docs/benchmark.md). The names of the arrays are
+SCENARIO/answer (S, N) complex, SCENARIO/sensor (F or 1, 4, 4), SCENARIO/motion/SURFACE (F, 4, 4), and SCENARIO/surface_I/vertices (V, 3),
+faces (T, 3) and normals (V, 3). S frames have an answer. The other frames, up to F, only serve to time a method.
+`experiments/generators/benchmark_answers.py` computes the files again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from radartwin.errors import InputError, MissingError
+from radartwin.io import files, untrusted_json
+from radartwin.radar.chirp import Radar
+from radartwin.scene.scene import Scene
+from radartwin.scene.storage import material_from_json
+from radartwin.scene.surface import Surface
+
+FOLDER = Path(__file__).parent / "frozen"
+INDEX, FORMAT = "answers.json", "radartwin benchmark answers 1"
+Array = np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """One recording of a problem.
+
+    Attributes:
+        scene: surfaces in world coordinates in metres; a surface named in `motion` is in its own coordinates.
+        sensor: (F, 4, 4) sensor-to-world poses, or (1, 4, 4) if the radar is at rest.
+        motion: (F, 4, 4) object-to-world poses of each moving surface.
+        radar: one transmitter, one receiver, one chirp per frame and isotropic elements.
+        answer: (S, N) complex samples of the first S frames, in amplitude units.
+    """
+
+    name: str
+    scene: Scene
+    sensor: Array
+    motion: Mapping[str, Array]
+    radar: Radar
+    answer: Array
+
+    @property
+    def scored(self) -> int:
+        """Number of frames that have an answer."""
+        return len(self.answer)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of the whole recording."""
+        return max(len(poses) for poses in (self.sensor, *self.motion.values()))
+
+    def poses(self, frames: int) -> tuple[Array, dict[str, Array]]:
+        """Return the sensor poses and the motion of the first `frames` frames."""
+        return self.sensor[:frames], {name: poses[:frames] for name, poses in self.motion.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A group of scenarios whose errors are averaged.
+
+    Attributes:
+        rests_on: what the answer is computed with.
+        known_error: signal error to which the answer is known, and `known_by` says how it is known.
+        gate_m: nearest and farthest range in metres in which the answer is valid and methods are scored.
+    """
+
+    name: str
+    title: str
+    rests_on: str
+    known_error: float
+    known_by: str
+    gate_m: tuple[float, float]
+    radar: Radar
+    scenarios: tuple[Scenario, ...]
+
+
+@cache
+def index(folder: Path = FOLDER) -> dict[str, Any]:
+    """Read answers.json. Raises MissingError or InputError."""
+    path = folder / INDEX
+    if not path.is_file():
+        raise MissingError(f"{path}: the answers of the benchmark are missing; install radartwin again")
+    try:
+        content = untrusted_json.read(path)
+    except ValueError as error:
+        raise InputError(f"{path} is not readable ({error}); install radartwin again") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{path}: its format is not '{FORMAT}'; install radartwin again")
+    return content
+
+
+def version(folder: Path = FOLDER) -> str:
+    return str(index(folder)["version"])
+
+
+def names(folder: Path = FOLDER) -> list[str]:
+    return list(index(folder)["problems"])
+
+
+@cache
+def problem(name: str, folder: Path = FOLDER) -> Problem:
+    """Read one problem.
+
+    Raises:
+        InputError: the name is unknown, or the file does not have the checksum in answers.json.
+        MissingError: the file is absent.
+
+    >>> found = problem("near")
+    >>> found.scenarios[0].answer.shape
+    (11, 256)
+    """
+    entries = index(folder)["problems"]
+    if name not in entries:
+        raise InputError(f"problem {name!r} is not known; choose one of {', '.join(entries)}")
+    entry = entries[name]
+    path = files.inside(folder, entry["file"])
+    if not path.is_file():
+        raise MissingError(f"{path}: the answers of problem {name} are missing; install radartwin again")
+    content = path.read_bytes()
+    found = hashlib.sha256(content).hexdigest()
+    if found != entry["sha256"]:
+        raise InputError(
+            f"{path} has the SHA-256 checksum {found[:12]}..., but {INDEX} of version {version(folder)} says {entry['sha256'][:12]}...; "
+            "install radartwin again"
+        )
+    arrays = files.read_arrays(path)
+    radar = radar_of(entry["radar"])
+    scenarios = tuple(_scenario(key, surfaces, arrays, radar) for key, surfaces in entry["scenarios"].items())
+    near, far = entry["gate_m"]
+    return Problem(name, entry["title"], entry["rests_on"], entry["known_error"], entry["known_by"], (near, far), radar, scenarios)
+
+
+def problems(folder: Path = FOLDER) -> list[Problem]:
+    """Return all problems of the benchmark."""
+    return [problem(name, folder) for name in names(folder)]
+
+
+def radar_of(described: Mapping[str, Any]) -> Radar:
+    """Return the radar of a problem: one chirp per frame, one transmitter and one receiver, both isotropic."""
+    positions = {name: (tuple(described[name]),) for name in ("tx_positions_m", "rx_positions_m")}
+    rates = {name: described[name] for name in ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "num_samples", "frame_rate_hz")}
+    return Radar(name="benchmark", num_chirps=1, chirp_interval=described["chirp_interval"], element="isotropic", **rates, **positions)
+
+
+def _scenario(name: str, surfaces: list[dict[str, Any]], arrays: Mapping[str, Array], radar: Radar) -> Scenario:
+    made = []
+    for number, surface in enumerate(surfaces):
+        part = f"{name}/surface_{number}"
+        mesh = trimesh.Trimesh(
+            arrays[f"{part}/vertices"], arrays[f"{part}/faces"], vertex_normals=arrays[f"{part}/normals"], process=False
+        )
+        made.append(Surface(mesh, material_from_json(surface["material"]), surface["name"], role=surface["role"]))
+    start = f"{name}/motion/"
+    motion = {key.removeprefix(start): value for key, value in arrays.items() if key.startswith(start)}
+    return Scenario(name, Scene(made), arrays[f"{name}/sensor"], motion, radar, arrays[f"{name}/answer"])
+
+
+def packed(arrays: Mapping[str, Array]) -> bytes:
+    """Return the content of an .npz file. Equal arrays give equal bytes, because the entries carry no time."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in arrays.items():
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.ascontiguousarray(array), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), content.getvalue(), zipfile.ZIP_DEFLATED)
+    return out.getvalue()

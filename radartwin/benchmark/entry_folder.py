@@ -1,0 +1,156 @@
+"""Write and read a folder of signals, with which a method outside RadarTwin enters the benchmark (docs/benchmark.md).
+
+    FOLDER/method.json     name of the method; for each problem: file, SHA-256, frequency grid, shapes, seconds per frame
+    FOLDER/PROBLEM.npz     one complex array (S, N) per scenario: S frames with N samples. A problem with one scenario may be a .npy file
+
+A folder may leave out problems, but not single scenarios of a problem.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.benchmark import answers
+from radartwin.benchmark.answers import Problem
+from radartwin.errors import InputError, MissingError
+from radartwin.io import files, untrusted_json
+from radartwin.radar.chirp import Radar
+
+DESCRIPTION, FORMAT = "method.json", "radartwin benchmark entry 1"
+SAME_HZ = 1e3  # a frequency that is wrong by this much turns a path of 11 m by 1e-4 of a revolution
+REMEDY = "radartwin.benchmark.entry_folder.write writes correct folders"
+Signals = Mapping[str, np.ndarray]
+
+
+def frequency_grid(radar: Radar) -> dict[str, float | int]:
+    """Return the frequencies of the samples of a chirp: the first in Hz, the step in Hz, and their number."""
+    step = radar.slope_hz_per_s / radar.sample_rate_hz
+    return {"start_hz": radar.start_frequency_hz, "step_hz": step, "samples": radar.num_samples}
+
+
+def write(
+    folder: str | Path, method: str, signals: Mapping[str, Signals], seconds_per_frame: Mapping[str, float], machine: str = ""
+) -> Path:
+    """Write the signals of a method. The file method.json is written last.
+
+    Args:
+        signals: by problem and scenario, complex samples (S, N) in amplitude units.
+        seconds_per_frame: by problem, wall seconds per frame of the method.
+    Raises:
+        InputError: a problem or scenario is unknown or absent, or has a wrong shape.
+        OutputError: the folder cannot be written.
+    """
+    folder, entries = Path(folder), {}
+    for name, given in signals.items():
+        problem = answers.problem(name)
+        arrays = _checked(problem, {key: np.asarray(value) for key, value in given.items()}, f"{method}: problem {name}")
+        content = answers.packed(arrays)
+        files.write_atomically(folder / f"{name}.npz", content)
+        entries[name] = {
+            "file": f"{name}.npz", "sha256": hashlib.sha256(content).hexdigest(), "frequencies": frequency_grid(problem.radar),
+            "shapes": {key: list(value.shape) for key, value in arrays.items()}, "seconds_per_frame": float(seconds_per_frame[name]),
+        }  # fmt: skip
+    described = {"format": FORMAT, "method": method, "machine": machine, "answers_version": answers.version(), "problems": entries}
+    files.write_atomically(folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
+    return folder
+
+
+def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.ndarray], float]]]:
+    """Read a folder of signals.
+
+    Returns:
+        The content of method.json, and by problem the signals (S, N) of each scenario and the seconds per frame.
+    Raises:
+        MissingError: a file is absent.
+        InputError: a file is damaged, or has another version, checksum, frequency grid or shape than it must have.
+    """
+    path = folder / DESCRIPTION
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file; a folder of signals has {DESCRIPTION}, and {REMEDY}")
+    try:
+        described = untrusted_json.read(path)
+    except ValueError as error:
+        raise InputError(f"{path} is no JSON ({error}); {REMEDY}") from error
+    if not isinstance(described, dict) or described.get("format") != FORMAT:
+        raise InputError(f"{path}: 'format' must be '{FORMAT}'; {REMEDY}")
+    if not isinstance(described.get("method"), str) or not described["method"]:
+        raise InputError(f"{path}: 'method' must be the name of the method; {REMEDY}")
+    if described.get("answers_version") != answers.version():
+        raise InputError(
+            f"{path}: answers_version is {described.get('answers_version')!r}, but this benchmark has version {answers.version()!r}; "
+            "run the method on the problems of this version"
+        )
+    problems = described.get("problems")
+    if not isinstance(problems, dict) or not problems:
+        raise InputError(f"{path}: 'problems' must list at least one of {', '.join(answers.names())}")
+    return described, {name: _problem(folder, name, entry) for name, entry in problems.items()}
+
+
+def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray], float]:
+    where = f"{folder / DESCRIPTION}, problem {name}"
+    if name not in answers.names():
+        raise InputError(f"{where}: this problem is not known; choose of {', '.join(answers.names())}")
+    if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
+        raise InputError(f"{where}: 'file' must name the .npz file; {REMEDY}")
+    problem = answers.problem(name)
+    _check_frequencies(problem.radar, entry.get("frequencies"), where)
+    seconds = entry.get("seconds_per_frame")
+    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not (math.isfinite(seconds) and seconds > 0):
+        raise InputError(f"{where}: seconds_per_frame is {seconds!r}; give the wall seconds per frame, above 0")
+    path = files.inside(folder, entry["file"])
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file, but {where} names it; copy it into the folder")
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found != entry.get("sha256"):
+        raise InputError(f"{path} has the SHA-256 checksum {found[:12]}..., not that of {where}; write the folder again")
+    arrays = _arrays(path, problem)
+    shapes = entry.get("shapes")
+    if shapes != {key: list(value.shape) for key, value in arrays.items()}:
+        raise InputError(f"{where}: 'shapes' differs from the arrays in {path.name}; {REMEDY}")
+    return _checked(problem, arrays, str(path)), float(seconds)
+
+
+def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
+    if path.suffix != ".npy":
+        return files.read_arrays(path)
+    if len(problem.scenarios) > 1:
+        raise InputError(f"{path}: problem {problem.name} has {len(problem.scenarios)} scenarios; put one array for each into an .npz file")
+    return {problem.scenarios[0].name: files.read_array(path)}
+
+
+def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
+    wanted = frequency_grid(radar)
+    if not isinstance(given, dict) or set(given) != set(wanted) or not all(isinstance(v, int | float) for v in given.values()):
+        raise InputError(f"{where}: 'frequencies' must give {', '.join(wanted)}; this problem has {_grid(wanted)}")
+    last = {name: grid["start_hz"] + grid["step_hz"] * grid["samples"] for name, grid in (("given", given), ("wanted", wanted))}
+    apart = max(abs(given["start_hz"] - wanted["start_hz"]), abs(last["given"] - last["wanted"]))
+    if given["samples"] != wanted["samples"] or not apart < SAME_HZ:
+        raise InputError(f"{where}: the frequency grid is {_grid(given)}, but the problem has {_grid(wanted)}; compute at these frequencies")
+
+
+def _grid(grid: Mapping[str, Any]) -> str:
+    return f"{grid['samples']} samples from {grid['start_hz']:.0f} Hz in steps of {grid['step_hz']:.3f} Hz"
+
+
+def _checked(problem: Problem, arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
+    """Return the arrays in the order of the problem's scenarios. Raises InputError for a missing or unknown scenario or a wrong array."""
+    wanted = {scenario.name: scenario.answer.shape for scenario in problem.scenarios}
+    for key in (*wanted, *arrays):
+        if key not in arrays:
+            raise InputError(f"{where}: the array of scenario '{key}' is missing; the problem has {', '.join(wanted)}")
+        if key not in wanted:
+            raise InputError(f"{where}: there is no scenario '{key}'; the problem has {', '.join(wanted)}")
+        array = arrays[key]
+        if array.shape != wanted[key]:
+            frames, samples = wanted[key]
+            raise InputError(f"{where}: scenario '{key}' has the shape {array.shape}, but needs ({frames}, {samples}), frames by samples")
+        if array.dtype.kind not in "fc" or not np.isfinite(array).all():
+            raise InputError(f"{where}: scenario '{key}' needs finite complex samples")
+    return {key: arrays[key] for key in wanted}

@@ -1,0 +1,129 @@
+"""Score methods on the problems of the benchmark and write the leaderboard, OUTPUT/benchmark/leaderboard.csv.
+
+Rows of other methods that an earlier run wrote for the same version of the answers are kept.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radartwin.benchmark import answers, entrants, entry_folder
+from radartwin.benchmark.answers import Problem
+from radartwin.benchmark.signal_error import Errors, compare
+from radartwin.errors import InputError
+from radartwin.io import files
+
+FOLDER, NAME = "benchmark", "leaderboard.csv"
+COLUMNS = (
+    "method", "problem", "profile_error_db", "signal_error", "seconds_per_frame", "answers_version", "profile_error_after_gain_db",
+    "level_db", "frames", "answer_error", "answer_rests_on", "machine",
+)  # fmt: skip
+Row = dict[str, Any]
+
+
+def score(problem: Problem, signals: Mapping[str, np.ndarray]) -> Errors:
+    """Return the errors of the signals (S, N) of each scenario of a problem; all scenarios have equal weight."""
+    pairs = [(signals[one.name][:, None, None, None], one.answer[:, None, None, None]) for one in problem.scenarios]
+    return compare(pairs, problem.radar, gate_m=problem.gate_m)
+
+
+def row(method: str, problem: Problem, signals: Mapping[str, np.ndarray], seconds: float, machine: str) -> Row:
+    errors = score(problem, signals)
+    frames = sum(scenario.scored for scenario in problem.scenarios)
+    values = (
+        method, problem.name, f"{errors.profile_db:.3f}", f"{errors.signal:.4f}", f"{seconds:.3g}", answers.version(),
+        f"{errors.free_db:.3f}", f"{errors.offset_db:.2f}", frames, problem.known_error, problem.rests_on, machine,
+    )  # fmt: skip
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: Callable[[str], None]) -> tuple[Path, list[Row]]:
+    """Score methods, each a folder of signals or the name of a simulator, and write the leaderboard after each method.
+
+    Args:
+        methods: names or folders; without any, all of `entrants.METHODS`.
+        chosen: names of the problems; without any, all. A folder is scored on those that it has.
+    Returns: the path of the leaderboard and its rows.
+    Raises:
+        InputError, MissingError: a method or problem is unknown, or a folder is wrong. All arguments are checked before the first run.
+        OutputError: the leaderboard cannot be written.
+    """
+    path = output / FOLDER / NAME
+    files.sweep(files.check_folder(path.parent))
+    kept = _read(path)
+    problems = [answers.problem(name) for name in chosen or answers.names()]
+    entered = [_entered(name) for name in methods or [one.name for one in entrants.METHODS]]
+    for one in entered:
+        rows = one(problems, say)
+        kept = [old for old in kept if (old["method"], old["problem"]) not in {(new["method"], new["problem"]) for new in rows}] + rows
+        kept = [old for old in kept if old["answers_version"] == answers.version()]
+        files.write_atomically(path, _text(kept))
+    return path, kept
+
+
+def machine() -> str:
+    """Return the processor and the operating system of this machine."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor())
+    return f"{model or platform.machine()}, {platform.system()}"
+
+
+def _entered(name: str) -> Callable[[Sequence[Problem], Callable[[str], None]], list[Row]]:
+    """Check a method and return the function that scores it on problems."""
+    folder = Path(name)
+    if folder.is_dir() or "/" in name:
+        described, entries = entry_folder.read(folder)
+
+        def from_folder(problems: Sequence[Problem], say: Callable[[str], None]) -> list[Row]:
+            found = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]
+            if not found:
+                raise InputError(f"{folder} has none of the chosen problems; it has {', '.join(entries)}")
+            return [row(described["method"], *one, str(described.get("machine") or "")) for one in found]
+
+        return from_folder
+    method = entrants.method(name)
+
+    def simulated(problems: Sequence[Problem], say: Callable[[str], None]) -> list[Row]:
+        out = []
+        for problem in problems:
+            out.append(row(name, problem, *entrants.solve(method, problem), machine()))
+            say(f"{name}, {problem.name}: {out[-1]['profile_error_db']} dB, {out[-1]['seconds_per_frame']} s per frame")
+        return out
+
+    return simulated
+
+
+def _read(path: Path) -> list[Row]:
+    """Read an earlier leaderboard. Raises InputError if the file has other columns."""
+    if not path.is_file():
+        return []
+    reader = csv.DictReader(io.StringIO(path.read_text(encoding="utf-8", errors="replace")))
+    if tuple(reader.fieldnames or ()) != COLUMNS:
+        raise InputError(f"{path} is no leaderboard of this version, it has other columns; move it or choose another --output")
+    return list(reader)
+
+
+def _text(rows: Sequence[Row]) -> str:
+    out = io.StringIO()
+    writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the main columns of the leaderboard as text."""
+    shown = COLUMNS[:5]
+    lines = [shown, *([str(one[column]) for column in shown] for one in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(shown))]
+    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines)

@@ -1,0 +1,185 @@
+"""Make configuration options of plug-ins: `simulator=NAME`, `materials=NAME`, `features=NAME` and `experiment=NAME`.
+
+A plug-in needs no configuration file. The option's keys are the fields of the plug-in's dataclass, with their types and defaults. The field
+`code` holds the digest of the plug-in's source code, so that stored results are computed again when this code changes. Worker processes
+unpickle a configuration by the names of its classes, and `__getattr__` of this module makes the class of a plug-in again there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+from radartwin import plugins
+from radartwin.config.config import SCHEMAS
+from radartwin.config.materials import MaterialsConfig
+from radartwin.config.simulator import SimulatorConfig
+from radartwin.config.study import FeaturesConfig
+from radartwin.errors import ConfigError, MissingError
+from radartwin.plugins import EXPERIMENTS, FEATURES, MATERIALS, SIMULATORS, Plugin
+from radartwin.store import digest
+
+GROUPS = {"simulator": SIMULATORS, "materials": MATERIALS, "features": FEATURES, "experiment": EXPERIMENTS}
+_SCALARS = (int, float, str, bool)
+
+
+def _check_code(config: Any, group: str) -> None:
+    if config.code != type(config).code:
+        raise ConfigError(f"{group}.code is the digest of the plug-in's source code and cannot be set; leave it out")
+
+
+@dataclasses.dataclass
+class PluginSimulator(SimulatorConfig):
+    """Base of the options of simulators in other packages."""
+
+    code: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_code(self, "simulator")
+
+    def settings(self) -> dict[str, Any]:
+        return {name: value for name, value in super().settings().items() if name != "code"}
+
+
+@dataclasses.dataclass
+class PluginMaterials(MaterialsConfig):
+    """Base of the options of material sources in other packages. A field `seed` of the source takes the configured seed."""
+
+    code: str = ""
+    seeded: typing.ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_code(self, "materials")
+
+    def arguments(self, seed: int) -> dict[str, Any]:
+        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("source", "code")}
+        return own | ({"seed": seed} if self.seeded else {})
+
+
+def register(config_file: str) -> bool:
+    """Add the option of a plug-in to Hydra's ConfigStore.
+
+    Args:
+        config_file: GROUP/OPTION, as Hydra names a missing option.
+    Returns: whether a plug-in has this name.
+    Raises:
+        PluginError: the plug-in cannot be used.
+    """
+    from hydra.core.config_store import ConfigStore
+
+    group, _, option = config_file.removesuffix(".yaml").rpartition("/")
+    plugin = plugins.find(GROUPS[group], option) if group in GROUPS else None
+    if plugin is None:
+        return False
+    if group == "experiment":
+        ConfigStore.instance().store(group=group, name=option, node=_experiment(plugin), package="_global_")
+    elif group == "features":
+        ConfigStore.instance().store(group=group, name=option, node=_features(plugin))
+    else:
+        schema = _schema(plugin)
+        SCHEMAS[group][option] = schema
+        ConfigStore.instance().store(group=group, name=option, node=schema)
+    return True
+
+
+def check(choices: Mapping[str, Any], options: Mapping[str, list[str]]) -> None:
+    """Raise PluginError if a chosen option is both a built-in option, as listed in `options`, and the name of a plug-in."""
+    for group, entry_points in GROUPS.items():
+        plugins.check(entry_points, str(choices.get(group)), options.get(group, []))
+
+
+def code_of(plugin: Plugin) -> str:
+    """Return the digest of a plug-in's source code, or of its version if it has no Python source."""
+    digest.include(plugin.module.partition(".")[0])
+    try:
+        return digest.source_digest((plugin.module,))
+    except (ConfigError, MissingError):
+        from importlib import metadata
+
+        return digest.spec_digest([plugin.package, metadata.version(plugin.package)])
+
+
+@functools.cache
+def _schema(plugin: Plugin) -> type:
+    """Return the configuration dataclass of a simulator or a material source."""
+    if plugin.group == SIMULATORS:
+        from radartwin.simulation.backends.backend import plugged_in as simulator
+
+        owner, base, selector = simulator(plugin)[1], PluginSimulator, "backend"
+    else:
+        from radartwin.label.sources import plugged_in as source
+
+        owner, base, selector = source(plugin), PluginMaterials, "source"
+    inherited = {field.name for field in dataclasses.fields(base)}
+    hints = typing.get_type_hints(owner)
+    own = []
+    for field in dataclasses.fields(owner):
+        if field.name == "variant" and base is PluginSimulator:
+            continue  # every simulator has this key
+        if field.name == "seed" and base is PluginMaterials:
+            continue
+        if field.name in inherited:
+            raise plugins.refusal(plugin, f"the setting '{field.name}' has the name of a key that every option has")
+        own.append((field.name, _typed(plugin, field.name, hints[field.name]), _default(plugin, field)))
+    made = dataclasses.make_dataclass(
+        _class_name(plugin), [*own, (selector, str, plugin.name), ("code", str, code_of(plugin))], bases=(base,),
+        namespace={"__module__": __name__, "__doc__": f"The option of {plugin}.", "seeded": "seed" in hints},
+    )  # fmt: skip
+    made.__module__ = __name__
+    return made
+
+
+def _typed(plugin: Plugin, name: str, hint: Any) -> Any:
+    """Return the type of a setting for OmegaConf: a scalar, a list of scalars, or either with None."""
+    options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    kinds = [one for one in options if one is not type(None)]
+    (kind,) = kinds if len(kinds) == 1 else (None,)
+    if typing.get_origin(kind) is typing.Literal:
+        kind = str if all(isinstance(value, str) for value in typing.get_args(kind)) else None
+    item = typing.get_args(kind)[0] if typing.get_origin(kind) is list and typing.get_args(kind) else kind
+    if item not in _SCALARS:
+        raise plugins.refusal(plugin, f"the setting '{name}' must be int, float, str, bool, a list of these, or one of these with None")
+    return kind if len(options) == 1 else kind | None
+
+
+def _default(plugin: Plugin, field: dataclasses.Field) -> Any:
+    if field.default_factory is not dataclasses.MISSING:
+        return dataclasses.field(default_factory=field.default_factory)
+    if field.default is dataclasses.MISSING:
+        raise plugins.refusal(plugin, f"the setting '{field.name}' needs a default value")
+    return dataclasses.field(default=field.default)
+
+
+def _features(plugin: Plugin) -> FeaturesConfig:
+    return FeaturesConfig(name=plugin.name, code=code_of(plugin))
+
+
+def _experiment(plugin: Plugin) -> dict[str, Any]:
+    """Return the option of an experiment. The module may name options of other groups in OVERRIDES, such as {"scene": "void"}."""
+    module = plugins.load(plugin)
+    if not isinstance(module, types.ModuleType) or not callable(getattr(module, "run", None)):
+        raise plugins.refusal(plugin, f"{plugin.value} is no module with a function run(config, store, progress)")
+    overrides = getattr(module, "OVERRIDES", {})
+    if not isinstance(overrides, Mapping) or not all(isinstance(part, str) for pair in overrides.items() for part in pair):
+        raise plugins.refusal(plugin, "OVERRIDES must map names of groups to names of options")
+    defaults = [{f"override /{group}": option} for group, option in overrides.items()]
+    return {"defaults": [*defaults, "_self_"], "experiment": {"name": plugin.name, "module": plugin.module}}
+
+
+def _class_name(plugin: Plugin) -> str:
+    return f"{plugin.group.removeprefix('radartwin.')}_{plugin.name}"
+
+
+def __getattr__(name: str) -> Any:
+    group, _, option = name.partition("_")
+    entry_points = f"radartwin.{group}"
+    plugin = plugins.find(entry_points, option) if entry_points in (SIMULATORS, MATERIALS) else None
+    if plugin is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return _schema(plugin)

@@ -1,0 +1,124 @@
+"""Find simulators, material sources, feature sets, encoders and experiments that other installed packages provide.
+
+A package names its plug-ins in the entry points of one of GROUPS, for example
+
+    [project.entry-points."radartwin.simulators"]
+    echoes = "echo_package.backend:EchoBackend"
+
+A name is found without importing the package; `load` imports it. docs/extending.md describes the object of each group.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import re
+import sys
+import traceback
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from radartwin.errors import InputError, UserError
+
+SIMULATORS, MATERIALS, FEATURES, ENCODERS, EXPERIMENTS = GROUPS = (
+    "radartwin.simulators", "radartwin.materials", "radartwin.features", "radartwin.encoders", "radartwin.experiments",
+)  # fmt: skip
+_NAME = re.compile(r"[A-Za-z_]\w*")
+
+
+class PluginError(InputError):
+    """Raised if a plug-in clashes with another name, cannot be imported or does not provide what its group needs."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """One plug-in: its group and name, the distribution that provides it, and the object, as "module" or "module:attribute"."""
+
+    group: str
+    name: str
+    package: str
+    value: str
+
+    @property
+    def module(self) -> str:
+        return self.value.partition(":")[0].strip()
+
+    def __str__(self) -> str:
+        return f"plug-in '{self.name}' of package {self.package} ({self.group})"
+
+
+def names(group: str) -> list[str]:
+    """Return the names of the plug-ins of a group, sorted."""
+    return sorted({plugin.name for plugin in _installed(tuple(sys.path)) if plugin.group == group})
+
+
+def check(group: str, name: str, built_in: Collection[str]) -> None:
+    """Raise PluginError if several packages provide the name, or if it is also the name of an option in `built_in`."""
+    found = _found(group, name)
+    if found and name in built_in:
+        raise PluginError(f"{found[0]} has the name of a built-in option; uninstall {found[0].package}, or rename the plug-in")
+    if len(found) > 1:
+        packages = " and ".join(plugin.package for plugin in found)
+        raise PluginError(f"packages {packages} both provide '{name}' in {group}; uninstall one of them")
+    if found and not _NAME.fullmatch(name):
+        raise PluginError(f"{found[0]}: a name needs letters, digits and underscores only, and no digit at its start")
+
+
+def find(group: str, name: str, built_in: Collection[str] = ()) -> Plugin | None:
+    """Return the plug-in of this name; None if no package provides it. Raises PluginError, see `check`."""
+    check(group, name, built_in)
+    return next(iter(_found(group, name)), None)
+
+
+def load(plugin: Plugin) -> Any:
+    """Import a plug-in and return its object. Raises PluginError in one line that names the package if this fails."""
+    try:
+        return _loaded(plugin)
+    except (Exception, SystemExit) as error:  # code of another package may raise anything
+        raise refusal(plugin, f"its import raised {type(error).__name__}: {_first_line(error)}") from error
+
+
+def refusal(plugin: Plugin, reason: str) -> PluginError:
+    """Return the error that a plug-in cannot be used for a reason."""
+    return PluginError(f"{plugin} cannot be used: {reason}; correct or uninstall {plugin.package}")
+
+
+@functools.cache
+def _loaded(plugin: Plugin) -> Any:
+    return metadata.EntryPoint(plugin.name, plugin.value, plugin.group).load()
+
+
+def _found(group: str, name: str) -> list[Plugin]:
+    return [plugin for plugin in _installed(tuple(sys.path)) if (plugin.group, plugin.name) == (group, name)]
+
+
+@functools.cache
+def _installed(path: tuple[str, ...]) -> tuple[Plugin, ...]:
+    """Return the plug-ins of all distributions on the import path `path`. Of a distribution found twice, the first counts, as for imports."""
+    found: dict[tuple[str, str, str], Plugin] = {}
+    for distribution in metadata.distributions(path=list(path)):
+        for entry in distribution.entry_points:
+            if entry.group in GROUPS:
+                package = str(distribution.metadata["Name"])
+                found.setdefault((entry.group, entry.name, package), Plugin(entry.group, entry.name, package, entry.value))
+    return tuple(found.values())
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [""])[0]
+
+
+@contextlib.contextmanager
+def calling(plugin: Plugin, what: str) -> Iterator[None]:
+    """Within the `with` block, convert an exception of a plug-in's code to a PluginError in one line. The project's own errors pass."""
+    try:
+        yield
+    except UserError:
+        raise
+    except Exception as error:  # code of another package may raise anything
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+        raise refusal(plugin, f"{what} raised {type(error).__name__}: {_first_line(error)}{place}") from error
