@@ -29,7 +29,8 @@ from radartwin.simulation.simulate import simulate
 
 ARRAY = Radar.iwr1843()
 ASIDE_M = 1e-6  # shift of the radar between calls, so that no call reuses cached paths
-BUDGET_S = 2.0  # a recording is timed over all of its frames if its scored frames take less than this
+BUDGET_S = 2.0  # a recording is timed over all of its frames, and repeatedly, if its scored frames take less than this
+REPEATS = 2  # the fastest repetition counts, because other programs on the machine only add time
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,9 @@ class Method:
             sensor, motion = scenario.poses(1)
             return published_seconds(scenario.scene, sensor[:1], motion, settings, ARRAY, time.perf_counter)
         warm_s = self._timed(scenario, scenario.scored)  # compiles the kernels
-        frames = scenario.frames if warm_s * scenario.scored < BUDGET_S else scenario.scored
-        return self._timed(scenario, frames)
+        if warm_s * scenario.scored > BUDGET_S:
+            return self._timed(scenario, scenario.scored)
+        return min(self._timed(scenario, scenario.frames) for _ in range(REPEATS))
 
     def _timed(self, scenario: Scenario, frames: int) -> float:
         began = time.perf_counter()
@@ -78,7 +80,8 @@ METHODS = (
     Method("rfgenesis", "rfgenesis", {"version": "shipped"}, published=True),
     Method("rfgenesis_corrected", "rfgenesis", {"version": "corrected"}),
     Method("sionna", "sionna", {"separation_m": 0.03}),
-    Method("sionna_diffraction", "sionna", {"separation_m": 0.03, "diffraction": True}),
+    # A diffracted path keeps the edge point of the search, which a larger separation would move.
+    Method("sionna_diffraction", "sionna", {"separation_m": 0.001, "diffraction": True}),
 )
 
 

@@ -131,7 +131,7 @@ def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
         raise InputError(f"{where}: 'frequencies' must give {', '.join(wanted)}; this problem has {_grid(wanted)}")
     last = {name: grid["start_hz"] + grid["step_hz"] * grid["samples"] for name, grid in (("given", given), ("wanted", wanted))}
     apart = max(abs(given["start_hz"] - wanted["start_hz"]), abs(last["given"] - last["wanted"]))
-    if given["samples"] != wanted["samples"] or not apart < SAME_HZ:
+    if given["samples"] != wanted["samples"] or not all(map(math.isfinite, given.values())) or apart >= SAME_HZ:
         raise InputError(f"{where}: the frequency grid is {_grid(given)}, but the problem has {_grid(wanted)}; compute at these frequencies")
 
 

@@ -50,6 +50,7 @@ class SionnaSettings:
             incidence.
         diffraction: whether to add paths with one diffraction at an edge (uniform theory of diffraction), also at free edges, and to let
             Sionna refract. Sionna treats the faces at an edge as metal. Surfaces here reflect only, so refraction finds no further paths.
+            At the reflection boundary of a free edge, the diffracted wave of sionna-rt 2.2.0 has the wrong sign. The paths keep this sign.
         separation_m: distance of the receiver from the transmitter while Sionna searches for paths, 0 to 1 m. The simulator computes
             lengths and angles of the paths for receiver and transmitter at one point.
         variant: Mitsuba variant: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
@@ -110,7 +111,7 @@ class SionnaBackend:
         sets = (usable & found["mirrored"], usable & ~found["mirrored"])
         chosen = [{name: values[keep] if name != "frequencies_hz" else values for name, values in found.items()} for keep in sets]
         rates = [_rate(one, mesh, sensor_poses, self._offset, radar.frame_rate_hz) for one in chosen]
-        parts = [_specular(chosen[0], mesh, sensor_poses, rates[0]), _scattered(chosen[1], sensor_poses, self._offset, rates[1])]
+        parts = [_specular(chosen[0], mesh, sensor_poses, rates[0]), _scattered(chosen[1], sensor_poses, rates[1])]
         return [part for part in parts if len(part)]
 
     @property
@@ -194,10 +195,12 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
     return made.where(there)
 
 
-def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, offset: np.ndarray, rate: np.ndarray) -> Paths:
-    """Build paths that contain a diffuse hit or a diffraction. Each path is the line through the hits that Sionna found."""
+def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, rate: np.ndarray) -> Paths:
+    """Build paths that contain a diffuse hit or a diffraction. Each path is the line through the hits that Sionna found, from the sensor and
+    back to the sensor.
+    """
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
-    rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, offset)
+    rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, np.zeros(3))
     length = np.linalg.norm(legs, axis=2)
     out = length[np.arange(len(pose)), bounces]
     first, last = legs[:, 0], -legs[np.arange(len(pose)), bounces]

@@ -1,0 +1,156 @@
+"""Folders of signals enter the benchmark, and a wrong folder is refused in one line with exit status 2."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radartwin.benchmark import answers, entrants, entry_folder
+from radartwin.benchmark.leaderboard import COLUMNS
+from radartwin.errors import InputError
+
+PUBLIC = {"method", "problem", "profile_error_db", "signal_error", "seconds_per_frame", "answers_version"}
+
+
+def quiet_signals(problem: str, factor: complex = 0.5) -> dict[str, np.ndarray]:
+    return {one.name: factor * one.answer for one in answers.problem(problem).scenarios}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    seconds = {"near": 0.25, "furnished_drive": 2.0}
+    return entry_folder.write(tmp_path / "mine", "my solver", {name: quiet_signals(name) for name in seconds}, seconds, "a desk")
+
+
+def rows(output: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((output / "benchmark" / "leaderboard.csv").read_text().splitlines()))
+
+
+def test_folder_is_scored_on_its_problems(folder: Path, tmp_path: Path, inside: Callable) -> None:
+    done = inside("benchmark", "--method", folder, "--output", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    found = rows(tmp_path / "out")
+    assert [(row["method"], row["problem"]) for row in found] == [("my solver", "near"), ("my solver", "furnished_drive")]
+    assert PUBLIC <= set(found[0])
+    assert tuple(found[0]) == COLUMNS
+    assert (found[0]["signal_error"], found[0]["seconds_per_frame"], found[0]["machine"]) == ("0.5000", "0.25", "a desk")
+    assert found[0]["answers_version"] == answers.version()
+    assert str(tmp_path / "out" / "benchmark" / "leaderboard.csv") in done.stdout
+
+
+def test_a_simulator_joins_the_rows_and_replaces_only_its_own(folder: Path, tmp_path: Path, inside: Callable) -> None:
+    output = tmp_path / "out"
+    inside("benchmark", "--method", folder, "--output", output)
+    for _ in range(2):
+        done = inside("benchmark", "--method", "points", "--problem", "near", "--output", output)
+        assert done.returncode == 0, done.stderr
+    found = rows(output)
+    assert [row["method"] for row in found] == ["my solver", "my solver", "points"]
+    assert float(found[-1]["profile_error_db"]) > 10, "a far-field table is wrong at 0.5 m"
+    assert float(found[-1]["seconds_per_frame"]) > 0
+
+
+def test_a_single_array_may_be_a_npy_file(folder: Path, tmp_path: Path) -> None:
+    np.save(folder / "near.npy", quiet_signals("near")["trihedral 15 cm"])
+    change(folder, lambda near: near.update(file="near.npy", sha256=checksum(folder / "near.npy")))
+    assert entry_folder.read(folder)[1]["near"][0]["trihedral 15 cm"].shape == (11, 256)
+
+
+def change(folder: Path, edit: Callable[[dict[str, Any]], object]) -> None:
+    described = json.loads((folder / entry_folder.DESCRIPTION).read_text())
+    edit(described["problems"]["near"])
+    (folder / entry_folder.DESCRIPTION).write_text(json.dumps(described))
+
+
+def checksum(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def put(folder: Path, array: np.ndarray, key: str = "trihedral 15 cm") -> None:
+    """Replace the array of the problem near, with a correct checksum and shape in method.json."""
+    (folder / "near.npz").write_bytes(answers.packed({key: array}))
+    change(folder, lambda near: near.update(sha256=checksum(folder / "near.npz"), shapes={key: list(array.shape)}))
+
+
+def spoil(folder: Path) -> None:
+    (folder / "near.npz").write_bytes((folder / "near.npz").read_bytes() + b" ")
+
+
+WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
+    "shape": (lambda f: put(f, np.zeros((11, 255), complex)), "has the shape (11, 255), but needs (11, 256), frames by samples"),
+    "stated shape": (lambda f: change(f, lambda near: near.update(shapes={})), "'shapes' differs from the arrays in near.npz"),
+    "scenario": (lambda f: put(f, np.zeros((11, 256), complex), "cube"), "the array of scenario 'trihedral 15 cm' is missing"),
+    "not finite": (lambda f: put(f, np.full((11, 256), np.nan + 0j)), "needs finite complex samples"),
+    "start frequency": (lambda f: change(f, lambda near: near["frequencies"].update(start_hz=76e9)), "the frequency grid is 256 samples"),
+    "step": (lambda f: change(f, lambda near: near["frequencies"].update(step_hz=13.4e6)), "compute at these frequencies"),
+    "nan step": (lambda f: change(f, lambda near: near["frequencies"].update(step_hz=float("nan"))), "compute at these frequencies"),
+    "samples": (lambda f: change(f, lambda near: near["frequencies"].update(samples=64)), "compute at these frequencies"),
+    "no grid": (lambda f: change(f, lambda near: near.pop("frequencies")), "'frequencies' must give start_hz, step_hz, samples"),
+    "checksum": (spoil, "has the SHA-256 checksum"),
+    "no checksum": (lambda f: change(f, lambda near: near.pop("sha256")), "has the SHA-256 checksum"),
+    "seconds": (lambda f: change(f, lambda near: near.update(seconds_per_frame=0)), "seconds_per_frame is 0"),
+    "file": (lambda f: (f / "near.npz").unlink(), "near.npz: no such file"),
+    "escape": (lambda f: change(f, lambda near: near.update(file="../near.npz")), "which is not in it"),
+    "json": (lambda f: (f / "method.json").write_text("{"), "is no JSON"),
+    "absent": (lambda f: (f / "method.json").unlink(), "method.json: no such file"),
+    "format": (lambda f: (f / "method.json").write_text("[]"), "'format' must be"),
+    "version": (
+        lambda f: (f / "method.json").write_text((f / "method.json").read_text().replace('"answers_version": "', '"answers_version": "0')),
+        "run the method on the problems of this version",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_wrong_folder_is_one_line(fault: str, folder: Path, tmp_path: Path, inside: Callable) -> None:
+    output = tmp_path / "out"
+    inside("benchmark", "--method", folder, "--output", output)
+    before = (output / "benchmark" / "leaderboard.csv").read_bytes()
+    spoiled, message = WRONG[fault]
+    spoiled(folder)
+    done = inside("benchmark", "--method", folder, "--output", output)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert (output / "benchmark" / "leaderboard.csv").read_bytes() == before, "nothing is lost"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--method", "nothing"], "--method nothing is neither a folder nor a method"),
+        (["--problem", "far"], "problem 'far' is not known"),
+        (["--method", "no/folder"], "no/folder/method.json: no such file"),
+    ],
+)
+def test_unknown_names_are_one_line(words: list[str], message: str, inside: Callable) -> None:
+    done = inside("benchmark", *words)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert message in done.stderr
+
+
+def test_a_foreign_leaderboard_is_kept(tmp_path: Path, inside: Callable) -> None:
+    path = tmp_path / "out" / "benchmark" / "leaderboard.csv"
+    path.parent.mkdir(parents=True)
+    path.write_text("name,score\nme,1\n")
+    done = inside("benchmark", "--method", "points", "--problem", "near", "--output", tmp_path / "out")
+    assert (done.returncode, path.read_text()) == (2, "name,score\nme,1\n")
+
+
+def test_write_refuses_a_wrong_array(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="has the shape"):
+        entry_folder.write(tmp_path, "mine", {"near": {"trihedral 15 cm": np.zeros(3, complex)}}, {"near": 1.0})
+    assert not (tmp_path / entry_folder.DESCRIPTION).exists()
+
+
+def test_every_shipped_method_is_a_simulator() -> None:
+    for one in entrants.METHODS:
+        assert entrants.method(one.name) == one
+    assert entrants.method("mitsuba").settings == {}
