@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -69,13 +70,14 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
 
 
 def machine() -> str:
-    """Return the processor and the operating system of this machine."""
+    """Return the processor, the operating system, and the load of other programs, which makes the times longer."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         lines = []
     model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor())
-    return f"{model or platform.machine()}, {platform.system()}"
+    load = f", load {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores" if hasattr(os, "getloadavg") else ""
+    return f"{model or platform.machine()}, {platform.system()}{load}"
 
 
 def _entered(name: str) -> Callable[[Sequence[Problem], Callable[[str], None]], list[Row]]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from markdown_blocks import DOCS, blocks, follow
 
 from radartwin.benchmark import answers, entrants, entry_folder
 from radartwin.benchmark.leaderboard import COLUMNS
@@ -148,6 +150,26 @@ def test_write_refuses_a_wrong_array(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has the shape"):
         entry_folder.write(tmp_path, "mine", {"near": {"trihedral 15 cm": np.zeros(3, complex)}}, {"near": 1.0})
     assert not (tmp_path / entry_folder.DESCRIPTION).exists()
+
+
+def test_tutorial_enters_a_method_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page docs/benchmark.md enters a method. The test runs its program and the command that scores the folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    page = blocks(DOCS / "benchmark.md")
+    try:
+        assert follow(page, tmp_path, lambda words: words if words[1:] == ["--method", "mine"] else None) == 1
+    finally:
+        sys.modules.pop("enter", None)
+    found = rows(tmp_path / "outputs")
+    assert [row["problem"] for row in found] == answers.names()
+    assert {row["method"] for row in found} == {"centres"}
+
+
+def test_page_lists_checksums_of_the_answers() -> None:
+    page = (DOCS / "benchmark.md").read_text()
+    for entry in answers.index()["problems"].values():
+        assert f"| `{entry['file']}` | `{entry['sha256']}` |" in page
 
 
 def test_every_shipped_method_is_a_simulator() -> None:

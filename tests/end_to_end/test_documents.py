@@ -29,7 +29,7 @@ from radartwin.scene.scene import Scene, Surface
 
 PAGES = sorted(DOCS.rglob("*.md"))
 README = ROOT / "README.md"
-RUN_HERE = {"extending.md", "own-objects.md", "recording-sets.md"}
+RUN_HERE = {"benchmark.md", "extending.md", "own-objects.md", "recording-sets.md"}
 # Commands that take too long or need a cluster, by their first words, with the reason. They are composed only.
 COMPOSED = {
     "radartwin view room --live": "serves until Ctrl-C; test_live.py serves a scene folder",
@@ -126,7 +126,7 @@ def untracked(words: list[str]) -> list[str]:
 
 def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = blocks(DOCS / "extending.md")
-    assert sum(block.language == "python" for block in page) == 9
+    assert sum(block.language == "python" for block in page) == 10
     assert follow(page, here, untracked) == 4
     said = capsys.readouterr()
     first = said.out.split("range_m doppler_mps azimuth_deg power_db\n")[1].split()

@@ -1,0 +1,289 @@
+"""Plug-ins of an installed package are found by name, take part in run keys, and their mistakes are one line with exit status 2.
+
+The package tests/plugin_package is built and installed by pip into a temporary folder, without a network.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radartwin import plugins
+from radartwin.config.compose import compose
+from radartwin.config.config import SCHEMAS
+from radartwin.config.plugged import GROUPS, code_of
+from radartwin.errors import ConfigError
+from radartwin.label.sources import material_source
+from radartwin.plugins import PluginError
+from radartwin.recognize.learners import LEARNERS, learner
+from radartwin.runs.run import run_key
+from radartwin.store import digest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "plugin_package"
+NAMES = {
+    plugins.SIMULATORS: "echoes", plugins.MATERIALS: "by_height", plugins.FEATURES: "decay", plugins.ENCODERS: "nearest",
+    plugins.EXPERIMENTS: "level",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def target(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("installed")
+    offline = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
+    subprocess.run([sys.executable, "-m", "pip", "install", *offline, "--target", str(folder), str(PACKAGE)], check=True)
+    return folder
+
+
+def clear() -> None:
+    """Forget what this process has learned of plug-ins."""
+    from hydra.core.config_store import ConfigStore
+
+    for group, options in SCHEMAS.items():
+        for option in [one for one, schema in options.items() if schema.__module__ == "radartwin.config.plugged"]:
+            del options[option]
+            ConfigStore.instance().repo[group].pop(f"{option}.yaml", None)
+    for group, entry_points in GROUPS.items():
+        stored = ConfigStore.instance().repo.get(group, {})
+        for name in (NAMES[entry_points], "clashing", "broken"):
+            stored.pop(f"{name}.yaml", None)
+    for name in [one for one in sys.modules if one.partition(".")[0] in ("radartwin_example", "other_package")]:
+        del sys.modules[name]
+    plugins._loaded.cache_clear()
+    plugins._installed.cache_clear()
+    digest._tops.difference_update({"radartwin_example", "other_package"})
+    digest.forget()
+
+
+@pytest.fixture
+def installed(target: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    monkeypatch.syspath_prepend(target)
+    clear()
+    yield target
+    clear()
+
+
+def distribution(folder: Path, package: str, group: str, entry: str, module: str = "") -> None:
+    """Write an installed package with one entry point."""
+    info = folder / f"{package.replace('-', '_')}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[{group}]\n{entry}\n")
+    if module:
+        (folder / "other_package.py").write_text(module)
+
+
+def test_every_group_finds_its_name_without_an_import(installed: Path) -> None:
+    for group in plugins.GROUPS:
+        assert plugins.names(group) == [NAMES[group]]
+        found = plugins.find(group, NAMES[group])
+        assert found is not None
+        assert found.package == "radartwin-example"
+    assert "radartwin_example" not in sys.modules
+
+
+def test_simulator_is_found_by_name_and_gives_the_radar_equation(installed: Path, inside: Callable) -> None:
+    """The echo of a cross-section of 2 m^2 at distance d is lambda sqrt(sigma/(4 pi)^3)/d^2, times the antenna's gain at boresight."""
+    done = inside(
+        "simulate", "scene=plate", "trajectory=static", "simulator=echoes", "simulator.cross_section_m2=2", "radar.element=isotropic"
+    )
+    assert done.returncode == 0, done.stderr
+    from radartwin.radar.recording import Recording
+
+    recording = Recording.load("outputs/recordings/plate")
+    assert recording.provenance["simulator"] == "echoes"
+    assert recording.provenance["cross_section_m2"] == 2
+
+
+def test_materials_are_found_by_name(installed: Path, inside: Callable) -> None:
+    words = ["simulate", "scene=lab", "scene.detail=shell", "scene.target=none", "trajectory=static", "simulator=echoes"]
+    done = inside(*words, "materials=by_height", "materials.above=glass")
+    assert done.returncode == 0, done.stderr
+    assert "glass on 7, concrete on 1; materials=by_height" in done.stderr
+    assert material_source("by_height", above="wood").name == "by_height"
+
+
+def test_experiment_and_features_are_found_by_name(installed: Path, inside: Callable) -> None:
+    words = ["run", "experiment=level", "simulator=echoes", "features=decay", "tracking=off"]
+    done = inside(*words)
+    assert done.returncode == 0, done.stderr
+    assert "level: 1 rows (0 holds, 0 fails, 1 untestable)" in done.stdout
+    again = inside(*words)
+    assert "simulated 0, reused 1" in again.stdout
+    config = compose(words[1:])
+    assert (config.scene.name, config.experiment.module) == ("void", "radartwin_example.level"), "OVERRIDES chose the scene"
+    without = compose([*words[1:], "features.without=[extent]"])
+    assert without.features.without == ["extent"]
+
+
+def test_encoder_is_found_by_name(installed: Path) -> None:
+    made = learner("nearest")
+    assert made.reads == "features"
+    from experiments.recognition import encoder_comparison
+
+    assert encoder_comparison.methods()["nearest"] == ("nearest", "description")
+    assert encoder_comparison.identity()["encoders"].keys() == {"nearest"}
+    with pytest.raises(ConfigError, match="choose one of network, convolution, trees, nearest"):
+        learner("forest")
+
+
+def test_benchmark_scores_a_plug_in(installed: Path, inside: Callable) -> None:
+    done = inside("benchmark", "--method", "echoes", "--problem", "near")
+    assert done.returncode == 0, done.stderr
+    (row,) = csv.DictReader(Path("outputs/benchmark/leaderboard.csv").read_text().splitlines())
+    assert (row["method"], row["problem"]) == ("echoes", "near")
+
+
+def test_run_key_depends_on_the_code_of_the_plug_in(installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = ["experiment=level", "simulator=echoes"]
+    before = run_key(compose(words))
+    assert run_key(compose([*words, "simulator.cross_section_m2=3"])) != before
+    copy = tmp_path / "copy"
+    for path in installed.rglob("*"):
+        if path.is_file() and "__pycache__" not in path.parts:
+            (copy / path.relative_to(installed)).parent.mkdir(parents=True, exist_ok=True)
+            (copy / path.relative_to(installed)).write_bytes(path.read_bytes())
+    source = copy / "radartwin_example" / "echoes.py"
+    source.write_text(source.read_text().replace("1.0", "1.5"))
+    monkeypatch.setattr(sys, "path", [str(copy), *(one for one in sys.path if one != str(installed))])
+    clear()
+    assert run_key(compose(words)) != before
+
+
+def test_worker_process_reads_a_configuration_with_plug_ins(installed: Path) -> None:
+    config = compose(["simulator=echoes", "simulator.cross_section_m2=4", "materials=by_height", "features=decay"])
+    code = "import pickle, sys; c = pickle.load(sys.stdin.buffer); print(c.simulator.settings(), c.materials.arguments(0), c.features.name)"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(installed), *sys.path])}
+    done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(config), capture_output=True, check=True, env=environment)
+    assert done.stdout.decode().startswith("{'cross_section_m2': 4.0, 'label': None} {'below_m': 0.05, 'above': 'plasterboard'} decay")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["simulate", "simulator=echo"], "did you mean echoes?"),
+        (["simulate", "simulator=echoes", "simulator.foo=1"], "there is no configuration key 'simulator.foo'"),
+        (["simulate", "simulator=echoes", "simulator.cross_section_m2=big"], "simulator.cross_section_m2"),
+        (["simulate", "simulator=echoes", "simulator.code=1"], "digest of the plug-in's source code and cannot be set"),
+        (["simulate", "scene=plate", "trajectory=static", "simulator=echoes", "simulator.label=broken"],
+         "plug-in 'echoes' of package radartwin-example (radartwin.simulators) cannot be used: paths raised RuntimeError: the solver broke "
+         "(echoes.py, line 25)"),
+        (["run", "experiment=level", "features=decay", "features.without=[window]"], "window is not in features=decay"),
+    ],
+)  # fmt: skip
+def test_mistake_is_one_line(installed: Path, inside: Callable, words: list[str], message: str) -> None:
+    done = inside(*words)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+    assert message in done.stderr
+
+
+CLASHES = {  # command, group, name that another package takes as well, words of the message
+    "built-in simulator": (["simulate", "simulator=points"], plugins.SIMULATORS, "points"),
+    "built-in material": (["simulate", "materials=uniform"], plugins.MATERIALS, "uniform"),
+    "built-in features": (["simulate", "features=raw"], plugins.FEATURES, "raw"),
+    "built-in experiment": (["run", "experiment=validation"], plugins.EXPERIMENTS, "validation"),
+    "benchmark": (["benchmark", "--method", "points"], plugins.SIMULATORS, "points"),
+}
+
+
+@pytest.mark.parametrize("clash", CLASHES)
+def test_clash_with_a_built_in_option_is_one_line(
+    clash: str, installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words, group, name = CLASHES[clash]
+    distribution(tmp_path / "site", "other-package", group, f"{name} = other_package:Thing")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    done = inside(*words)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+    assert f"plug-in '{name}' of package other-package ({group}) has the name of a built-in option" in done.stderr
+    if "simulator" in clash:
+        assert inside("simulate", "scene=plate", "trajectory=static", "simulator=echoes").returncode == 0, "other names still work"
+
+
+def test_clash_of_two_packages_is_one_line(installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    distribution(tmp_path / "site", "other-package", plugins.SIMULATORS, "echoes = other_package:Thing")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    for words in (["simulate", "simulator=echoes"], ["benchmark", "--method", "echoes"]):
+        done = inside(*words)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+        assert "packages other-package and radartwin-example both provide 'echoes' in radartwin.simulators" in done.stderr
+
+
+def test_encoder_clash_is_an_error(installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    distribution(tmp_path / "site", "other-package", plugins.ENCODERS, f"{next(iter(LEARNERS))} = other_package:Thing")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    with pytest.raises(PluginError, match="has the name of a built-in option"):
+        learner(next(iter(LEARNERS)))
+
+
+HEAD = "import dataclasses\nimport typing\n"
+BACKEND = "@dataclasses.dataclass\nclass Thing:\n    settings: S = S()\n    name = 'broken'\n    def paths(self, *a, **o):\n        return 1\n"
+SETTINGS = "@dataclasses.dataclass(frozen=True)\nclass S:\n    "
+BROKEN = {  # command, group, code of the module, words of the message
+    "import": (["simulate", "simulator=broken"], plugins.SIMULATORS, "raise ValueError('first\\nsecond')", "its import raised ValueError: first;"),
+    "exit": (["simulate", "materials=broken"], plugins.MATERIALS, "raise SystemExit(7)", "its import raised SystemExit: 7"),
+    "absent": (["simulate", "simulator=broken"], plugins.SIMULATORS, "x = 1", "its import raised AttributeError"),
+    "no class": (["simulate", "simulator=broken"], plugins.SIMULATORS, "Thing = 1", "is no class with a method paths"),
+    "no default": (["simulate", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}a: int\n{BACKEND.replace('S()', 'S(1)')}",
+                   "the setting 'a' needs a default value"),
+    "type": (["simulate", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}a: complex = 1j\n{BACKEND}", "the setting 'a' must be int"),
+    "taken": (["simulate", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}elements: str = ''\n{BACKEND}",
+              "the setting 'elements' has the name of a key"),
+    "paths": (["simulate", "scene=plate", "trajectory=static", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}a: int = 1\n{BACKEND}",
+              "paths raised TypeError"),
+    "benchmark": (["benchmark", "--method", "broken"], plugins.SIMULATORS, "1/0", "its import raised ZeroDivisionError"),
+    "materials": (["simulate", "materials=broken"], plugins.MATERIALS, "Thing = 1", "is no dataclass with name = 'broken'"),
+    "features": (["simulate", "features=broken"], plugins.FEATURES, "Thing = 1", "is no radartwin.features.families.FeatureSet"),
+    "family": (["simulate", "features=broken"], plugins.FEATURES,
+               "from radartwin.features.families import FeatureSet\nThing = FeatureSet(('speed',))", "family 'speed' is unknown"),
+    "experiment": (["run", "experiment=broken"], plugins.EXPERIMENTS, "Thing = 1", "is no module with a function run"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", BROKEN)
+def test_broken_plug_in_is_one_line_that_names_the_package(
+    fault: str, installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words, group, code, message = BROKEN[fault]
+    distribution(tmp_path / "site", "other-package", group, "broken = other_package:Thing", code)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    done = inside(*words)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+    assert "plug-in 'broken' of package other-package" in done.stderr
+    assert message in done.stderr
+    assert inside("simulate", "scene=plate", "trajectory=static", "simulator=echoes").returncode == 0, "other plug-ins still work"
+
+
+def test_features_of_a_plug_in_match_their_definition(installed: Path) -> None:
+    """Behind the target, the profile falls by 5 dB per metre, so the slope is -5."""
+    from radartwin.features.log import Nominal
+    from radartwin.features.processed import process
+    from radartwin.features.sets import frames, vector
+    from radartwin.radar.chirp import Radar
+    from radartwin.radar.recording import Recording
+
+    axis = np.arange(256) * Radar.iwr1843().range_resolution_m
+    echoes = np.fft.ifft(10 ** (-(5.0 * axis) / 20)) * 256
+    seen = process(Recording(np.broadcast_to(echoes, (2, 16, 2, 4, 256)), Radar.iwr1843()))
+    nominal = Nominal(10.0, np.ones(2), np.zeros(2))
+    names, values = vector(seen, nominal, "decay")
+    assert values[names.index("decay_db_per_m")] == pytest.approx(-5.0, abs=0.1)  # the Hann window rounds the profile
+    assert "brightness_db" in names
+    rows = frames(seen, nominal, "decay")[1]
+    assert rows[:, 0] == pytest.approx([-5.0, -5.0], abs=0.1)
+    assert vector(seen, nominal, "decay", ["decay/slope"])[0] == [name for name in names if name != "decay_db_per_m"]
+
+
+def test_code_of_a_plug_in_is_the_digest_of_its_source(installed: Path) -> None:
+    found = plugins.find(plugins.SIMULATORS, "echoes")
+    assert found is not None
+    assert code_of(found) == compose(["simulator=echoes"]).simulator.code  # type: ignore[attr-defined]
+    assert len(json.dumps(code_of(found))) == 66
