@@ -97,7 +97,7 @@ def _found(group: str, name: str) -> list[Plugin]:
 
 @functools.cache
 def _installed(path: tuple[str, ...]) -> tuple[Plugin, ...]:
-    """Return the plug-ins of all distributions on the import path `path`. Of a distribution found twice, the first counts, as for imports."""
+    """Return the plug-ins of all distributions on the import path `path`. If a distribution is found twice, the first counts."""
     found: dict[tuple[str, str, str], Plugin] = {}
     for distribution in metadata.distributions(path=list(path)):
         for entry in distribution.entry_points:

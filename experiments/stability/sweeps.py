@@ -19,12 +19,12 @@ import trimesh
 
 from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours, quiet
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
-from radartwin.benchmark.signal_error import DYNAMIC_DB, compare
 from experiments.validation.baselines import speed_read_mps
 from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
 from experiments.validation.oracles.nearfield import corner_quadrature
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import corner_faces
+from radartwin.benchmark.signal_error import DYNAMIC_DB, compare
 from radartwin.materials import Layered
 from radartwin.radar.chirp import Radar
 from radartwin.scene import objects

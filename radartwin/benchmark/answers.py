@@ -161,9 +161,7 @@ def _scenario(name: str, surfaces: list[dict[str, Any]], arrays: Mapping[str, Ar
     made = []
     for number, surface in enumerate(surfaces):
         part = f"{name}/surface_{number}"
-        mesh = trimesh.Trimesh(
-            arrays[f"{part}/vertices"], arrays[f"{part}/faces"], vertex_normals=arrays[f"{part}/normals"], process=False
-        )
+        mesh = trimesh.Trimesh(arrays[f"{part}/vertices"], arrays[f"{part}/faces"], vertex_normals=arrays[f"{part}/normals"], process=False)
         made.append(Surface(mesh, material_from_json(surface["material"]), surface["name"], role=surface["role"]))
     start = f"{name}/motion/"
     motion = {key.removeprefix(start): value for key, value in arrays.items() if key.startswith(start)}

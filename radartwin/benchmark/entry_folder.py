@@ -121,7 +121,7 @@ def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
     if path.suffix != ".npy":
         return files.read_arrays(path)
     if len(problem.scenarios) > 1:
-        raise InputError(f"{path}: problem {problem.name} has {len(problem.scenarios)} scenarios; put one array for each into an .npz file")
+        raise InputError(f"{path}: problem {problem.name} has {len(problem.scenarios)} scenarios; put them into one .npz file")
     return {problem.scenarios[0].name: files.read_array(path)}
 
 
@@ -132,7 +132,9 @@ def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
     last = {name: grid["start_hz"] + grid["step_hz"] * grid["samples"] for name, grid in (("given", given), ("wanted", wanted))}
     apart = max(abs(given["start_hz"] - wanted["start_hz"]), abs(last["given"] - last["wanted"]))
     if given["samples"] != wanted["samples"] or not all(map(math.isfinite, given.values())) or apart >= SAME_HZ:
-        raise InputError(f"{where}: the frequency grid is {_grid(given)}, but the problem has {_grid(wanted)}; compute at these frequencies")
+        raise InputError(
+            f"{where}: the frequency grid is {_grid(given)}, but the problem has {_grid(wanted)}; compute at these frequencies"
+        )
 
 
 def _grid(grid: Mapping[str, Any]) -> str:

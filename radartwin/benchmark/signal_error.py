@@ -49,9 +49,7 @@ def profiles(iq: np.ndarray, radar: Radar, gate_m: Gate = (NEAR_M, FAR_M)) -> np
     return (np.abs(spectra(iq, radar, gate_m)) ** 2).mean(axis=(1, 2))
 
 
-def compare(
-    pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0, gate_m: Gate | None = None
-) -> Errors:
+def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_db: float = 0.0, gate_m: Gate | None = None) -> Errors:
     """Return the errors over pairs (samples of the method, samples of the reference). All pairs have equal weight.
 
     Args:

@@ -95,9 +95,7 @@ class Composer:
         _register_schemas()
         GlobalHydra.instance().clear()
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            composed = _with_plugins(
-                lambda: hydra.compose(CONFIG_NAME, overrides=[*options, *self._search_path], return_hydra_config=True)
-            )
+            composed = _with_plugins(lambda: hydra.compose(CONFIG_NAME, overrides=[*options, *self._search_path], return_hydra_config=True))
         check_targets(composed)
         with open_dict(composed):
             del composed["hydra"]

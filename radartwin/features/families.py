@@ -37,8 +37,8 @@ class FeatureSet:
 
     Attributes:
         families: names of the families in the order of the feature vector: built-in families, and names in `own`.
-        own: function of each family that the package adds. It takes a processed recording and the target's range (F,) in metres, and returns
-            feature values by name, each (F,) or a scalar. The feature of a recording is the mean over its F frames.
+        own: function of each family that the package adds. It takes a processed recording and the target's range (F,) in metres. It
+            returns feature values by name, each (F,) or a scalar. The feature of a recording is the mean over its F frames.
         turntable: whether the target's range is the nominal one of a turntable. Otherwise it is tracked.
     """
 

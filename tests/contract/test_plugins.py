@@ -225,21 +225,25 @@ def test_encoder_clash_is_an_error(installed: Path, tmp_path: Path, monkeypatch:
 
 
 HEAD = "import dataclasses\nimport typing\n"
-BACKEND = "@dataclasses.dataclass\nclass Thing:\n    settings: S = S()\n    name = 'broken'\n    def paths(self, *a, **o):\n        return 1\n"
+BACKEND = (
+    "@dataclasses.dataclass\nclass Thing:\n    settings: S = S()\n    name = 'broken'\n    def paths(self, *a, **o):\n        return 1\n"
+)
 SETTINGS = "@dataclasses.dataclass(frozen=True)\nclass S:\n    "
+SIMULATE, STATIC = ["simulate", "simulator=broken"], ["simulate", "scene=plate", "trajectory=static", "simulator=broken"]
+SIMULATORS = plugins.SIMULATORS
 BROKEN = {  # command, group, code of the module, words of the message
-    "import": (["simulate", "simulator=broken"], plugins.SIMULATORS, "raise ValueError('first\\nsecond')", "its import raised ValueError: first;"),
+    "import": (SIMULATE, SIMULATORS, "raise ValueError('first\\nsecond')", "its import raised ValueError: first;"),
     "exit": (["simulate", "materials=broken"], plugins.MATERIALS, "raise SystemExit(7)", "its import raised SystemExit: 7"),
-    "absent": (["simulate", "simulator=broken"], plugins.SIMULATORS, "x = 1", "its import raised AttributeError"),
-    "no class": (["simulate", "simulator=broken"], plugins.SIMULATORS, "Thing = 1", "is no class with a method paths"),
-    "no default": (["simulate", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}a: int\n{BACKEND.replace('S()', 'S(1)')}",
+    "absent": (SIMULATE, SIMULATORS, "x = 1", "its import raised AttributeError"),
+    "no class": (SIMULATE, SIMULATORS, "Thing = 1", "is no class with a method paths"),
+    "no default": (SIMULATE, SIMULATORS, f"{HEAD}{SETTINGS}a: int\n{BACKEND.replace('S()', 'S(1)')}",
                    "the setting 'a' needs a default value"),
-    "type": (["simulate", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}a: complex = 1j\n{BACKEND}", "the setting 'a' must be int"),
-    "taken": (["simulate", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}elements: str = ''\n{BACKEND}",
+    "type": (SIMULATE, SIMULATORS, f"{HEAD}{SETTINGS}a: complex = 1j\n{BACKEND}", "the setting 'a' must be int"),
+    "taken": (SIMULATE, SIMULATORS, f"{HEAD}{SETTINGS}elements: str = ''\n{BACKEND}",
               "the setting 'elements' has the name of a key"),
-    "paths": (["simulate", "scene=plate", "trajectory=static", "simulator=broken"], plugins.SIMULATORS, f"{HEAD}{SETTINGS}a: int = 1\n{BACKEND}",
+    "paths": (STATIC, SIMULATORS, f"{HEAD}{SETTINGS}a: int = 1\n{BACKEND}",
               "paths raised TypeError"),
-    "benchmark": (["benchmark", "--method", "broken"], plugins.SIMULATORS, "1/0", "its import raised ZeroDivisionError"),
+    "benchmark": (["benchmark", "--method", "broken"], SIMULATORS, "1/0", "its import raised ZeroDivisionError"),
     "materials": (["simulate", "materials=broken"], plugins.MATERIALS, "Thing = 1", "is no dataclass with name = 'broken'"),
     "features": (["simulate", "features=broken"], plugins.FEATURES, "Thing = 1", "is no radartwin.features.families.FeatureSet"),
     "family": (["simulate", "features=broken"], plugins.FEATURES,

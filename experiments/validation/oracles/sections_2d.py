@@ -80,8 +80,8 @@ def _crosses(strip: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarr
 def strip(width_m: float, distance_m: float, turn_deg: float) -> np.ndarray:
     """Return a strip (1, 2, 2) whose centre is `distance_m` away and that is turned out of the facing position."""
     angle = np.radians(turn_deg)
-    half = width_m / 2 * np.array([-np.sin(angle), np.cos(angle)])
-    return np.array([[[distance_m, 0] - half, [distance_m, 0] + half]])
+    half, centre = width_m / 2 * np.array([-np.sin(angle), np.cos(angle)]), np.array([distance_m, 0.0])
+    return np.array([[centre - half, centre + half]])
 
 
 def corner(face_m: float, distance_m: float, turn_deg: float) -> np.ndarray:

@@ -91,7 +91,8 @@ class SionnaBackend:
         motion: Mapping[str, np.ndarray] | None = None,
         track: np.ndarray | None = None,
     ) -> list[Paths]:
-        """Return one `Paths` object with mirror reflections and one with diffuse and diffracted paths. The arguments are those of `backend.Backend.paths`.
+        """Return one `Paths` object with mirror reflections and one with diffuse and diffracted paths. The arguments are those of
+        `backend.Backend.paths`.
 
         If neither sensor nor surfaces move, the paths have a single pose.
 
@@ -132,7 +133,8 @@ class SionnaBackend:
             "row": row[mesh.surface], "frequencies_hz": frequencies,
             "scattering": (scattering(scene.surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(row)))[mesh.surface],
             "sensor": sensor_poses, "offset_m": self._offset, "max_bounces": self.settings.max_bounces,
-            "samples": self.settings.rays or RAYS, "diffuse": diffuse, "diffraction": self.settings.diffraction, "seed": self.settings.seed,
+            "samples": self.settings.rays or RAYS, "diffuse": diffuse, "diffraction": self.settings.diffraction,
+            "seed": self.settings.seed,
         })  # fmt: skip
         return answer | {"frequencies_hz": frequencies}
 
@@ -196,8 +198,8 @@ def _specular(found: dict[str, np.ndarray], mesh: Mesh, sensor_poses: np.ndarray
 
 
 def _scattered(found: dict[str, np.ndarray], sensor_poses: np.ndarray, rate: np.ndarray) -> Paths:
-    """Build paths that contain a diffuse hit or a diffraction. Each path is the line through the hits that Sionna found, from the sensor and
-    back to the sensor.
+    """Build paths that contain a diffuse hit or a diffraction. Each path is the line from the sensor through the hits that Sionna found,
+    and back to the sensor.
     """
     pose, bounces = found["pose"], (found["face"] >= 0).sum(axis=1)
     rotation, legs = sensor_poses[pose, :3, :3], _legs(found, found["vertex"], sensor_poses, np.zeros(3))

@@ -55,7 +55,8 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     Returns:
         Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), `vertex`
         (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; `scattered` (N,), which
-        is true for paths with a diffuse hit; and `mirrored` (N,), which is true for paths of mirror reflections only. Q is the number of frequency nodes and D the largest number of hits of a path.
+        is true for paths with a diffuse hit; and `mirrored` (N,), which is true for paths of mirror reflections only. Q is the number of
+        frequency nodes and D the largest number of hits of a path.
     """
     import mitsuba as mi
     from sionna.rt import PathSolver

@@ -20,7 +20,7 @@ def run(config, store, progress):
         seen = process(simulate_scene(config))
         frames = seen.num_frames
         nominal = Nominal(10.0, np.full(frames, float(config.trajectory.distance_m)), None)
-        names, values = vector(seen, nominal, config.features.name, config.features.without)
+        _, values = vector(seen, nominal, config.features.name, config.features.without)
         save_arrays(folder, {"level_db": 10 * np.log10(seen.power.max()), "first": values[:1]})
 
     product = store.fetch("level", spec, ["radartwin.builders.recording"], build)
