@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from radartwin import plugins
+from radartwin.config import plugged
 from radartwin.config.compose import compose
 from radartwin.config.config import SCHEMAS
 from radartwin.config.plugged import GROUPS, code_of
@@ -59,6 +60,7 @@ def clear() -> None:
         del sys.modules[name]
     plugins._loaded.cache_clear()
     plugins._installed.cache_clear()
+    plugged._schema.cache_clear()
     digest._tops.difference_update({"radartwin_example", "other_package"})
     digest.forget()
 
