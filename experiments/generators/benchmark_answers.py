@@ -51,7 +51,7 @@ RESTS_ON = {
     "empty_room": (
         f"image sources of up to {ORDERS} bounces, vector reflection at each wall",
         1e-3,
-        "truncation 2e-4; reflection coefficients at the centre of the sweep 3e-4 per bounce; curvature of the wave 3e-4 per bounce",
+        "truncation 2e-4; reflection coefficients at the centre of the sweep 2e-4; curvature of the wave 3e-4 per bounce (an estimate)",
     ),
     "object_in_room": (
         "two-dimensional full wave (method of moments), converted to point sources",

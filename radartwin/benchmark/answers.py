@@ -3,7 +3,8 @@
     frozen/answers.json    version, licence, and for each problem: title, radar, surfaces, what the answer rests on and its known error
     frozen/PROBLEM.npz     meshes, poses and answers of the scenarios of a problem
 
-An answer holds the samples of a single isotropic element that transmits and receives (docs/benchmark.md). The names of the arrays are
+An answer holds the samples of one isotropic transmitter and one isotropic receiver, which are apart only in fullwave_rooms
+(docs/benchmark.md). The names of the arrays are
 SCENARIO/answer (S, N) complex, SCENARIO/sensor (F or 1, 4, 4), SCENARIO/motion/SURFACE (F, 4, 4), and SCENARIO/surface_I/vertices (V, 3),
 faces (T, 3) and normals (V, 3). S frames have an answer. The other frames, up to F, only serve to time a method.
 `experiments/generators/benchmark_answers.py` computes the files again.

@@ -147,7 +147,10 @@ def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list
 
 
 def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[Path]:
-    """Return one path for each number of bounces and each range bin: the coherent sum of its tubes, along the strongest of them."""
+    """Return one path for each number of bounces and each interval of two range bins.
+
+    The path has the coherent sum of its tubes and the course of the strongest tube.
+    """
     field = _field(part, radar)
     levels = np.abs(field)
     field *= np.exp(2j * np.pi * part.frequencies_hz[_middle(part)] * part.length_m / SPEED_OF_LIGHT)
