@@ -15,8 +15,9 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
+from radartwin.radar.angles import azimuth_spectrum
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import azimuth_spectrum, range_fft
+from radartwin.radar.processing import range_fft
 from radartwin.scene.scene import Scene
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import received
@@ -109,5 +110,5 @@ def _power(parts: Sequence[Paths], radar: Radar, range_m: np.ndarray, azimuth_ra
     profiles, axis = range_fft(iq, radar, bins=_PADDING * radar.num_samples)
     cells = np.abs(axis[:, None] - range_m).argmin(axis=0)
     return np.array(
-        [azimuth_spectrum(profiles[..., cell], radar, [angle])[0] for cell, angle in zip(cells, azimuth_rad, strict=True)]
+        [azimuth_spectrum(profiles[None, ..., cell], radar, [angle])[0] for cell, angle in zip(cells, azimuth_rad, strict=True)]
     ).astype(float)
