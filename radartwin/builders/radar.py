@@ -14,16 +14,16 @@ from radartwin.radar.named import NAMED
 
 def build_radar(config: RadarConfig) -> Radar:
     """Build the radar from the configured radar file, or else from the named radar with the configured values, with the antennas of the
-    configured array table.
+    configured array table. The table also replaces the gains of the antennas, and the configured element replaces the pattern in the table.
 
     Raises:
         InputError: a configured value is impossible for a radar.
         MissingError, RecordingError: the radar file or the array table is absent or malformed.
     """
-    array = read_array(config.array) if config.array else {}
+    array = {"tx_gains_db": None, "rx_gains_db": None, **read_array(config.array)} if config.array else {}
     element = {"element": config.element} if config.element else {}
     if config.file:
-        return replace(Radar.from_file(Path(config.file)), **array, **element)
+        return replace(Radar.from_file(Path(config.file)), **{**array, **element})
     board = NAMED[config.name]().to_dict() if config.name in NAMED else {}
     return Radar.from_dict({"element": "iwr1843", **board, **array, **config.given()})
 

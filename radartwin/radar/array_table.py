@@ -92,6 +92,9 @@ def _rows(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         if not (isinstance(listed, Sequence) and not isinstance(listed, str) and all(isinstance(row, Mapping) for row in listed)):
             raise RecordingError(f"{path}: elements must be a list of antennas, such as {{antenna: tx, y_m: 0.0}}")
         rows, common = [{str(key): value for key, value in row.items()} for row in listed], content
+        _check_cells(str(path), common)
+        for number, row in enumerate(rows, start=1):
+            _check_cells(f"{path}, antenna {number}", row)
     elif path.suffix == ".csv":
         try:
             table = list(csv.DictReader(io.StringIO(read_text(path)), strict=True))
@@ -103,6 +106,13 @@ def _rows(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     else:
         raise RecordingError(f"{path}: suffix {path.suffix!r} is unknown; give an array table as .csv or .yaml")
     return rows, common
+
+
+def _check_cells(place: str, cells: Mapping[str, Any]) -> None:
+    """Raise RecordingError for a value of a YAML file that is no single number or text, such as a list or a mapping."""
+    for name, value in cells.items():
+        if not isinstance(value, str | int | float | None):
+            raise RecordingError(f"{place}: {name} must be a single number or text, not {reprlib.repr(value)}")
 
 
 def _unit(path: Path, rows: list[dict[str, Any]]) -> str:

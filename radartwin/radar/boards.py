@@ -14,10 +14,10 @@ transmitters and 16 receivers has 144 channels at 86 different places, without a
 In this module, the channel number of the boards with one chip grows towards +y (left), because in the mmWave SDK demo the phase grows with
 the channel number for a target on the right. On the MMWCAS-RF-EVM, the positions of TI's example grow towards +y (left) and +z (up). This
 direction is an assumption of this project; if it is wrong for a real capture, its azimuths have the opposite sign. On the boards with one
-chip, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The user's
-guides do not give the distance between the two groups. This module therefore centres both groups at the origin of the sensor frame. On the
-MMWCAS-RF-EVM, both groups are centred in azimuth, and the receivers and TX4 to TX12 are at height zero. For a
-target at 0.5 m, this simplification shortens the two-way path by about 0.1 mm, and by nearly the same length on all channels.
+chip, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The user's guides do not give the
+distance between the two groups. This module therefore centres both groups at the origin of the sensor frame. On the MMWCAS-RF-EVM, both
+groups are centred in azimuth, and the receivers and TX4 to TX12 are at height zero. For a target at 0.5 m, this simplification shortens the
+two-way path by about 0.1 mm, and by nearly the same length on all channels.
 """
 
 from __future__ import annotations

@@ -65,16 +65,19 @@ def decode(parts: list[bytes], radar: Radar) -> NDArray[np.complex64]:
 def write_capture(recording: Recording, folder: str | Path) -> int:
     """Write a recording of a cascade as the four data files of the capture board, each file atomically.
 
-    The amplitude per count is the recording's scale, or 1 if it has none. Raw captures do not hold the scale.
+    The amplitude per count is the recording's scale, or 1 if it has none. Raw captures do not hold the scale. The function refuses a folder
+    with data files of another capture, because a reader would append the old parts to the new recording.
 
     Returns:
         Number of int16 values that were clipped.
     Raises:
         RecordingError: the radar is no cascade with 16 receivers, or samples are NaN or infinite.
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or it already holds a data file of a capture.
     """
     _check(recording.radar)
     folder = files.make_folder(Path(folder))
+    if old := sorted(file.name for file in folder.iterdir() if _PART.fullmatch(file.name)):
+        raise OutputError(f"{folder}: the folder already holds {old[0]} of another capture; choose an empty folder")
     unfinished = {chip: files.unfinished(folder / _name(chip, 0)) for chip in CHIPS}
     saturated = 0
     try:
@@ -104,18 +107,20 @@ def read_counts(folder: Path, radar: Radar) -> NDArray[np.complex64]:
     """Read all parts of a capture as complex ADC counts [frame, chirp, tx, rx, sample]. Large captures are mapped into memory.
 
     Raises:
-        MissingError: a chip has no file, or fewer parts than another chip.
+        MissingError: a chip lacks a part. Each of the four chips needs all parts from 0000 to the last part in the folder.
         RecordingError: the files do not fit the radar, or hold different numbers of frames.
     """
     _check(radar)
     frame = frame_bytes(radar) // len(CHIPS)
-    names = sorted({match[2] for file in folder.iterdir() if (match := _PART.fullmatch(file.name))})
+    last = max((int(match[2]) for file in folder.iterdir() if (match := _PART.fullmatch(file.name))), default=0)
     parts: list[tuple[list[Path], int]] = []
-    for number in map(int, names):
+    for number in range(last + 1):
         paths = [folder / _name(chip, number) for chip in CHIPS]
         for path in paths:
             if not path.is_file():
-                raise MissingError(f"{path}: no such file; a capture of the cascade needs one file for each of the {len(CHIPS)} chips")
+                raise MissingError(
+                    f"{path}: no such file; each of the {len(CHIPS)} chips needs the parts 0000 to {last:04d}; copy the missing file"
+                )
         sizes = [path.stat().st_size for path in paths]
         if len(set(sizes)) > 1 or sizes[0] % frame or not sizes[0]:
             raise RecordingError(

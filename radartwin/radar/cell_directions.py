@@ -4,6 +4,10 @@ The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from a
 measures the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at elevation 0 is therefore asin(u_y). With an elevation, the
 search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x).
 
+If the antennas of the azimuth row have the same y, the row does not measure u_y, and the azimuth is NaN. If all antennas have the same y,
+the search over u_z uses u_y = 0, because the phases do not depend on u_y. If only the antennas of the row have the same y, the elevation is
+NaN too, because the other antennas do not separate u_y from u_z.
+
 Bartlett gives one target per cell, because a weaker maximum may be a sidelobe. Capon and MUSIC give up to TARGETS_PER_CELL targets. The
 powers of several targets are the least-squares estimates diag(A+ R A+^H), where A+ is the pseudo-inverse of the responses A. A target is
 dropped if it is more than DEPTH_DB weaker than the strongest target of the cell.
@@ -42,7 +46,7 @@ class Directions:
 
     Attributes:
         cell: index (T,) of the target's cell.
-        azimuth_rad: azimuth (T,) atan2(y, x), positive to the left.
+        azimuth_rad: azimuth (T,) atan2(y, x), positive to the left; NaN if the azimuth row has no horizontal aperture.
         elevation_rad: elevation (T,) asin(z), positive upwards; NaN if it was not measured, and the azimuth then is that at elevation 0.
         share: power (T,) of the target over the mean power of the channels of its cell; 1 in a cell with a single target.
     """
@@ -77,6 +81,11 @@ def has_elevation(radar: Radar) -> bool:
     return len(azimuth_row(radar)) < radar.num_tx * radar.num_rx
 
 
+def _has_width(positions_m: Real, radar: Radar) -> bool:
+    """Return whether antennas (M, 3) have different y, with the tolerance that `azimuth_row` has for heights."""
+    return bool(np.ptp(positions_m[:, 1]) > 0.01 * radar.wavelength_m)
+
+
 def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: bool) -> Directions:
     """Find the directions of the targets in N cells.
 
@@ -88,6 +97,11 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
     """
     row = azimuth_row(radar)
     positions, frequency_hz = radar.virtual_positions, radar.center_frequency_hz
+    if not _has_width(positions[row], radar):
+        cell, unknown = np.arange(len(signals.matrix)), np.full(len(signals.matrix), np.nan)
+        measured = elevation and has_elevation(radar) and not _has_width(positions, radar)
+        uz = _all_uz(signals, positions, frequency_hz, cell, np.zeros(len(cell))) if measured else unknown
+        return Directions(cell, unknown, np.arcsin(uz), np.ones(len(cell)))
     of_row = Covariance(signals.matrix[:, row[:, None], row], signals.count)
     settings = standard_method(method, positions[row])
     if settings is BARTLETT:
@@ -100,7 +114,7 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
     if not (elevation and has_elevation(radar)):
         return Directions(cell, azimuth_rad, np.full(len(cell), np.nan), share)
     uy = np.sin(azimuth_rad)
-    uz = np.array([_uz(Covariance(signals.matrix[n], signals.count), positions, frequency_hz, u) for n, u in zip(cell, uy, strict=True)])
+    uz = _all_uz(signals, positions, frequency_hz, cell, uy)
     return Directions(cell, np.arctan2(uy, _ux(uy, uz)), np.arcsin(uz), share)
 
 
@@ -149,6 +163,12 @@ def _zoom(found: AngleSpectrum, index: int) -> float:
 
 def _ux(uy: Real, uz: Real) -> Real:
     return np.sqrt(np.maximum(1 - uy**2 - uz**2, 0.0))
+
+
+def _all_uz(signals: Covariance, positions_m: Real, frequency_hz: float, cell: NDArray[np.intp], uy: Real) -> Real:
+    """Return the direction cosines u_z (T,) of targets with the given cells (T,) and direction cosines u_y (T,)."""
+    matrices = (Covariance(signals.matrix[n], signals.count) for n in cell)
+    return np.array([_uz(matrix, positions_m, frequency_hz, u) for matrix, u in zip(matrices, uy, strict=True)], dtype=np.float64)
 
 
 def _uz(signals: Covariance, positions_m: Real, frequency_hz: float, uy: float) -> float:

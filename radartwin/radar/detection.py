@@ -31,10 +31,10 @@ Real = NDArray[np.float64]
 class Peaks:
     """Hold N detected echoes as arrays (N,), sorted from the strongest to the weakest echo.
 
-    The azimuth is atan2(y, x) in the sensor frame, positive to the left. The azimuth is NaN if the radar has a single channel. The
-    elevation is positive upwards. The elevation is NaN if it was not measured, and the azimuth is then that of a target at elevation 0.
-    The radial velocity is positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power and of the noise is
-    the squared unit of the IQ samples. The noise is the mean power of the training cells of the CFAR.
+    The azimuth is atan2(y, x) in the sensor frame, positive to the left. The azimuth is NaN if the radar has a single channel or no
+    horizontal aperture. The elevation is positive upwards. The elevation is NaN if it was not measured, and the azimuth is then that of a
+    target at elevation 0. The radial velocity is positive for receding echoes, and NaN if a frame has a single chirp. The unit of the power
+    and of the noise is the squared unit of the IQ samples. The noise is the mean power of the training cells of the CFAR.
     """
 
     range_m: Real

@@ -6,8 +6,9 @@
 | iwr6843 | IWR6843ISK | 60 GHz | 3 x 4 |
 | awr2243_cascade | MMWCAS-RF-EVM | 77 GHz | 12 x 16 |
 
-The waveforms of iwr6843 and awr2243_cascade are choices of this project within the limits of the data sheets, because the boards have no
-waveform of their own. Every field can be changed by an option of the configuration group `radar`.
+The waveform of awr2243_cascade is that of TI's MIMO script for this board. The waveform of iwr6843 is a choice of this project within the
+limits of the data sheet, because the board has no waveform of its own. Every field can be changed by an option of the configuration group
+`radar`.
 """
 
 from __future__ import annotations
@@ -48,9 +49,13 @@ def iwr6843() -> Radar:
 def awr2243_cascade() -> Radar:
     """Return the cascade of four AWR2243 on the board MMWCAS-RF-EVM, whose twelve transmitters send one after the other (TDM).
 
-    The number of samples, loops and transmitters per frame are those of TI's MIMO example for this board (256, 64 and 12; TI E2E 997761).
-    The ramp starts at 77 GHz with 79 MHz/us; the first of 256 samples at 8 Msps is 6 us later. Ramp (40 us) and idle time (5 us) make a
-    chirp interval of 45 us. Transmit power and noise figure are from the list of features of the AWR2243 data sheet (TI SWRS223A).
+    The waveform and the firing order are those of TI's script Cascade_Configuration_MIMO.lua (mmWave Studio). In this script, chirp 0 is
+    TX2 of device 4, and chirp 11 is TX0 of device 1. In the numbering of the board (MMWCAS_RF_EVM), the transmitters therefore fire from
+    TX12 down to TX1, and `tx_positions_m` lists them in this order.
+
+    Each transmitter sends 64 chirps per frame (TI E2E 997761 confirms this number, 256 samples and 12 transmitters). The ramp starts at
+    77 GHz with 79 MHz/us; the first of 256 samples at 8 Msps is 6 us later. Ramp (40 us) and idle time (5 us) make a chirp interval of
+    45 us. Transmit power and noise figure are from the list of features of the AWR2243 data sheet (TI SWRS223A).
 
     >>> awr2243_cascade().num_tx * awr2243_cascade().num_rx
     192
@@ -62,7 +67,7 @@ def awr2243_cascade() -> Radar:
         sample_rate_hz=8e6,
         num_samples=256,
         num_chirps=64,
-        tx_positions_m=MMWCAS_RF_EVM.tx_positions_m,
+        tx_positions_m=MMWCAS_RF_EVM.tx_positions_m[::-1],
         rx_positions_m=MMWCAS_RF_EVM.rx_positions_m,
         chirp_interval=45e-6,
         frame_rate_hz=10.0,

@@ -162,6 +162,30 @@ def test_unknown_method_is_refused():
         point_clouds(echo(RADAR, place(3.0, 0.0)), RADAR, angle="esprit")
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_vertical_line_has_an_elevation_and_no_azimuth(method):
+    vertical = dataclasses.replace(
+        RADAR,
+        tx_positions_m=tuple((0.0, 0.004, z) for z in (0.0, 0.0078)),
+        rx_positions_m=tuple((0.0, 0.004, z) for z in (0.0, 0.00195, 0.0039, 0.00585)),
+    )
+    (cloud,) = point_clouds(noisy(echo(vertical, place(4.0, 0.0, 15.0)), 0.01), vertical, angle=method)
+    assert np.isnan(cloud.azimuth_rad).all()
+    assert np.degrees(cloud.elevation_rad[0]) == pytest.approx(15.0, abs=0.4)
+    np.testing.assert_allclose(cloud.xyz_m[0], place(4.0, 0.0, 15.0), atol=0.04)
+    assert np.isnan(detect(echo(vertical, place(4.0, 0.0, 15.0)), vertical, angle=method).azimuth_rad).all()
+
+
+def test_diagonal_line_has_neither_azimuth_nor_elevation():
+    """On a diagonal line, the phases depend on u_y + u_z only, so that the azimuth and the elevation cannot be separated."""
+    diagonal = dataclasses.replace(
+        RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=tuple((0.0, step, step) for step in (0.0, 0.0014, 0.0028, 0.0042))
+    )
+    (cloud,) = point_clouds(noisy(echo(diagonal, place(4.0, 20.0, 0.0)), 0.01), diagonal)
+    assert np.isnan(cloud.azimuth_rad).all()
+    assert np.isnan(cloud.elevation_rad).all()
+
+
 def test_single_channel_has_no_direction():
     single = dataclasses.replace(RADAR, tx_positions_m=RADAR.tx_positions_m[:1], rx_positions_m=RADAR.rx_positions_m[:1])
     (cloud,) = point_clouds(echo(single, place(2.0, 0.0)), single, angle="music")

@@ -10,8 +10,9 @@ import radartwin as rt
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, InputError, RecordingError
+from radartwin.radar.angles import azimuth_spectrum
 from radartwin.radar.array_table import read_array
-from radartwin.radar.processing import azimuth_spectrum
+from radartwin.radar.named import NAMED
 from radartwin.scene import objects
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
@@ -99,6 +100,42 @@ def test_wrong_table_is_refused_in_one_line(tmp_path, text, name, words, inside)
     assert not (tmp_path / "out.bin").exists()
 
 
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("elements: [{antenna: rx, y_m: 0}, {antenna: [tx], y_m: 0}]", "a.yaml, antenna 2: antenna", "['tx']"),
+        ("elements: [{antenna: {kind: tx}, y_m: 0}]", "a.yaml, antenna 1: antenna", "{'kind': 'tx'}"),
+        ("elements: [{antenna: tx, y_m: 0, pattern: [iwr1843]}]", "a.yaml, antenna 1: pattern", "['iwr1843']"),
+        ("pattern: [iwr1843]\nelements: [{antenna: tx, y_m: 0}]", "a.yaml: pattern", "['iwr1843']"),
+        ("design_frequency_hz: {hz: 60}\nelements: [{antenna: tx, y_m: 0}]", "a.yaml: design_frequency_hz", "{'hz': 60}"),
+    ],
+)
+def test_a_list_or_mapping_as_a_cell_is_refused_in_one_line(tmp_path, text, place, words):
+    with pytest.raises(RecordingError) as caught:
+        read_array(write(tmp_path, text, "a.yaml"))
+    assert str(caught.value) == f"{tmp_path}/{place} must be a single number or text, not {words}"
+
+
+def test_table_with_a_radar_file_yields_to_the_configured_element_and_drops_the_gains_of_the_file(tmp_path):
+    """The file has four receivers with gains, and the table has the pattern iwr1843 and two receivers without gains."""
+    table = write(tmp_path, HALF, "a.yaml")
+    gained = dataclasses.replace(rt.Radar.iwr1843(), tx_gains_db=(1.0, 2.0), rx_gains_db=(1.0, 2.0, 3.0, 4.0))
+    (tmp_path / "r.json").write_text(json.dumps(gained.to_dict()))
+    chosen = ["radar=file", f"radar.file={tmp_path / 'r.json'}"]
+    radar = build_radar(compose([*chosen, f"radar.array={table}", "radar.element=isotropic"]).radar)
+    assert (radar.element, radar.num_tx, radar.num_rx) == ("isotropic", 1, 2)
+    assert (radar.tx_gains_db, radar.rx_gains_db) == (None, None)
+    assert build_radar(compose([*chosen, f"radar.array={table}"]).radar).element == "iwr1843"
+    assert build_radar(compose(chosen).radar) == gained
+
+
+def test_table_with_a_named_radar_yields_to_the_configured_element_and_drops_the_gains_of_the_board(tmp_path, monkeypatch):
+    gained = dataclasses.replace(rt.Radar.iwr1843(), rx_gains_db=(1.0, 2.0, 3.0, 4.0))
+    monkeypatch.setitem(NAMED, "iwr1843", lambda: gained)
+    radar = build_radar(compose([f"radar.array={write(tmp_path, HALF, 'a.yaml')}", "radar.element=isotropic"]).radar)
+    assert (radar.element, radar.num_rx, radar.rx_gains_db) == ("isotropic", 2, None)
+
+
 def test_table_replaces_the_antennas_of_any_radar(tmp_path):
     path = write(tmp_path, TABLE)
     radar = build_radar(compose(["radar=iwr6843", f"radar.array={path}", "radar.num_chirps=4"]).radar)
@@ -155,7 +192,7 @@ def test_table_with_two_receivers_has_their_beam(tmp_path):
     radar = dataclasses.replace(radar, start_frequency_hz=60e9 - radar.sampled_bandwidth_hz / 2)  # 60 GHz at the middle of the sweep
     from_deg, angles = 20.0, np.radians(np.arange(-60, 61, 5.0))
     # The phase is smaller at an antenna nearer to the target; +y is to the left.
-    wave = np.exp(-1j * np.pi * np.sin(np.radians(from_deg)) * np.array([-0.5, 0.5]))[None]
+    wave = np.exp(-1j * np.pi * np.sin(np.radians(from_deg)) * np.array([-0.5, 0.5]))[None, None]  # (snapshot, tx, rx)
     expected = np.cos(np.pi / 2 * (np.sin(angles) - np.sin(np.radians(from_deg)))) ** 2
     np.testing.assert_allclose(azimuth_spectrum(wave, radar, angles), expected, atol=1e-9)
 

@@ -8,7 +8,7 @@ import pytest
 
 import radartwin as rt
 from radartwin.builders.radar import named_radar
-from radartwin.errors import MissingError, RecordingError
+from radartwin.errors import MissingError, OutputError, RecordingError
 from radartwin.radar import cascade_capture
 from radartwin.radar.captures import load_capture
 
@@ -83,6 +83,36 @@ def test_broken_captures_are_refused_in_one_line(tmp_path):
     (folder / "slave2_0000_data.bin").unlink()
     with pytest.raises(MissingError, match=r"slave2_0000_data\.bin"):
         load_capture(folder, RADAR)
+
+
+@pytest.mark.parametrize(
+    ("lost", "named"),
+    [
+        ([f"{chip}_0001_data.bin" for chip in cascade_capture.CHIPS], "master_0001_data.bin"),
+        ([f"{chip}_0000_data.bin" for chip in cascade_capture.CHIPS], "master_0000_data.bin"),
+        (["slave3_0002_data.bin"], "slave3_0002_data.bin"),
+    ],
+)
+def test_a_lost_part_is_named_in_one_line(tmp_path, lost, named):
+    for part in range(3):
+        write_by_hand(tmp_path, counts()[part : part + 1], part)
+    for name in lost:
+        (tmp_path / name).unlink()
+    with pytest.raises(MissingError) as caught:
+        load_capture(tmp_path, RADAR)
+    assert str(caught.value).startswith(f"{tmp_path / named}: no such file; each of the 4 chips needs the parts 0000 to 0002")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("part", [0, 1])
+def test_write_refuses_a_folder_with_a_part_of_another_capture(tmp_path, part):
+    write_by_hand(tmp_path, counts()[:1], part)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    with pytest.raises(OutputError) as caught:
+        cascade_capture.write_capture(rt.Recording(counts(), RADAR, scale=1.0), tmp_path)
+    held = f"master_{part:04d}_data.bin"
+    assert str(caught.value) == f"{tmp_path}: the folder already holds {held} of another capture; choose an empty folder"
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
 def test_a_failed_write_leaves_no_file(tmp_path):

@@ -7,7 +7,9 @@ import pytest
 
 import radartwin as rt
 from radartwin.builders.radar import named_radar
-from radartwin.radar.processing import azimuth_row, azimuth_spectrum, range_fft
+from radartwin.radar.angles import azimuth_spectrum
+from radartwin.radar.boards import MMWCAS_RF_EVM
+from radartwin.radar.processing import azimuth_row, range_fft
 from radartwin.scene import objects
 
 C = 299_792_458.0
@@ -32,14 +34,26 @@ def test_azimuth_row_is_a_filled_half_wavelength_line(name):
     np.testing.assert_allclose(np.diff(y), 1.0, atol=1e-5)  # rounded to 1e-6 above
 
 
-def test_cascade_has_the_published_places():
-    radar, half = named_radar("awr2243_cascade"), C / 76.8e9 / 2
-    tx, rx = radar.tx_positions / half, radar.rx_positions / half
+def test_cascade_board_has_the_published_places():
+    half = C / 76.8e9 / 2
+    tx, rx = np.array(MMWCAS_RF_EVM.tx_positions_m) / half, np.array(MMWCAS_RF_EVM.rx_positions_m) / half
     np.testing.assert_allclose(tx[:, 1] - tx[-1, 1], CASCADE_TX_AZIMUTH, atol=1e-9)
     np.testing.assert_allclose(tx[:, 2], CASCADE_TX_ELEVATION, atol=1e-9)
     np.testing.assert_allclose(rx[:, 1] - rx[12, 1], CASCADE_RX_AZIMUTH, atol=1e-9)
     assert not tx[:, 0].any()
     assert not rx[:, [0, 2]].any()
+
+
+def test_cascade_fires_from_tx12_down_to_tx1():
+    """TI's Cascade_Configuration_MIMO.lua sends chirps 0 to 11 with TX2, TX1, TX0 of device 4, then of devices 3, 2 and 1. Transmitter k of
+    device d is TX 3 (d - 1) + k + 1 of the board.
+    """
+    fired = [3 * (device - 1) + k for device in (4, 3, 2, 1) for k in (2, 1, 0)]
+    radar, half = named_radar("awr2243_cascade"), C / 76.8e9 / 2
+    tx = radar.tx_positions / half
+    np.testing.assert_allclose(tx[:, 1] - tx[:, 1].min(), np.array(CASCADE_TX_AZIMUTH)[fired], atol=1e-9)
+    np.testing.assert_allclose(tx[:, 2], np.array(CASCADE_TX_ELEVATION)[fired], atol=1e-9)
+    assert radar.rx_positions_m == MMWCAS_RF_EVM.rx_positions_m
 
 
 def test_cascade_has_every_difference_in_elevation_up_to_its_aperture():
@@ -109,7 +123,7 @@ def test_beam_of_a_sphere_has_the_width_of_the_array_factor(name, distance_m):
     """
     radar = dataclasses.replace(named_radar(name), element="isotropic", num_chirps=1)
     angles = np.radians(np.linspace(-20, 20, 40001))
-    power = azimuth_spectrum(sphere_channels(radar, distance_m), radar, angles)
+    power = azimuth_spectrum(sphere_channels(radar, distance_m)[None], radar, angles)
     tx = {"iwr1843": [0, 4], "iwr6843": [0, 4], "awr2243_cascade": CASCADE_TX_AZIMUTH[3:]}[name]
     rx = CASCADE_RX_AZIMUTH if name == "awr2243_cascade" else [0, 1, 2, 3]
     phase = np.pi * np.sin(angles)[:, None] * radar.center_frequency_hz / ARRAYS[name][3]
@@ -122,7 +136,7 @@ def test_beam_of_a_sphere_has_the_width_of_the_array_factor(name, distance_m):
 def test_86_places_of_the_cascade_have_the_beam_of_a_uniform_line():
     """One channel for each of the 86 places, without the 58 repetitions, has the beam sin(86 x)/(86 sin x) of a uniform line."""
     radar = dataclasses.replace(named_radar("awr2243_cascade"), num_chirps=1)
-    channels = sphere_channels(radar, 14.0).reshape(-1)
+    channels = sphere_channels(radar, 14.0)[::-1].reshape(-1)  # from the firing order TX12 to TX1 to the numbering of the board
     place = np.rint(np.add.outer(CASCADE_TX_AZIMUTH, CASCADE_RX_AZIMUTH).reshape(-1)).astype(int)
     flat = np.repeat(np.array(CASCADE_TX_ELEVATION) == 0, 16)
     line = np.array([channels[np.flatnonzero(flat & (place == n))[0]] for n in range(86)])
