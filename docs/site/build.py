@@ -53,18 +53,18 @@ def build(out: Path = OUT, pages: Path = PAGES, modules: tuple[str, ...] = MODUL
     """Build the site and return its first page.
 
     Args:
-        out: folder of the site; its old content is deleted.
+        out: folder of the site; the content of an earlier site is deleted.
         pages: folder of the Markdown pages from which MkDocs builds the site; its old content is deleted.
         modules: modules of the reference. A package includes the modules below it.
         execute: whether the tutorial is executed; otherwise it has no outputs.
     Raises:
-        ValueError: a link leads to no file, or a formula cannot be drawn.
+        ValueError: `out` holds files other than a site, a link leads to no file, or a formula cannot be drawn.
         mkdocs.exceptions.Abort: MkDocs warned, for example of a missing anchor or of an object without docstring.
     """
     from mkdocs.commands.build import build as build_site
     from mkdocs.config import load_config
 
-    out = out.resolve()
+    out = check_out(out)
     write_pages(pages, modules, execute)
     config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(pages), site_dir=str(out), strict=True)
     assert config.nav is not None
@@ -79,6 +79,21 @@ def build(out: Path = OUT, pages: Path = PAGES, modules: tuple[str, ...] = MODUL
         config.plugins.on_shutdown()
     _use_own_worker(out)
     return out / "index.html"
+
+
+def check_out(out: Path) -> Path:
+    """Return the absolute path of the folder of the site. MkDocs deletes the content of this folder.
+
+    Raises:
+        ValueError: the path is a file, or a folder that is neither empty nor an earlier site nor build/docs.
+    """
+    out = out.resolve()
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"{out} is a file; give a new or empty folder to --out")
+    earlier = (out / "index.html").is_file() and (out / "search").is_dir()
+    if out != OUT and out.is_dir() and any(out.iterdir()) and not earlier:
+        raise ValueError(f"{out} holds files and no earlier site, and the build would delete them; give a new or empty folder to --out")
+    return out
 
 
 def write_pages(pages: Path, modules: tuple[str, ...] = MODULES, execute: bool = True) -> None:
@@ -185,4 +200,8 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=OUT, help="folder of the site (default: build/docs)")
     parser.add_argument("--no-execution", action="store_true", help="leave out the outputs of the tutorial")
     given = parser.parse_args()
+    try:
+        check_out(given.out)
+    except ValueError as error:
+        sys.exit(f"build.py: {error}")
     print(build(given.out, execute=not given.no_execution))

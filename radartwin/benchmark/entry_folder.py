@@ -11,7 +11,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import sys
 from collections.abc import Mapping
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -38,24 +40,29 @@ def frequency_grid(radar: Radar) -> dict[str, float | int]:
 def write(
     folder: str | Path, method: str, signals: Mapping[str, Signals], seconds_per_frame: Mapping[str, float], machine: str = ""
 ) -> Path:
-    """Write the signals of a method. The file method.json is written last.
+    """Write the signals of a method. All arguments are checked before the first file is written. The file method.json is written last.
 
     Args:
         signals: by problem and scenario, complex samples (S, N) in amplitude units.
         seconds_per_frame: by problem, wall seconds per frame of the method.
     Raises:
-        InputError: a problem or scenario is unknown or absent, or has a wrong shape.
+        InputError: a problem or scenario is unknown or absent, or has a wrong shape, or a problem has no seconds per frame above 0.
         OutputError: the folder cannot be written.
     """
-    folder, entries = Path(folder), {}
+    folder, checked, seconds, entries = Path(folder), {}, {}, {}
     for name, given in signals.items():
-        problem = answers.problem(name)
-        arrays = _checked(problem, {key: np.asarray(value) for key, value in given.items()}, f"{method}: problem {name}")
+        where = f"{method}: problem {name}"
+        checked[name] = _checked(answers.problem(name), {key: np.asarray(value) for key, value in given.items()}, where)
+        if name not in seconds_per_frame:
+            raise InputError(f"{where} has no entry in seconds_per_frame; give the wall seconds per frame of each problem")
+        seconds[name] = _checked_seconds(seconds_per_frame[name], where)
+    for name, arrays in checked.items():
+        radar = answers.problem(name).radar
         content = answers.packed(arrays)
         files.write_atomically(folder / f"{name}.npz", content)
         entries[name] = {
-            "file": f"{name}.npz", "sha256": hashlib.sha256(content).hexdigest(), "frequencies": frequency_grid(problem.radar),
-            "shapes": {key: list(value.shape) for key, value in arrays.items()}, "seconds_per_frame": float(seconds_per_frame[name]),
+            "file": f"{name}.npz", "sha256": hashlib.sha256(content).hexdigest(), "frequencies": frequency_grid(radar),
+            "shapes": {key: list(value.shape) for key, value in arrays.items()}, "seconds_per_frame": seconds[name],
         }  # fmt: skip
     described = {"format": FORMAT, "method": method, "machine": machine, "answers_version": answers.version(), "problems": entries}
     files.write_atomically(folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
@@ -101,9 +108,7 @@ def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray]
         raise InputError(f"{where}: 'file' must name the .npz file; {REMEDY}")
     problem = answers.problem(name)
     _check_frequencies(problem.radar, entry.get("frequencies"), where)
-    seconds = entry.get("seconds_per_frame")
-    if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not (math.isfinite(seconds) and seconds > 0):
-        raise InputError(f"{where}: seconds_per_frame is {seconds!r}; give the wall seconds per frame, above 0")
+    seconds = _checked_seconds(entry.get("seconds_per_frame"), where)
     path = files.inside(folder, entry["file"])
     if not path.is_file():
         raise MissingError(f"{path}: no such file, but {where} names it; copy it into the folder")
@@ -114,7 +119,7 @@ def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray]
     shapes = entry.get("shapes")
     if shapes != {key: list(value.shape) for key, value in arrays.items()}:
         raise InputError(f"{where}: 'shapes' differs from the arrays in {path.name}; {REMEDY}")
-    return _checked(problem, arrays, str(path)), float(seconds)
+    return _checked(problem, arrays, str(path)), seconds
 
 
 def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
@@ -127,6 +132,8 @@ def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
 
 def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
     wanted = frequency_grid(radar)
+    if isinstance(given, dict) and (large := [key for key in wanted if _too_large(given.get(key))]):
+        raise InputError(f"{where}: {large[0]} in 'frequencies' is too large for a float; this problem has {_grid(wanted)}")
     if not isinstance(given, dict) or set(given) != set(wanted) or not all(isinstance(v, int | float) for v in given.values()):
         raise InputError(f"{where}: 'frequencies' must give {', '.join(wanted)}; this problem has {_grid(wanted)}")
     last = {name: grid["start_hz"] + grid["step_hz"] * grid["samples"] for name, grid in (("given", given), ("wanted", wanted))}
@@ -139,6 +146,18 @@ def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
 
 def _grid(grid: Mapping[str, Any]) -> str:
     return f"{grid['samples']} samples from {grid['start_hz']:.0f} Hz in steps of {grid['step_hz']:.3f} Hz"
+
+
+def _too_large(value: Any) -> bool:
+    """Return whether a value is an integer that no float can hold. JSON allows such integers."""
+    return isinstance(value, int) and abs(value) > sys.float_info.max
+
+
+def _checked_seconds(value: Any, where: str) -> float:
+    if _too_large(value) or isinstance(value, bool) or not isinstance(value, Real) or not (math.isfinite(value) and float(value) > 0):
+        shown = "too large for a float" if _too_large(value) else repr(value)
+        raise InputError(f"{where}: seconds_per_frame is {shown}; give the wall seconds per frame, above 0")
+    return float(value)
 
 
 def _checked(problem: Problem, arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]:

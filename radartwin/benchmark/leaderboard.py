@@ -1,6 +1,6 @@
 """Score methods on the problems of the benchmark and write the leaderboard, OUTPUT/benchmark/leaderboard.csv.
 
-Rows of other methods that an earlier run wrote for the same version of the answers are kept.
+Rows of other methods that another run wrote for the same version of the answers are kept. Several runs may write the same file at once.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from radartwin.benchmark.answers import Problem
 from radartwin.benchmark.signal_error import Errors, compare
 from radartwin.errors import InputError
 from radartwin.io import files
+from radartwin.simulation.backends.backend import names as simulator_names
 
 FOLDER, NAME = "benchmark", "leaderboard.csv"
 COLUMNS = (
@@ -49,7 +50,8 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
     """Score methods, each a folder of signals or the name of a simulator, and write the leaderboard after each method.
 
     Args:
-        methods: names or folders; without any, all of `entrants.METHODS`.
+        methods: names or folders; without any, all of `entrants.METHODS`. A known name wins over a folder of this name, which is given as
+            ./NAME.
         chosen: names of the problems; without any, all. A folder is scored on those that it has.
     Returns: the path of the leaderboard and its rows.
     Raises:
@@ -58,14 +60,19 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
     """
     path = output / FOLDER / NAME
     files.sweep(files.check_folder(path.parent))
-    kept = _read(path)
+    lock = path.with_name(f".{NAME}.lock")
+    files.drop_stale(lock)
+    kept = _read(path)  # refuses a foreign file before the first run
     problems = [answers.problem(name) for name in chosen or answers.names()]
     entered = [_entered(name) for name in methods or [one.name for one in entrants.METHODS]]
     for one in entered:
         rows = one(problems, say)
-        kept = [old for old in kept if (old["method"], old["problem"]) not in {(new["method"], new["problem"]) for new in rows}] + rows
-        kept = [old for old in kept if old["answers_version"] == answers.version()]
-        files.write_atomically(path, _text(kept))
+        replaced = {(new["method"], new["problem"]) for new in rows}
+        with files.lock(lock):
+            found = _read(path)  # again, because another run may have added rows while the method ran
+            kept = [old for old in found if (old["method"], old["problem"]) not in replaced] + rows
+            kept = [old for old in kept if old["answers_version"] == answers.version()]
+            files.write_atomically(path, _text(kept))
     return path, kept
 
 
@@ -82,9 +89,14 @@ def machine() -> str:
 
 def _entered(name: str) -> Callable[[Sequence[Problem], Callable[[str], None]], list[Row]]:
     """Check a method and return the function that scores it on problems."""
-    folder = Path(name)
-    if folder.is_dir() or "/" in name:
+    folder, known = Path(name), {one.name for one in entrants.METHODS} | set(simulator_names())
+    if name not in known and (folder.is_dir() or "/" in name):
         described, entries = entry_folder.read(folder)
+        if described["method"] in known:
+            raise InputError(
+                f"{folder / entry_folder.DESCRIPTION}: the name '{described['method']}' belongs to a shipped method or an installed "
+                "simulator; give your method another name"
+            )
 
         def from_folder(problems: Sequence[Problem], say: Callable[[str], None]) -> list[Row]:
             found = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]

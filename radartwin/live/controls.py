@@ -189,7 +189,7 @@ class Controls:
 
     def _add_recording(self, playback: Playback) -> None:
         with self._gui.add_folder("recording"):
-            self._frame = self._gui.add_slider("frame", min=0, max=max(playback.frames - 1, 1), step=1, initial_value=0)
+            self._frame = self._gui.add_slider("frame", min=0, max=playback.frames - 1, step=1, initial_value=0)
             self._plays = self._gui.add_checkbox("play", False)
             self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
         self._frame.on_update(lambda _: self._actions.show_frame(self.frame))

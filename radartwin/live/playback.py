@@ -18,15 +18,18 @@ class Playback:
         recording: recording with at least one frame.
         name: name of its file, for messages.
     Raises:
-        RecordingError: samples are NaN or infinite.
+        RecordingError: samples of any frame are NaN or infinite. The message names the first such frame.
     """
 
     def __init__(self, recording: Recording, name: str) -> None:
         self.recording, self.name = recording, name
         self.frames = recording.num_frames
         self.calibrated = recording.scale != COUNTS
-        if not np.isfinite(recording.iq[0]).all():
-            raise RecordingError(f"{name}: frame 0 holds NaN or infinite samples; record or simulate it again")
+        for block in recording.frame_blocks():
+            broken = ~np.isfinite(recording.iq[block]).all(axis=(1, 2, 3, 4))
+            if broken.any():
+                frame = block.start + int(broken.argmax())
+                raise RecordingError(f"{name}: frame {frame} holds NaN or infinite samples; record or simulate it again")
 
     def pose(self, frame: int) -> np.ndarray | None:
         """Return the sensor pose (4, 4) of a frame, or None if the recording has no poses."""

@@ -5,8 +5,8 @@ docs.foxglove.dev/docs/sdk/schemas). Binary data is base64 text, and a time is a
 radartwin.RangeProfile is RadarTwin's own, because Foxglove has no schema for a row of numbers over a physical axis.
 
 Conventions. In the picture of a map, the first row is the farthest range. A pixel is an unsigned 16-bit number (mono16): the level in
-hundredths of a decibel above a floor, so that level_db = floor_db + pixel/100. A point lies at (r cos(azimuth), r sin(azimuth), 0) in the
-frame of the sensor (x forward, y left, z up), because the detection measures no elevation.
+hundredths of a decibel above a floor, so that level_db = floor_db + pixel/100. The points have the fields and the bytes of
+radartwin.radar.point_messages.
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.radar.detection import Peaks
+from radartwin.radar import point_messages
 
 Message = dict[str, Any]
 
 PIXELS_PER_DB = 100.0
-_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("velocity_mps", "<f4"), ("power_db", "<f4")])
-_FLOAT32 = 7  # of Foxglove's enumeration NumericType
+_NUMERIC_TYPES = {point_messages.FLOAT32: 7}  # code of the ROS message PointField -> code of Foxglove's enumeration NumericType
 
 _WHOLE = {"type": "integer", "minimum": 0}
 _TEXT, _NUMBER, _BYTES = {"type": "string"}, {"type": "number"}, {"type": "string", "contentEncoding": "base64"}
@@ -99,14 +98,11 @@ def picture(time_ns: int, frame_id: str, data: bytes, kind: str) -> Message:
     return {**stamped(time_ns, frame_id), "data": _text(data), "format": kind}
 
 
-def point_cloud(time_ns: int, frame_id: str, peaks: Peaks) -> Message:
-    """Return a foxglove.PointCloud of detected peaks, with the radial velocity in m/s (receding positive) and the power in dB."""
-    points = np.zeros(len(peaks), _POINT)
-    points["x"], points["y"] = peaks.range_m * np.cos(peaks.azimuth_rad), peaks.range_m * np.sin(peaks.azimuth_rad)
-    points["velocity_mps"], points["power_db"] = peaks.velocity_mps, decibels(peaks.power)
-    names = [{"name": name, "offset": 4 * number, "type": _FLOAT32} for number, name in enumerate(_POINT.names or ())]
-    layout = {"pose": _pose(np.eye(4)), "point_stride": _POINT.itemsize, "fields": names}
-    return {**stamped(time_ns, frame_id), **layout, "data": _text(points.tobytes())}
+def point_cloud(time_ns: int, frame_id: str, cloud: point_messages.PointCloud2) -> Message:
+    """Return a foxglove.PointCloud with the fields and the bytes of a packed point cloud."""
+    packed = [{"name": field.name, "offset": field.offset, "type": _NUMERIC_TYPES[field.datatype]} for field in cloud.fields]
+    layout = {"pose": _pose(np.eye(4)), "point_stride": cloud.point_step, "fields": packed}
+    return {**stamped(time_ns, frame_id), **layout, "data": _text(cloud.data)}
 
 
 def frame_transform(time_ns: int, parent: str, child: str, pose: NDArray[np.float64]) -> Message:

@@ -25,8 +25,11 @@ class Picture:
     kind: str
 
     def read(self) -> bytes:
-        """Read the bytes of the picture file. Raise InputError if its content is not of its kind."""
-        data = self.path.read_bytes()
+        """Read the bytes of the picture file. Raise InputError if the file cannot be read or its content is not of its kind."""
+        try:
+            data = self.path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot read this picture ({error.strerror or error}); make it readable or remove it") from error
         if not data.startswith(_STARTS[self.kind]):
             raise InputError(f"{self.path}: not a {self.kind} picture; correct its suffix or remove the file")
         return data
@@ -42,7 +45,9 @@ def read_pictures(folder: Path) -> list[Picture]:
     if not folder.is_dir():
         raise MissingError(f"{folder}: no such folder of pictures; give a folder with files such as 0.100.jpg")
     found = [
-        Picture(path, nanoseconds(path.stem, str(path)), kind) for path in folder.iterdir() if (kind := KINDS.get(path.suffix.lower()))
+        Picture(path, nanoseconds(path.stem, str(path)), kind)
+        for path in folder.iterdir()
+        if (kind := KINDS.get(path.suffix.lower())) and path.is_file()
     ]
     if not found:
         raise MissingError(f"{folder}: no picture in this folder; give files named by their time in seconds, such as 0.100.jpg")

@@ -5,7 +5,7 @@
 | /radar/range_profile | radartwin.RangeProfile | mean power over chirps and channels at each range, in dB |
 | /radar/range_doppler | foxglove.RawImage | power over range and radial velocity, averaged over channels |
 | /radar/range_azimuth | foxglove.RawImage | power over range and azimuth, averaged over chirps |
-| /radar/points | foxglove.PointCloud | detections of radartwin.radar.detection |
+| /radar/points | foxglove.PointCloud | points of radartwin.radar.detection.point_clouds in the layout of radartwin.radar.point_messages |
 | /tf | foxglove.FrameTransform | pose of the sensor frame `radar` in the frame `world` |
 | /radar/pose | foxglove.PoseInFrame | the same pose |
 | /camera/image | foxglove.CompressedImage | a picture of the camera |
@@ -33,8 +33,9 @@ from radartwin.errors import BackendError, InputError, OutputError, RecordingErr
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
-from radartwin.radar.detection import Peaks, detect
-from radartwin.radar.power_maps import PowerMaps, doppler_bins, power_maps, range_bins
+from radartwin.radar.detection import point_clouds
+from radartwin.radar.point_messages import point_cloud2
+from radartwin.radar.power_maps import doppler_bins, power_maps, range_bins
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.radar.recording import Recording
 from radartwin.recordings import foxglove, protobuf
@@ -86,7 +87,7 @@ def write_timeline(
     Raises:
         BackendError: the package mcap or protobuf is missing.
         RecordingError: samples are NaN or infinite.
-        InputError: a picture is not of the kind of its suffix.
+        InputError: a picture cannot be read or is not of the kind of its suffix.
         OutputError: the file cannot be written. No temporary file remains, and an existing file keeps its content.
     """
     path = Path(path)
@@ -138,11 +139,6 @@ def check_target(path: Path, encoding: str = "json") -> ModuleType:
 def frame_time_ns(radar: Radar, frame: int, start_ns: int) -> int:
     """Return the time of the start of a frame in nanoseconds since 1970. The start is a whole number, so that no digit is lost."""
     return start_ns + round(frame * 1e9 / radar.frame_rate_hz)
-
-
-def frame_points(iq: np.ndarray, radar: Radar, maps: PowerMaps) -> Peaks:
-    """Return the detections of one frame (1, chirp, tx, rx, sample), whose power maps are `maps`."""
-    return detect(iq, radar, maps=maps)
 
 
 def _add_messages(writer: Writer, encoding: str, timeline: Iterator[tuple[int, str, foxglove.Message]]) -> dict[str, int]:
@@ -201,7 +197,8 @@ def _frame(recording: Recording, frame: int, time_ns: int, floor_db: float) -> d
     if radar.num_tx * radar.num_rx > 1:
         # The columns run from the left of the radar (positive azimuth) to its right.
         out["/radar/range_azimuth"] = foxglove.map_image(time_ns, SENSOR, maps.range_azimuth[::-1], floor_db)
-        out["/radar/points"] = foxglove.point_cloud(time_ns, SENSOR, frame_points(iq, radar, maps))
+        (peaks,) = point_clouds(iq, radar)
+        out["/radar/points"] = foxglove.point_cloud(time_ns, SENSOR, point_cloud2(peaks))
     return out
 
 

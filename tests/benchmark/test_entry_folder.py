@@ -6,6 +6,7 @@ import csv
 import hashlib
 import json
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ import pytest
 from markdown_blocks import DOCS, blocks, follow
 
 from radartwin.benchmark import answers, entrants, entry_folder
-from radartwin.benchmark.leaderboard import COLUMNS
+from radartwin.benchmark.leaderboard import COLUMNS, benchmark
 from radartwin.errors import InputError
+from radartwin.io import files
 
 PUBLIC = {"method", "problem", "profile_error_db", "signal_error", "seconds_per_frame", "answers_version"}
 
@@ -98,6 +100,14 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "checksum": (spoil, "has the SHA-256 checksum"),
     "no checksum": (lambda f: change(f, lambda near: near.pop("sha256")), "has the SHA-256 checksum"),
     "seconds": (lambda f: change(f, lambda near: near.update(seconds_per_frame=0)), "seconds_per_frame is 0"),
+    "huge seconds": (
+        lambda f: change(f, lambda near: near.update(seconds_per_frame=10**400)),
+        "seconds_per_frame is too large for a float",
+    ),
+    "huge samples": (
+        lambda f: change(f, lambda near: near["frequencies"].update(samples=10**400)),
+        "samples in 'frequencies' is too large",
+    ),
     "file": (lambda f: (f / "near.npz").unlink(), "near.npz: no such file"),
     "escape": (lambda f: change(f, lambda near: near.update(file="../near.npz")), "which is not in it"),
     "json": (lambda f: (f / "method.json").write_text("{"), "is no JSON"),
@@ -150,6 +160,68 @@ def test_write_refuses_a_wrong_array(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has the shape"):
         entry_folder.write(tmp_path, "mine", {"near": {"trihedral 15 cm": np.zeros(3, complex)}}, {"near": 1.0})
     assert not (tmp_path / entry_folder.DESCRIPTION).exists()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "message"),
+    [
+        ({"near": 1.0}, "mine: problem furnished_drive has no entry in seconds_per_frame"),
+        ({"near": 1.0, "furnished_drive": 0.0}, "problem furnished_drive: seconds_per_frame is 0.0"),
+        ({"near": 1.0, "furnished_drive": 10**400}, "problem furnished_drive: seconds_per_frame is too large"),
+    ],
+    ids=["absent", "zero", "huge"],
+)
+def test_write_checks_the_seconds_of_all_problems_before_it_writes(seconds: dict[str, float], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        entry_folder.write(tmp_path / "mine", "mine", {name: quiet_signals(name) for name in ("near", "furnished_drive")}, seconds)
+    assert not (tmp_path / "mine").exists()
+
+
+def named(folder: Path, method: str) -> Path:
+    described = json.loads((folder / entry_folder.DESCRIPTION).read_text())
+    (folder / entry_folder.DESCRIPTION).write_text(json.dumps({**described, "method": method}))
+    return folder
+
+
+@pytest.mark.parametrize("name", ["ours", "sionna_diffraction", "mitsuba"])
+def test_a_folder_cannot_take_the_name_of_a_method_or_simulator(name: str, folder: Path, tmp_path: Path, inside: Callable) -> None:
+    done = inside("benchmark", "--method", named(folder, name), "--output", tmp_path / "out")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert f"the name '{name}' belongs to a shipped method or an installed simulator" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_known_name_wins_over_a_folder_of_this_name(folder: Path, tmp_path: Path, inside: Callable) -> None:
+    folder.rename(tmp_path / "points")  # the command runs in tmp_path
+    done = inside("benchmark", "--method", "points", "--method", "./points", "--problem", "near")
+    assert done.returncode == 0, done.stderr
+    assert [row["method"] for row in rows(tmp_path / "outputs")] == ["points", "my solver"]
+
+
+def test_two_runs_on_one_leaderboard_keep_the_rows_of_both(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the first run solves its problem, a second run writes its rows."""
+    output = tmp_path / "out"
+
+    def solve(method: entrants.Method, problem: answers.Problem) -> tuple[dict[str, np.ndarray], float]:
+        benchmark(output, [str(folder)], ["near"], lambda line: None)
+        return quiet_signals(problem.name, 0.9), 1.0
+
+    monkeypatch.setattr(entrants, "solve", solve)
+    _, found = benchmark(output, ["points"], ["near"], lambda line: None)
+    assert [row["method"] for row in rows(output)] == [row["method"] for row in found] == ["my solver", "points"]
+    assert [path.name for path in (output / "benchmark").iterdir()] == ["leaderboard.csv"]
+
+
+def test_a_run_waits_while_another_run_writes_the_leaderboard(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "out" / "benchmark" / "leaderboard.csv"
+    runner = threading.Thread(target=benchmark, args=(tmp_path / "out", [str(folder)], ["near"], lambda line: None))
+    with files.lock(path.with_name(f".{path.name}.lock")):
+        runner.start()
+        runner.join(1.0)  # the run needs a few milliseconds without the lock
+        assert runner.is_alive()
+        assert not path.exists()
+    runner.join(30)
+    assert [row["method"] for row in rows(tmp_path / "out")] == ["my solver"]
 
 
 def test_tutorial_enters_a_method_as_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

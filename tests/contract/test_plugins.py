@@ -93,16 +93,26 @@ def test_every_group_finds_its_name_without_an_import(installed: Path) -> None:
 
 
 def test_simulator_is_found_by_name_and_gives_the_radar_equation(installed: Path, inside: Callable) -> None:
-    """The echo of a cross-section of 2 m^2 at distance d is lambda sqrt(sigma/(4 pi)^3)/d^2, times the antenna's gain at boresight."""
+    """The echo of a cross-section of 2 m^2 at distance d is lambda sqrt(sigma/(4 pi)^3)/d^2. The gain of an isotropic antenna is 1.
+
+    The only surface is the plate of 10 cm at 1.7 m. The plug-in puts the echo at the nearest vertex, and all four vertices are corners.
+    """
     done = inside(
-        "simulate", "scene=plate", "trajectory=static", "simulator=echoes", "simulator.cross_section_m2=2", "radar.element=isotropic"
-    )
+        "simulate", "scene=plate", "trajectory=static", "trajectory.distance_m=1.7", "simulator=echoes", "simulator.cross_section_m2=2",
+        "radar.element=isotropic",
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     from radartwin.radar.recording import Recording
 
     recording = Recording.load("outputs/recordings/plate")
     assert recording.provenance["simulator"] == "echoes"
     assert recording.provenance["cross_section_m2"] == 2
+    radar, distance_m = recording.radar, np.sqrt(1.7**2 + 0.05**2 + 0.05**2)
+    expected = 299_792_458.0 / radar.center_frequency_hz * np.sqrt(2 / (4 * np.pi) ** 3) / distance_m**2
+    window = np.hanning(radar.num_samples)
+    # 16 times as many bins as samples, so that the peak is within 1e-3 of the level between bins.
+    spectrum = np.abs(np.fft.fft(recording.iq * window, 16 * radar.num_samples)) / window.sum()
+    np.testing.assert_allclose(spectrum.max(axis=-1), expected, rtol=5e-3)  # the file holds 16-bit samples
 
 
 def test_materials_are_found_by_name(installed: Path, inside: Callable) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
 import radartwin as rt
 from radartwin.errors import RecordingError
+from radartwin.live.controls import Controls
 from radartwin.live.playback import Playback, shifted_db
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
@@ -34,6 +37,20 @@ def test_a_recording_gives_its_frames_its_poses_and_levels_beside_the_simulation
 
 
 def test_a_recording_with_broken_samples_is_refused() -> None:
-    iq = np.full((1, 16, 2, 4, 256), np.nan, np.complex64)
-    with pytest.raises(RecordingError, match="capture: frame 0 holds NaN"):
-        Playback(rt.Recording(iq, rt.Radar.iwr1843()), "capture")
+    for frame, value in ((0, np.nan), (2, np.inf)):
+        iq = np.zeros((4, 16, 2, 4, 256), np.complex64)
+        iq[frame:, 3, 1, 2, 7] = value
+        with pytest.raises(RecordingError, match=f"capture: frame {frame} holds NaN"):
+            Playback(rt.Recording(iq, rt.Radar.iwr1843()), "capture")
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_the_frame_slider_ends_at_the_last_frame(frames: int) -> None:
+    viser = pytest.importorskip("viser", reason="viser is not installed: pip install 'radartwin[live]'")
+    iq = np.zeros((frames, 16, 2, 4, 256), np.complex64)
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        controls = Controls(server, Mock(), Playback(rt.Recording(iq, rt.Radar.iwr1843()), "capture"), 5.0)
+        assert (controls._frame.min, controls._frame.max, controls.frame) == (0, frames - 1, 0)
+    finally:
+        server.stop()

@@ -13,8 +13,9 @@ import pytest
 from mcap.reader import make_reader
 
 import radartwin as rt
-from radartwin.errors import BackendError, OutputError, RecordingError
-from radartwin.radar.detection import detect
+from radartwin.errors import BackendError, InputError, OutputError, RecordingError
+from radartwin.radar.detection import point_clouds
+from radartwin.radar.named import awr2243_cascade, iwr6843
 from radartwin.radar.power_maps import power_maps
 from radartwin.recordings.foxglove import SCHEMAS
 from radartwin.recordings.pictures import read_pictures
@@ -124,17 +125,38 @@ def test_points_are_the_detections_in_metres(tmp_path):
         assert [field["type"] for field in cloud["fields"]] == [7] * len(fields)  # FLOAT32 in Foxglove's enumeration
         assert [field["offset"] for field in cloud["fields"]] == [0, 4, 8, 12, 16]
         assert cloud["point_stride"] == 20
+        assert [name for name, _ in fields] == ["x", "y", "z", "velocity", "intensity"]
         points = np.frombuffer(base64.b64decode(cloud["data"]), fields)
-        peaks = detect(kept.iq[frame : frame + 1], RADAR)
+        (peaks,) = point_clouds(kept.iq[frame : frame + 1], RADAR)
         assert len(points) == len(peaks) == 2
-        np.testing.assert_allclose(points["power_db"], 10 * np.log10(peaks.power), rtol=1e-6)
+        np.testing.assert_allclose(points["intensity"], 10 * np.log10(peaks.power / peaks.noise), rtol=1e-6)
         # The echoes as they were made: x is forward and y is left. The azimuth of the beam of 13 degrees is exact to a degree.
         for point in points:
             range_m, speed, azimuth_deg = (2.0, 0.0, 20.0) if point["y"] > 0 else (4.0 + 0.05 * frame, 0.5, -30.0)
             assert np.hypot(point["x"], point["y"]) == pytest.approx(range_m, abs=0.02)
             assert np.degrees(np.arctan2(point["y"], point["x"])) == pytest.approx(azimuth_deg, abs=1.0)
-            assert point["velocity_mps"] == pytest.approx(speed, abs=0.05)
-            assert point["z"] == 0
+            assert point["velocity"] == pytest.approx(speed, abs=0.05)
+            assert point["z"] == 0, "the antennas of this radar have equal heights"
+
+
+@pytest.mark.parametrize("encoding", ["json", "protobuf"])
+@pytest.mark.parametrize("radar", [iwr6843(), awr2243_cascade()], ids=lambda radar: radar.name)
+def test_points_of_radars_with_antennas_at_different_heights_have_their_elevation(radar, encoding, tmp_path):
+    """The point lies at (3, 0.5, 0.8); the signal is that of the exact two-way paths to all antennas."""
+    where, rng = np.array([3.0, 0.5, 0.8]), np.random.default_rng(0)
+    length = np.linalg.norm(where - radar.tx_positions, axis=1)[:, None] + np.linalg.norm(where - radar.rx_positions, axis=1)
+    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
+    iq = np.repeat(1e-6 * np.exp(2j * np.pi * frequency * length[..., None] / C)[None, None], radar.num_chirps, axis=1)
+    iq = iq + 1e-9 * (rng.standard_normal(iq.shape) + 1j * rng.standard_normal(iq.shape))  # noise 57 dB below the echo
+    write_timeline(rt.Recording(iq.astype(np.complex64), radar), tmp_path / "a.mcap", encoding=encoding)
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        (message,) = [message for _, _, message in make_reader(stream).iter_messages(topics=["/radar/points"])]
+    # Field 6 of Foxglove's Protobuf definition of a PointCloud holds the bytes of the points.
+    data = wire(message.data)[6][0] if encoding == "protobuf" else base64.b64decode(json.loads(message.data)["data"])
+    (point,) = np.frombuffer(data, "<f4").reshape(-1, 5)
+    # The elevation of the iwr6843 rests on two rows of antennas, so that 1 degree of its wide beam is 5 cm at 3.1 m.
+    np.testing.assert_allclose(point[:3], where, atol=0.05)
+    assert point[3] == pytest.approx(0, abs=0.01)
 
 
 def test_times_are_exact_nanoseconds(tmp_path):
@@ -296,6 +318,19 @@ def test_pictures_of_a_camera_lie_between_the_frames(tmp_path):
     assert {content["frame_id"] for _, content in found} == {"camera"}
 
 
+def test_an_unreadable_picture_is_named(tmp_path):
+    """The picture is removed after its name was read, because a superuser may read a file of any mode."""
+    camera = tmp_path / "camera"
+    (camera / "0.3.jpg").mkdir(parents=True)  # a folder is no picture
+    (camera / "0.1.jpg").write_bytes(JPEG)
+    pictures = read_pictures(camera)
+    assert [picture.path.name for picture in pictures] == ["0.1.jpg"]
+    (camera / "0.1.jpg").unlink()
+    with pytest.raises(InputError, match=r"camera/0\.1\.jpg: cannot read this picture \(No such file or directory\)"):
+        write_timeline(recording(), tmp_path / "a.mcap", pictures=pictures)
+    assert [path.name for path in tmp_path.iterdir()] == ["camera"]
+
+
 def test_radars_without_a_map_leave_it_out(tmp_path):
     single = rt.Radar.from_dict({**RADAR.to_dict(), "tx_positions_m": [[0, 0, 0]], "rx_positions_m": [[0, 0, 0]]})
     write_timeline(recording(radar=single), tmp_path / "one.mcap")
@@ -307,7 +342,7 @@ def test_radars_without_a_map_leave_it_out(tmp_path):
     cloud = found["/radar/points"][0][1]
     points = np.frombuffer(base64.b64decode(cloud["data"]), [(field["name"], "<f4") for field in cloud["fields"]])
     assert len(points)
-    assert np.isnan(points["velocity_mps"]).all()
+    assert np.isnan(points["velocity"]).all()
 
 
 def test_silent_frames_are_black(tmp_path):
