@@ -83,5 +83,7 @@ def compiling() -> Iterator[Callable[[], None]]:
 
 
 if __name__ == "__main__":
-    with compiling() as finished:
+    from radartwin.simulation import compile_ahead  # the workers cannot import the functions of __main__
+
+    with compile_ahead.compiling() as finished:
         finished()
