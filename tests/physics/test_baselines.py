@@ -9,9 +9,8 @@ import pytest
 from physics_helpers import at
 
 import radartwin as rt
-from experiments.speed.methods import published_seconds
-from experiments.speed.problems import Part
 from experiments.validation import baselines
+from radartwin.benchmark.entrants import published_seconds
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
@@ -160,5 +159,4 @@ def test_whole_frame_is_no_slower_than_the_published_program(room, most_s):
     """On two cores, the original RF-Genesis program takes 24 s for 1,200 hits (a plate at 1 m) and 65 s for 16,384 hits (a room)."""
     plate = rt.Scene([rt.Surface(objects.plate(0.3, 0.3).apply_transform(at(1.0)), "metal", "plate")])
     scene, pose = (rooms.lab(), rooms.lab_bench().sensor_pose[None]) if room else (plate, HERE)
-    part = Part("frame", scene, pose, {}, 1, RADAR, lambda: np.zeros(0))
-    assert published_seconds(part, rfgenesis.RFGenesisSettings(), RADAR, time.perf_counter) < most_s
+    assert published_seconds(scene, pose, {}, rfgenesis.RFGenesisSettings(), RADAR, time.perf_counter) < most_s
