@@ -13,6 +13,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene.scene import Scene
 
 
+@pytest.mark.slow
 def test_the_demonstration_ends_with_a_page_that_names_the_surfaces(inside, chromium, tmp_path: Path) -> None:
     folder = tmp_path / "mine" / "demo"
     (folder / "scene").mkdir(parents=True)

@@ -140,7 +140,7 @@ def test_points_are_the_detections_in_metres(tmp_path):
 
 
 @pytest.mark.parametrize("encoding", ["json", "protobuf"])
-@pytest.mark.parametrize("radar", [iwr6843(), awr2243_cascade()], ids=lambda radar: radar.name)
+@pytest.mark.parametrize("radar", [iwr6843(), pytest.param(awr2243_cascade(), marks=pytest.mark.slow)], ids=lambda radar: radar.name)
 def test_points_of_radars_with_antennas_at_different_heights_have_their_elevation(radar, encoding, tmp_path):
     """The point lies at (3, 0.5, 0.8); the signal is that of the exact two-way paths to all antennas."""
     where, rng = np.array([3.0, 0.5, 0.8]), np.random.default_rng(0)
