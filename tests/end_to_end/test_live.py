@@ -64,6 +64,7 @@ def test_the_page_is_served_on_this_machine_only_until_a_signal_ends_it(plate_sc
         wait_until(lambda: not any(runs(pid) for pid in begun), 10)
 
 
+@pytest.mark.slow
 def test_a_search_ends_with_the_page(tmp_path: Path) -> None:
     with serving(tmp_path, "lab") as (port, process):
         wait_until(lambda: len(descendants(process.pid)) >= 1, 200)  # the worker that searches
