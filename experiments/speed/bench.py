@@ -26,8 +26,8 @@ import pandas as pd
 import radartwin as rt
 from experiments.speed.bench_figures import FIGURES, Values, table
 from experiments.speed.bench_scan import line, measure
-from experiments.speed.machine import processor
 from experiments.validation.oracles import sampling
+from radartwin.benchmark.leaderboard import processor
 from radartwin.io import files
 from radartwin.runs import checkout
 from radartwin.scene import objects, rooms

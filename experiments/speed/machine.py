@@ -6,7 +6,8 @@ import functools
 import importlib.metadata
 import os
 import platform
-from pathlib import Path
+
+from radartwin.benchmark.leaderboard import processor
 
 
 @functools.cache
@@ -20,10 +21,3 @@ def machine() -> dict[str, str]:
         "system": f"{platform.system()} {platform.machine()}", "python": f"Python {platform.python_version()}",
         "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
     }  # fmt: skip
-
-
-def processor() -> str:
-    """Return the name of the processor."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").is_file() else []
-    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else platform.processor() or platform.machine()

@@ -93,15 +93,19 @@ class Problem:
 @cache
 def index(folder: Path = FOLDER) -> dict[str, Any]:
     """Read answers.json. Raises MissingError or InputError."""
-    path = folder / INDEX
+    return described(folder / INDEX, FORMAT, "install radartwin again")
+
+
+def described(path: Path, expected: str, remedy: str) -> dict[str, Any]:
+    """Read a JSON object whose key `format` has the expected value. Raises MissingError or InputError, which end with the remedy."""
     if not path.is_file():
-        raise MissingError(f"{path}: the answers of the benchmark are missing; install radartwin again")
+        raise MissingError(f"{path}: no such file; {remedy}")
     try:
         content = untrusted_json.read(path)
     except ValueError as error:
-        raise InputError(f"{path} is not readable ({error}); install radartwin again") from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError(f"{path}: its format is not '{FORMAT}'; install radartwin again")
+        raise InputError(f"{path} is no JSON ({error}); {remedy}") from error
+    if not isinstance(content, dict) or content.get("format") != expected:
+        raise InputError(f"{path}: 'format' must be '{expected}'; {remedy}")
     return content
 
 

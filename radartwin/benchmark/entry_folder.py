@@ -22,7 +22,7 @@ import numpy as np
 from radartwin.benchmark import answers
 from radartwin.benchmark.answers import Problem
 from radartwin.errors import InputError, MissingError
-from radartwin.io import files, untrusted_json
+from radartwin.io import files
 from radartwin.radar.chirp import Radar
 
 DESCRIPTION, FORMAT = "method.json", "radartwin benchmark entry 1"
@@ -79,14 +79,7 @@ def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.nda
         InputError: a file is damaged, or has another version, checksum, frequency grid or shape than it must have.
     """
     path = folder / DESCRIPTION
-    if not path.is_file():
-        raise MissingError(f"{path}: no such file; a folder of signals has {DESCRIPTION}, and {REMEDY}")
-    try:
-        described = untrusted_json.read(path)
-    except ValueError as error:
-        raise InputError(f"{path} is no JSON ({error}); {REMEDY}") from error
-    if not isinstance(described, dict) or described.get("format") != FORMAT:
-        raise InputError(f"{path}: 'format' must be '{FORMAT}'; {REMEDY}")
+    described = answers.described(path, FORMAT, REMEDY)
     if not isinstance(described.get("method"), str) or not described["method"]:
         raise InputError(f"{path}: 'method' must be the name of the method; {REMEDY}")
     if described.get("answers_version") != answers.version():

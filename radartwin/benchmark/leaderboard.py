@@ -18,6 +18,7 @@ import numpy as np
 from radartwin.benchmark import answers, entrants, entry_folder
 from radartwin.benchmark.answers import Problem
 from radartwin.benchmark.signal_error import Errors, compare
+from radartwin.compiled import cores
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.simulation.backends.backend import names as simulator_names
@@ -78,13 +79,15 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
 
 def machine() -> str:
     """Return the processor, the operating system, and the load of other programs, which makes the times longer."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.processor())
-    load = f", load {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores" if hasattr(os, "getloadavg") else ""
-    return f"{model or platform.machine()}, {platform.system()}{load}"
+    load = f", load {os.getloadavg()[0]:.0f} on {cores()} cores" if hasattr(os, "getloadavg") else ""
+    return f"{processor()}, {platform.system()}{load}"
+
+
+def processor() -> str:
+    """Return the name of the processor."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").is_file() else []
+    named = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor() or platform.machine()
 
 
 def _entered(name: str) -> Callable[[Sequence[Problem], Callable[[str], None]], list[Row]]:

@@ -272,10 +272,9 @@ def _distances(text: str) -> tuple[float, ...]:
 
 
 def _experiments() -> list[str]:
-    from radartwin import plugins
     from radartwin.config.compose import groups
 
     try:
-        return [*groups().get("experiment", []), *plugins.names(plugins.EXPERIMENTS)]
+        return groups().get("experiment", [])
     except MissingError:  # a broken installation can still print its help
         return ["none found"]

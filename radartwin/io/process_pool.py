@@ -57,9 +57,20 @@ class ProcessPool:
             result.set_result(value)
 
     def end(self) -> None:
-        """End all worker processes, even if a call is still running."""
+        """End all worker processes, even if a call is still running.
+
+        A worker that is in compiled code or still imports modules cannot end itself. The pool kills such a worker after twice
+        ENDS_WITHIN_S.
+        """
         self._own_end.close()
-        self._executor.shutdown(cancel_futures=True)
+        processes = list((self._executor._processes or {}).values())  # Python 3.14 has kill_workers instead
+        killer = threading.Timer(2 * ENDS_WITHIN_S, lambda: [process.kill() for process in processes])
+        killer.daemon = True
+        killer.start()
+        try:
+            self._executor.shutdown(cancel_futures=True)
+        finally:
+            killer.cancel()
 
 
 def in_worker() -> bool:

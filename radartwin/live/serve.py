@@ -84,9 +84,9 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
     with contextlib.ExitStack() as ends:
         searcher = Searcher(room, radar) if len(room) else None
         session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
-        ends.callback(session.end)
         if searcher:
             ends.callback(searcher.end)
+        ends.callback(session.end)  # before the end of the searcher, which the session uses
         server = _server(free_port(port, USUAL_PORT))
         ends.callback(_quietly, server.stop)
         page = Page(server, scene, start, tracer, session.request, playback)

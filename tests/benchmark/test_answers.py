@@ -55,7 +55,7 @@ def test_a_changed_file_is_refused_by_its_checksum(byte: int, tmp_path: Path) ->
 
 def test_another_format_and_an_unknown_problem_are_refused(tmp_path: Path) -> None:
     (tmp_path / INDEX).write_text('{"format": "else"}')
-    with pytest.raises(InputError, match="its format is not"):
+    with pytest.raises(InputError, match="'format' must be"):
         answers.index(tmp_path)
     with pytest.raises(InputError, match="'far' is not known; choose one of canonical, near"):
         answers.problem("far")

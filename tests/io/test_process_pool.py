@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from processes import ROOT, runs, started, wait_until
 
+from radartwin.io import process_pool
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
 
 PATHS = os.pathsep.join((str(ROOT), str(ROOT / "tests")))  # the worker imports this test module, which imports tests/processes.py
@@ -24,6 +26,12 @@ def hold(folder: Path) -> None:
         time.sleep(600)
     finally:
         mine.unlink()
+
+
+def hold_the_interpreter(folder: Path) -> None:
+    """Keep a worker process busy in compiled code, which runs no signal handler and no other thread of Python."""
+    (folder / f"{os.getpid()}.pid").touch()
+    ctypes.PyDLL(None).sleep(60)
 
 
 def die() -> None:
@@ -62,6 +70,17 @@ def test_a_pool_that_ends_interrupts_its_calls_which_clean_up(tmp_path: Path) ->
     assert not any(map(runs, pids))
     assert list(tmp_path.iterdir()) == []
     assert all(isinstance(call.exception(), BrokenProcessPool) for call in calls)
+
+
+def test_a_pool_that_ends_kills_a_worker_in_compiled_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process_pool, "ENDS_WITHIN_S", 0.5)
+    pool = ProcessPool(1)
+    pool.submit(hold_the_interpreter, tmp_path)
+    wait_until(lambda: len(list(tmp_path.iterdir())) == 1)
+    start = time.monotonic()
+    pool.end()
+    assert time.monotonic() - start < 20, "the call takes 60 s"
+    assert not runs(int(next(tmp_path.iterdir()).stem))
 
 
 BUSY = """

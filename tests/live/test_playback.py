@@ -6,6 +6,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+import viser
 
 import radartwin as rt
 from radartwin.errors import RecordingError
@@ -46,7 +47,6 @@ def test_a_recording_with_broken_samples_is_refused() -> None:
 
 @pytest.mark.parametrize("frames", [1, 2])
 def test_the_frame_slider_ends_at_the_last_frame(frames: int) -> None:
-    viser = pytest.importorskip("viser", reason="viser is not installed: pip install 'radartwin[live]'")
     iq = np.zeros((frames, 16, 2, 4, 256), np.complex64)
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:

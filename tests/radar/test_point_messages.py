@@ -4,6 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from rosbags import typesys
 
 from radartwin.errors import InputError
 from radartwin.radar.detection import Peaks
@@ -53,7 +54,6 @@ def test_bytes_follow_their_field_table():
 
 
 def test_message_survives_serialisation_by_rosbags():
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed: pip install rosbags")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     kinds, cloud = store.types, point_cloud2(PEAKS)
     header = kinds["std_msgs/msg/Header"](stamp=kinds["builtin_interfaces/msg/Time"](sec=1, nanosec=5), frame_id="radar")
