@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import range_fft
+from radartwin.radar.processing import decibels, range_fft
 
 DYNAMIC_DB = 40.0
 GAINS_DB = np.arange(-120.0, 120.5, 0.5)  # search grid of the common gain
@@ -67,21 +67,17 @@ def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_d
     signal = np.sqrt(np.mean([np.linalg.norm(gain * a - b) ** 2 / np.linalg.norm(b) ** 2 for a, b in signals]))
     gate_m = gate_m or (NEAR_M, FAR_M)
     both = [(gain**2 * profiles(a, radar, gate_m), profiles(b, radar, gate_m)) for a, b in pairs]
-    offset = float(np.mean([_db(a.sum() / b.sum()) for a, b in both]))
+    offset = float(np.mean([decibels(a.sum() / b.sum()) for a, b in both]))
     rough = GAINS_DB[np.argmin([_rms(both, g) for g in GAINS_DB])]
     best = minimize_scalar(lambda g: _rms(both, g), bounds=(rough - 0.5, rough + 0.5), method="bounded")
     free, extra = min((_rms(both, g), g) for g in (float(best.x), 0.0))  # type: ignore[attr-defined]
     return Errors(float(signal), _rms(both, 0.0), offset, free, gain_db + extra)
 
 
-def _db(power: np.ndarray | float) -> np.ndarray:
-    return 10 * np.log10(np.maximum(power, 1e-30))
-
-
 def _rms(both: Sequence[tuple[np.ndarray, np.ndarray]], gain_db: float) -> float:
     squares = []
     for ours, reference in both:
         floor = reference.max(axis=1, keepdims=True) * 10 ** (-DYNAMIC_DB / 10)
-        apart = _db(np.maximum(ours * 10 ** (gain_db / 10), floor)) - _db(np.maximum(reference, floor))
+        apart = decibels(np.maximum(ours * 10 ** (gain_db / 10), floor)) - decibels(np.maximum(reference, floor))
         squares.append(np.mean(apart[reference > floor] ** 2))
     return float(np.sqrt(np.mean(squares)))

@@ -65,20 +65,31 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
     Raises:
         OutputError: the folder cannot be created or written. No temporary file remains.
     """
+    with replacing(path) as stream:
+        stream.write(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """Yield a stream whose content replaces the file when the `with` block ends without an exception.
+
+    Raises:
+        OutputError: the folder cannot be created or written. No temporary file remains, and an existing file keeps its content.
+    """
     make_folder(path.parent)
     temporary = unfinished(path)
     try:
         temporary.unlink(missing_ok=True)
         with temporary.open("xb") as stream:
-            stream.write(content.encode() if isinstance(content, str) else content)
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         temporary.replace(path)
     except OSError as error:
-        raise OutputError(f"{path}: cannot write ({error.strerror}); free some space or choose another folder") from error
+        raise OutputError(f"{path}: cannot write ({error.strerror or error}); free some space or choose another folder") from error
     finally:
         temporary.unlink(missing_ok=True)
-    return path
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:

@@ -14,14 +14,17 @@ import numpy as np
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.radar.power_maps import power_maps
+from radartwin.radar.processing import decibels
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.mitsuba import Traced
+from radartwin.simulation.origins import distances_m
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import both_gains
 
 FLOOR_DB = -200.0  # level of an empty range bin
 SHOWN_PATHS = 30  # number of paths in an answer
-ON_SURFACE_M = 0.003  # a point this near to a surface lies on it; the points of two surfaces that meet at an edge lie on both
+TOUCHING_M = 0.003  # a point this near to two surfaces lies on both, at the edge where they meet
+NEAR_SURFACE_M = 0.05  # a point farther than this from every surface lies on none
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +76,8 @@ class Path:
 def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
     """Compute the range profile and the range-azimuth map of one frame of samples (C, T, R, N)."""
     maps = power_maps(iq[None], radar)
-    return Spectra(maps.range_m, maps.azimuth_rad, decibels(maps.range_time.mean(axis=0)), decibels(maps.range_azimuth))
-
-
-def decibels(power: np.ndarray) -> np.ndarray:
-    """Convert power to decibels, with FLOOR_DB for zero power.
-
-    >>> decibels(np.array([0.0, 0.01])).tolist()
-    [-200.0, -20.0]
-    """
-    return 10 * np.log10(np.maximum(power, 10 ** (FLOOR_DB / 10)))
+    profile_db, map_db = (np.maximum(decibels(power), FLOOR_DB) for power in (maps.range_time.mean(axis=0), maps.range_azimuth))
+    return Spectra(maps.range_m, maps.azimuth_rad, profile_db, map_db)
 
 
 def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[Path]:
@@ -103,27 +98,15 @@ def surfaces_at(path: Path, scene: Scene) -> list[str]:
     Args:
         scene: the room and the objects at their places, in world coordinates.
     """
-    import trimesh
-
-    points = path.points[1:-1]
-    names, distances = [], []
-    for index, surface in enumerate(scene):
-        mesh = surface.mesh
-        near = (points >= mesh.bounds[0] - 0.05).all(axis=1) & (points <= mesh.bounds[1] + 0.05).all(axis=1)
-        away = np.full(len(points), np.inf)
-        for p in np.flatnonzero(near):
-            triangles = np.asarray(mesh.triangles)
-            closest = trimesh.triangles.closest_point(triangles, np.repeat(points[p : p + 1], len(triangles), axis=0))
-            away[p] = np.linalg.norm(closest - points[p], axis=1).min()
-        names.append(surface.name or f"surface {index}")
-        distances.append(away)
-    if not names:
+    if not len(scene):
         return []
-    table = np.array(distances)
+    points = path.points[1:-1]
+    names = [surface.name or f"surface {index}" for index, surface in enumerate(scene)]
+    table = np.array([distances_m(surface.mesh, points, NEAR_SURFACE_M) for surface in scene])
     out = []
     for p in range(len(points)):
         nearest = float(table[:, p].min())
-        touching = [name for name, away in zip(names, table[:, p], strict=True) if away <= max(nearest, ON_SURFACE_M)]
+        touching = [name for name, away in zip(names, table[:, p], strict=True) if away <= max(nearest, TOUCHING_M)]
         out.append(" and ".join(dict.fromkeys(touching)) if np.isfinite(nearest) else "unknown")
     return out
 
@@ -194,7 +177,7 @@ def _closed(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 
 def _db(amplitude: float) -> float:
-    return max(20 * float(np.log10(max(amplitude, 1e-30))), FLOOR_DB)
+    return max(float(decibels(amplitude**2)), FLOOR_DB)
 
 
 def span_db(values: Sequence[float] | np.ndarray, dynamic_db: float) -> tuple[float, float]:

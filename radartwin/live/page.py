@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.live.controls import PROFILE_DYNAMIC_DB, Controls
-from radartwin.live.echoes import FLOOR_DB, Path, span_db, surfaces_at
+from radartwin.live.echoes import Path, span_db, surfaces_at
 from radartwin.live.playback import Playback, shifted_db
 from radartwin.live.setting import Movable, Rooms, Setting, free_name, split
 from radartwin.live.stage import Stage
@@ -174,7 +174,7 @@ class Page:
                 spectra = recorded
         seen = answer.spectra.range_m <= self._farthest_m
         top = span_db(answer.spectra.profile_db[seen], PROFILE_DYNAMIC_DB)[1]
-        profile = np.maximum(answer.spectra.profile_db, FLOOR_DB)[seen]
+        profile = answer.spectra.profile_db[seen]
         with self._server.atomic():
             self.controls.show_profile(answer.spectra.range_m[seen], profile, None if measured is None else measured[seen], top)
             self.controls.show_map(spectra)

@@ -8,8 +8,6 @@ from radartwin.errors import RecordingError
 from radartwin.live.echoes import Spectra, spectra
 from radartwin.radar.recording import Recording
 
-COUNTS = 1.0  # scale of a capture without calibration, whose samples are ADC counts
-
 
 class Playback:
     """Give the frames of a recording.
@@ -24,7 +22,7 @@ class Playback:
     def __init__(self, recording: Recording, name: str) -> None:
         self.recording, self.name = recording, name
         self.frames = recording.num_frames
-        self.calibrated = recording.scale != COUNTS
+        self.calibrated = not recording.in_counts
         for block in recording.frame_blocks():
             broken = ~np.isfinite(recording.iq[block]).all(axis=(1, 2, 3, 4))
             if broken.any():

@@ -18,7 +18,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, covariance
 from radartwin.radar.peak_cells import PeakCells, peak_cells
 from radartwin.radar.power_maps import PowerMaps, channel_power, power_maps, spectra
-from radartwin.radar.processing import unit_vectors
+from radartwin.radar.processing import decibels, unit_vectors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,8 +50,7 @@ class Peaks:
     @property
     def snr_db(self) -> Real:
         """Return the ratio of power to noise in dB, (N,). The power includes the noise of the cell."""
-        tiny = np.finfo(np.float64).tiny
-        return 10 * np.log10(np.maximum(self.power, tiny)) - 10 * np.log10(np.maximum(self.noise, tiny))
+        return decibels(self.power) - decibels(self.noise)
 
     @property
     def xyz_m(self) -> Real:

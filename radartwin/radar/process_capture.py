@@ -68,8 +68,7 @@ def process_capture(
     table = peaks.table()
     if out is None:
         return table
-    in_counts = recording.provenance.get("unit") == "counts"
-    unit = "dB of one squared ADC count" if in_counts else "dB of transmitted power"
+    unit = "dB of one squared ADC count" if recording.in_counts else "dB of transmitted power"
     shown = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
     folder, temporary = files.make_folder(Path(out)), {}
     try:

@@ -21,6 +21,15 @@ Complex = NDArray[np.complexfloating]
 Real = NDArray[np.float64]
 
 
+def decibels(power: ArrayLike) -> Real:
+    """Convert power to decibels. A power of zero gives -3077 dB instead of minus infinity.
+
+    >>> decibels([0.01, 10.0]).tolist()
+    [-20.0, 10.0]
+    """
+    return 10 * np.log10(np.maximum(power, np.finfo(np.float64).tiny))
+
+
 def hann(size: int) -> Real:
     """Return a periodic Hann window of unit sum, shape (size,)."""
     if size == 1:

@@ -92,6 +92,11 @@ class Recording:
     def num_frames(self) -> int:
         return self.iq.shape[0]
 
+    @property
+    def in_counts(self) -> bool:
+        """Whether another tool captured the recording without amplitude calibration, so that the samples are in ADC counts."""
+        return self.provenance.get("unit") == "counts"
+
     def frame_blocks(self, block_bytes: int = _BLOCK_BYTES) -> Iterator[slice]:
         """Yield slices of consecutive frames, each with about `block_bytes` of samples.
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.radar import point_messages
+from radartwin.radar.processing import decibels
 
 Message = dict[str, Any]
 
@@ -77,11 +78,6 @@ def encode(name: str, message: Message) -> bytes:
 
 def stamped(time_ns: int, frame_id: str) -> Message:
     return {"timestamp": _time(time_ns), "frame_id": frame_id}
-
-
-def decibels(power: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return 10 lg of the power. A power of zero gives -3000 dB, because JSON has no infinity."""
-    return 10 * np.log10(np.maximum(power, 1e-300))
 
 
 def map_image(time_ns: int, frame_id: str, power: NDArray[np.float64], floor_db: float) -> Message:

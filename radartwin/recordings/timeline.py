@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -92,25 +91,14 @@ def write_timeline(
     """
     path = Path(path)
     mcap_writer = check_target(path, encoding)
-    files.make_folder(path.parent)
-    files.sweep(path.parent)
-    temporary = files.unfinished(path)
-    try:
-        with temporary.open("wb") as stream:
-            writer = mcap_writer.Writer(stream)
-            writer.start(profile="", library=f"radartwin {__version__}")
-            floor_db = FLOOR_COUNTS_DB if recording.provenance.get("unit") == "counts" else FLOOR_DB
-            writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
-            counts = _add_messages(writer, encoding, _messages(recording, start_ns, floor_db, pictures or [], progress))
-            writer.finish()
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot write ({error.strerror or error}); free some space or choose another file") from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    files.sweep(files.make_folder(path.parent))
+    with files.replacing(path) as stream:
+        writer = mcap_writer.Writer(stream)
+        writer.start(profile="", library=f"radartwin {__version__}")
+        floor_db = FLOOR_COUNTS_DB if recording.in_counts else FLOOR_DB
+        writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
+        counts = _add_messages(writer, encoding, _messages(recording, start_ns, floor_db, pictures or [], progress))
+        writer.finish()
     return counts
 
 
@@ -216,7 +204,7 @@ def _metadata(recording: Recording, start_ns: int, floor_db: float) -> dict[str,
         "radar": json.dumps(radar.to_dict()),
         "frames": str(recording.num_frames),
         "start_ns": str(start_ns),
-        "unit": "dB of one squared ADC count" if recording.provenance.get("unit") == "counts" else "dB of transmitted power",
+        "unit": "dB of one squared ADC count" if recording.in_counts else "dB of transmitted power",
         "floor_db": str(floor_db),
         "pixels_per_db": str(foxglove.PIXELS_PER_DB),
         "axes": json.dumps(axes),  # values at the first and at the last row or column of the pictures

@@ -24,6 +24,7 @@ from radartwin.simulation.signal.synthesis import received
 
 ON_SURFACE_M = 0.005  # a hit belongs to a surface within this distance, because outlines and single precision move hits by millimetres
 LOBE_BINS = 3.0  # paths farther from a peak than this number of range bins are beyond the main lobe of the Hann window (2 bins)
+_PAIRS = 1_000_000  # number of pairs of a point and a triangle that are compared at once, which bounds the memory
 _PADDING = 16  # bins of a range profile per sample, so that the scalloping loss at a peak is below 0.02 dB
 
 
@@ -81,25 +82,25 @@ def last_surfaces(scene: Scene, paths: Paths, sensor_pose: np.ndarray) -> np.nda
     points = sensor_pose[:3, 3] + (paths.arrival * paths.length_out_m[:, None]) @ sensor_pose[:3, :3].T
     nearest, found = np.full(len(points), ON_SURFACE_M), np.full(len(points), -1)
     for index, surface in enumerate(scene):
-        low, high = surface.mesh.bounds
-        inside = np.flatnonzero(((points > low - ON_SURFACE_M) & (points < high + ON_SURFACE_M)).all(axis=1))
-        if not len(inside):
-            continue
-        away = _distance_m(surface.mesh.triangles, points[inside], nearest[inside])
-        closer = away < nearest[inside]
-        nearest[inside[closer]], found[inside[closer]] = away[closer], index
+        away = distances_m(surface.mesh, points, ON_SURFACE_M)
+        closer = away < nearest
+        nearest[closer], found[closer] = away[closer], index
     return found
 
 
-def _distance_m(triangles: np.ndarray, points: np.ndarray, limit_m: np.ndarray) -> np.ndarray:
-    """Return the distances (N,) of points (N, 3) from the nearest of the triangles (T, 3, 3), or the limits (N,) if they are smaller."""
-    nearest = limit_m.copy()
-    for triangle in np.asarray(triangles):
-        box = ((points > triangle.min(axis=0) - ON_SURFACE_M) & (points < triangle.max(axis=0) + ON_SURFACE_M)).all(axis=1)
-        if box.any():
-            closest = trimesh.triangles.closest_point(np.broadcast_to(triangle, (int(box.sum()), 3, 3)), points[box])
-            nearest[box] = np.minimum(nearest[box], np.linalg.norm(closest - points[box], axis=1))
-    return nearest
+def distances_m(mesh: trimesh.Trimesh, points: np.ndarray, within_m: float) -> np.ndarray:
+    """Return the distances (N,) of points (N, 3) from a mesh in metres; infinity for points farther away than `within_m`."""
+    nearest = np.full(len(points), np.inf)
+    low, high = mesh.bounds
+    inside = np.flatnonzero(((points > low - within_m) & (points < high + within_m)).all(axis=1))
+    triangles = np.asarray(mesh.triangles)
+    lows, highs = triangles.min(axis=1) - within_m, triangles.max(axis=1) + within_m
+    rows = max(1, _PAIRS // len(triangles))
+    for some in (inside[start : start + rows] for start in range(0, len(inside), rows)):
+        row, triangle = np.nonzero(((points[some, None] > lows) & (points[some, None] < highs)).all(axis=2))
+        closest = trimesh.triangles.closest_point(triangles[triangle], points[some[row]])
+        np.minimum.at(nearest, some[row], np.linalg.norm(closest - points[some[row]], axis=1))
+    return np.where(nearest <= within_m, nearest, np.inf)
 
 
 def _power(parts: Sequence[Paths], radar: Radar, range_m: np.ndarray, azimuth_rad: np.ndarray) -> np.ndarray:

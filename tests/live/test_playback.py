@@ -30,7 +30,7 @@ def test_a_recording_gives_its_frames_its_poses_and_levels_beside_the_simulation
         measured = playback.spectra(frame)
         peak = measured.range_m[np.argmax(measured.profile_db)]
         assert peak == pytest.approx(-poses[frame][0, 3], abs=recording.radar.range_resolution_m)
-    counts = rt.Recording(1000 * recording.iq, recording.radar, scale=1.0)
+    counts = rt.Recording(1000 * recording.iq, recording.radar, scale=1.0, provenance={"unit": "counts"})
     assert "levels in ADC counts" in Playback(counts, "capture").caption(0)
     assert "no poses" in Playback(counts, "capture").caption(0)
     profile, raised = playback.spectra(0).profile_db, Playback(counts, "capture").spectra(0).profile_db

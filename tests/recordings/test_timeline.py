@@ -350,7 +350,7 @@ def test_silent_frames_are_black(tmp_path):
     write_timeline(silent, tmp_path / "a.mcap")
     found = messages(tmp_path / "a.mcap")
     assert not pixels(found["/radar/range_doppler"][0][1]).any()
-    assert set(found["/radar/range_profile"][0][1]["power_db"]) == {-3000.0}
+    assert set(found["/radar/range_profile"][0][1]["power_db"]) == {-3076.527}
     assert found["/radar/points"][0][1]["data"] == ""
 
 

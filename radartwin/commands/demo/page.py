@@ -13,6 +13,7 @@ from radartwin.io import files
 from radartwin.plotting import pages, style
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import PowerMaps
+from radartwin.radar.processing import decibels
 from radartwin.scene.scene import Scene
 from radartwin.scene.viewer.colouring import material_label
 from radartwin.simulation.origins import Origin
@@ -67,8 +68,8 @@ def draw(picture: Picture) -> Figure:
     maps, peaks = picture.maps, picture.peaks
     farthest = float(peaks.range_m.max()) if len(peaks) else float(maps.range_m[-1])
     shown = maps.range_m <= farthest + BEYOND_M
-    range_m, profile = maps.range_m[shown], _decibels(maps.range_time.mean(axis=0)[shown])
-    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), _decibels(maps.range_azimuth[::-1][:, shown])
+    range_m, profile = maps.range_m[shown], decibels(maps.range_time.mean(axis=0)[shown])
+    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), decibels(maps.range_azimuth[::-1][:, shown])
     top = float(power.max())
     with matplotlib.rc_context(style.style()):
         figure, (left, right) = style.figure(1, 2, width_in=11.0, height_in=4.6)
@@ -97,10 +98,10 @@ def draw(picture: Picture) -> Figure:
 def _rows(scene: Scene, picture: Picture) -> list[str]:
     """Return one row of HTML for each peak."""
     surfaces, rows, peaks = {surface.name: surface for surface in scene}, [], picture.peaks
-    decibels = 10 * np.log10(peaks.power)
+    levels_db = decibels(peaks.power)
     for number, origin in enumerate(picture.origins, 1):
         index, surface = number - 1, surfaces.get(origin.surface)
-        cells = [str(number), f"{peaks.range_m[index]:.2f}", f"{np.degrees(peaks.azimuth_rad[index]):.0f}", f"{decibels[index]:.0f}"]
+        cells = [str(number), f"{peaks.range_m[index]:.2f}", f"{np.degrees(peaks.azimuth_rad[index]):.0f}", f"{levels_db[index]:.0f}"]
         if surface is None:
             cells += ["no surface", "", "", ""]
         else:
@@ -114,10 +115,6 @@ def _rows(scene: Scene, picture: Picture) -> list[str]:
             ]
         rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
     return rows
-
-
-def _decibels(power: np.ndarray) -> np.ndarray:
-    return 10 * np.log10(np.maximum(power, np.finfo(float).tiny))
 
 
 def _ends(axis: np.ndarray) -> tuple[float, float]:
