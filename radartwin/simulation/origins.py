@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
+from scipy.spatial import KDTree
 
 from radartwin.radar.angles import azimuth_spectrum
 from radartwin.radar.chirp import Radar
@@ -24,7 +25,6 @@ from radartwin.simulation.signal.synthesis import received
 
 ON_SURFACE_M = 0.005  # a hit belongs to a surface within this distance, because outlines and single precision move hits by millimetres
 LOBE_BINS = 3.0  # paths farther from a peak than this number of range bins are beyond the main lobe of the Hann window (2 bins)
-_PAIRS = 1_000_000  # number of pairs of a point and a triangle that are compared at once, which bounds the memory
 _PADDING = 16  # bins of a range profile per sample, so that the scalloping loss at a peak is below 0.02 dB
 
 
@@ -93,13 +93,16 @@ def distances_m(mesh: trimesh.Trimesh, points: np.ndarray, within_m: float) -> n
     nearest = np.full(len(points), np.inf)
     low, high = mesh.bounds
     inside = np.flatnonzero(((points > low - within_m) & (points < high + within_m)).all(axis=1))
+    if not len(inside):
+        return nearest
     triangles = np.asarray(mesh.triangles)
-    lows, highs = triangles.min(axis=1) - within_m, triangles.max(axis=1) + within_m
-    rows = max(1, _PAIRS // len(triangles))
-    for some in (inside[start : start + rows] for start in range(0, len(inside), rows)):
-        row, triangle = np.nonzero(((points[some, None] > lows) & (points[some, None] < highs)).all(axis=2))
-        closest = trimesh.triangles.closest_point(triangles[triangle], points[some[row]])
-        np.minimum.at(nearest, some[row], np.linalg.norm(closest - points[some[row]], axis=1))
+    centres = triangles.mean(axis=1)
+    radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1) + within_m
+    near = KDTree(points[inside]).query_ball_point(centres, radii)
+    triangle = np.repeat(np.arange(len(triangles)), [len(some) for some in near])
+    row = inside[np.concatenate(near).astype(int)]
+    closest = trimesh.triangles.closest_point(triangles[triangle], points[row])
+    np.minimum.at(nearest, row, np.linalg.norm(closest - points[row], axis=1))
     return np.where(nearest <= within_m, nearest, np.inf)
 
 
