@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from radartwin.features.processed import Processed
 from radartwin.features.profile import NEAR_M
+from radartwin.radar.processing import decibels
 
 SPAN_M, WIDTH_M = 2.0, 0.1
 BINS = round(SPAN_M / WIDTH_M)
@@ -46,4 +47,4 @@ def window_db(processed: Processed, centre_m: NDArray) -> NDArray[np.float64]:
     energy = energies(processed.power, processed.range_m, centre_m)
     floor = float(np.median(processed.noise_floor)) * WIDTH_M / float(np.diff(processed.range_m).mean())
     lower_limit = np.maximum(floor, 10 ** (-FLOOR_DB / 10) * energy.sum(axis=1, keepdims=True))
-    return 10 * np.log10(np.maximum(np.maximum(energy, lower_limit), np.finfo(np.float64).tiny))
+    return decibels(np.maximum(energy, lower_limit))

@@ -25,7 +25,7 @@ from radartwin.radar.angles import BARTLETT, METHODS, AngleMethod, AngleSpectrum
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, uniform_step
 from radartwin.radar.peak_cells import parabola
-from radartwin.radar.processing import azimuth_row, response, unit_vectors
+from radartwin.radar.processing import azimuth_row, decibels, response, unit_vectors
 
 Complex = NDArray[np.inexact]
 Real = NDArray[np.float64]
@@ -123,8 +123,8 @@ def _strongest(found: AngleSpectrum) -> Real:
     power = found(unit_vectors(_AZIMUTH_RAD))
     strongest = np.argmax(power, axis=1)
     inner = np.clip(strongest, 1, len(_AZIMUTH_RAD) - 2)
-    decibels = 10 * np.log10(np.maximum(power, np.finfo(np.float64).tiny))
-    shift, _ = parabola([decibels[np.arange(len(power)), inner + step] for step in (-1, 0, 1)])
+    level_db = decibels(power)
+    shift, _ = parabola([level_db[np.arange(len(power)), inner + step] for step in (-1, 0, 1)])
     return np.where(strongest == inner, _AZIMUTH_RAD[inner] + shift * np.diff(_AZIMUTH_RAD[:2]), _AZIMUTH_RAD[strongest])
 
 
@@ -176,5 +176,5 @@ def _uz(signals: Covariance, positions_m: Real, frequency_hz: float, uy: float) 
     uz = _UZ * np.sqrt(max(1 - uy**2, 0.0))
     level = spectrum(signals, positions_m, frequency_hz)(np.column_stack([_ux(np.full_like(uz, uy), uz), np.full_like(uz, uy), uz]))
     best = int(np.clip(np.argmax(level), 1, len(uz) - 2))
-    shift, _ = parabola([10 * np.log10(np.maximum(level[best + step : best + step + 1], np.finfo(np.float64).tiny)) for step in (-1, 0, 1)])
+    shift, _ = parabola([decibels(level[best + step : best + step + 1]) for step in (-1, 0, 1)])
     return float(uz[best] + shift[0] * (uz[1] - uz[0]))

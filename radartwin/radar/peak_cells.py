@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from radartwin.radar.cfar import ca_cfar, training_mean
 from radartwin.radar.chirp import Radar
 from radartwin.radar.power_maps import PADDING, doppler_bins, range_bins
-from radartwin.radar.processing import hann, range_axis, velocity_axis
+from radartwin.radar.processing import decibels, hann, range_axis, velocity_axis
 
 Real = NDArray[np.float64]
 
@@ -73,9 +73,9 @@ def peak_cells(power: Real, radar: Radar, frames: int) -> PeakCells:
     range_m, velocity_mps = range_axis(radar, range_bins(radar)), velocity_axis(radar, doppler_bins(radar))
     cells = cells[range_m[cells[:, 1]] >= MIN_RANGE_M]
     doppler_cell, range_cell = cells.T
-    decibels = 10 * np.log10(np.maximum(power, np.finfo(np.float64).tiny))
-    rows = [decibels[(doppler_cell + step) % len(power), range_cell] for step in (-1, 0, 1)]
-    columns = [decibels[doppler_cell, _neighbour(range_cell, step, power.shape[1], radar)] for step in (-1, 0, 1)]
+    level_db = decibels(power)
+    rows = [level_db[(doppler_cell + step) % len(power), range_cell] for step in (-1, 0, 1)]
+    columns = [level_db[doppler_cell, _neighbour(range_cell, step, power.shape[1], radar)] for step in (-1, 0, 1)]
     doppler_shift, doppler_gain = parabola(rows)
     range_shift, range_gain = parabola(columns)
     residual_mps = doppler_shift * (2 * radar.max_velocity_mps / len(power))
@@ -157,14 +157,14 @@ def _skirt(size: int, bins: int) -> Real:
     return envelope[np.minimum(index, envelope.size - 1)]
 
 
-def parabola(decibels: list[Real]) -> tuple[Real, Real]:
+def parabola(levels_db: list[Real]) -> tuple[Real, Real]:
     """Fit a parabola through three equally spaced values.
 
     Returns:
         shift: position of the vertex, in steps from the middle value.
         height: height of the vertex above the middle value.
     """
-    left, middle, right = decibels
+    left, middle, right = levels_db
     curvature = left - 2 * middle + right
     slope = 0.5 * (right - left)
     flat = curvature >= 0
