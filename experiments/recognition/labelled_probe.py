@@ -267,11 +267,11 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
         domains.append(_domain_accuracy(both, seed))
     shares = correct(predictions, measured.label).mean(axis=1)
     case = CASE | {"probe": "control", "method": "simulated labels shuffled, nearest text"}
-    rows.control(case, shares, len(np.unique(simulated.recording)), measured, keys, chance)
-    sources = count_sources(both)
+    rows.control(case, shares, measured, keys, chance)
     case = CASE | {"probe": "control", "method": "domains shuffled, linear probe"}
-    rows.control(case, np.array(shuffled_domains), sources // 2, both, keys, 0.5, metric="balanced accuracy")
+    rows.control(case, np.array(shuffled_domains), both, keys, 0.5, metric="balanced accuracy")
     case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, np.array(domains))
+    sources = count_sources(both)
     rows.add(case, "balanced accuracy", interval(float(np.mean(domains)), sources // 2), keys, count=sources)
 
 

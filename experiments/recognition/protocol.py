@@ -132,17 +132,16 @@ class RecognitionRows(RowList):
         return self.add(case, "gain in accuracy", found, keys, claim, count_sources(recordings))
 
     def control(
-        self, case: Mapping[str, Any], shares: NDArray, draws: int, scored: Samples, keys: Sequence[str], chance: float,
-        metric: str = "accuracy",
-    ) -> Row:  # fmt: skip
-        """Append the mean of the accuracies `shares` (seeds,) with shuffled labels. The claim is that the mean accuracy is at chance level.
+        self, case: Mapping[str, Any], shares: NDArray, scored: Samples, keys: Sequence[str], chance: float, metric: str = "accuracy"
+    ) -> Row:
+        """Append the mean of the accuracies `shares` (shuffles,) with shuffled labels. The claim is that this mean is at chance level.
 
-        Args:
-            draws: number of class labels that were shuffled independently for each seed (the number of simulated recordings).
+        Only the shuffles are independent. The recordings of one shuffle are not, because they are classified by the same few labels.
         """
-        found = interval(float(np.mean(shares)), draws * len(shares))
+        spread = "all shuffles have the same accuracy" if np.ptp(shares) == 0 else ""
+        claim = Claim("at chance", contains=chance, untestable=spread)
         case = {**case, **statistics_columns(len(scored), chance, shares)}
-        return self.add(case, metric, found, keys, Claim("at chance", contains=chance), count_sources(scored))
+        return self.add(case, metric, over_shuffles(shares), keys, claim, count_sources(scored))
 
     def _clustered(self, values: NDArray, recordings: Samples, classes: NDArray | None = None) -> Estimate:
         return clustered(values, recordings.cell, self.config.profile.resamples, self.config.seed, classes)
@@ -152,6 +151,20 @@ def interval(value: float, n: int) -> Estimate:
     """Return a share of successes in n independent trials as an estimate with its exact interval."""
     low, value, high = exact_interval(value, n)
     return Estimate(value, low, high, n)
+
+
+def over_shuffles(shares: NDArray) -> Estimate:
+    """Return the mean of the accuracies (N,) of independent shuffles with its 95 % interval by Student's t distribution.
+
+    >>> found = over_shuffles(np.array([0.0, 0.1, 0.2]))
+    >>> round(found.low, 3), round(found.value, 3), round(found.high, 3)
+    (-0.148, 0.1, 0.348)
+    """
+    from scipy.stats import t
+
+    mean, count = float(np.mean(shares)), len(shares)
+    half = float(t.ppf(0.975, count - 1) * np.std(shares, ddof=1) / np.sqrt(count)) if count > 1 else 0.0
+    return Estimate(mean, mean - half, mean + half, count)
 
 
 def sign_p(differences: NDArray, groups: NDArray) -> float:

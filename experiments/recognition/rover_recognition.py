@@ -156,8 +156,7 @@ def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: fl
     truth = drives.frames.measured.per_recording()
     predictions = transfer.predict(rows.config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
     shares = correct(predictions, truth.label).mean(axis=1)
-    draws = np.unique(split.train.recording).size
-    rows.control(drives.case("label_free", "object", "simulated labels shuffled"), shares, draws, truth, drives.frames.keys, chance)
+    rows.control(drives.case("label_free", "object", "simulated labels shuffled"), shares, truth, drives.frames.keys, chance)
 
 
 def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: RecordingSource) -> None:
