@@ -135,6 +135,7 @@ def test_how_to_extend_works_as_printed(here: Path, capsys: pytest.CaptureFixtur
     assert "sweep: 2 done, 0 cached" in said.out or "sweep: 1 done, 1 cached" in said.out
 
 
+@pytest.mark.slow
 def test_own_objects_are_trained_and_classified_as_printed(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The page docs/own-objects.md trains on own meshes in free space and in a room. The test takes fewer frames, distances and copies."""
     small = ["--frames", "48", "--distances", "1.0,1.4", "supervision.copies=12", "tracking=off", "jobs=1"]

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import sysconfig
 import tarfile
+import time
 import venv
 import zipfile
 from pathlib import Path
@@ -60,20 +61,36 @@ def test_the_wheel_holds_library_and_configuration_and_no_study(wheel: Path) -> 
     assert {name.partition("/")[0] for name in names if not name.startswith("radartwin-")} == {"radartwin"}
 
 
-def test_the_installed_wheel_runs_without_the_checkout(environment: Path, tmp_path: Path) -> None:
-    def python(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [str(environment / "bin" / "python"), *arguments]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False, env={"PATH": ""})
+def python(environment: Path, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the environment's Python in a folder, without any other program on the path."""
+    command = [str(environment / "bin" / "python"), *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False, env={"PATH": ""})
 
-    assert python("-c", "import radartwin; print(radartwin.__file__)").stdout.startswith(str(environment))
-    for words in (["doctor"], ["simulate", "scene=plate", "trajectory=static", "--out", "tiny"], ["process", "tiny"]):
-        done = python("-m", "radartwin", *words)
+
+def test_the_installed_wheel_works_without_the_checkout(environment: Path, tmp_path: Path) -> None:
+    found = python(environment, tmp_path, "-c", "import radartwin; print(radartwin.__file__)")
+    assert found.stdout.startswith(str(environment))
+    for words in (["doctor"], ["benchmark", "--method", "points", "--problem", "near"]):
+        done = python(environment, tmp_path, "-m", "radartwin", *words)
         assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / "outputs" / "processed" / "tiny" / "peaks.csv").is_file()
-    done = python("-m", "radartwin", "tables")
+    assert len((tmp_path / "outputs" / "benchmark" / "leaderboard.csv").read_text().splitlines()) == 2, "a head and one row"
+    done = python(environment, tmp_path, "-m", "radartwin", "tables")
     assert done.returncode == 2, "the tables belong to the study"
     assert "checkout" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.slow  # the environment has no compiled kernels
+def test_the_installed_wheel_simulates_and_runs_the_demonstration(environment: Path, tmp_path: Path) -> None:
+    began = time.monotonic()
+    done = python(environment, tmp_path, "-m", "radartwin", "demo")
+    assert done.returncode == 0, done.stdout + done.stderr
+    print(f"the first demonstration took {time.monotonic() - began:.0f} s, with compilation")
+    assert (tmp_path / "outputs" / "demo" / "index.html").is_file()
+    for words in (["simulate", "scene=plate", "trajectory=static", "--out", "tiny"], ["process", "tiny"]):
+        done = python(environment, tmp_path, "-m", "radartwin", *words)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "outputs" / "processed" / "tiny" / "peaks.csv").is_file()
 
 
 def interpreter(version: str) -> Path | None:

@@ -47,6 +47,7 @@ def test_captures_agree_with_their_descriptions(shared_data: Path) -> None:
         assert {row["verdict"] for row in rows(measurement)} == {"holds"}
 
 
+@pytest.mark.slow
 def test_reconstructed_chair_is_near_the_mesh_of_the_vendor(shared_data: Path) -> None:
     found = {row["metric"]: row for row in rows(reality.SCAN)}
     assert found["Chamfer distance, mean of both directions (mm)"]["value"] < 30

@@ -15,6 +15,7 @@ from radartwin.simulation.simulate import simulate
 from radartwin.testbed import bystander
 
 
+@pytest.mark.slow
 def test_the_person_echoes_like_an_adult():
     """At 76 to 81 GHz, published cross-sections of adults lie between -12 and -3 dBsm in the mean over directions."""
     radar = replace(Radar.iwr1843(), num_chirps=1)
