@@ -107,19 +107,25 @@ class Tracer:
             raise SceneError("only rooms of flat faces have sequences of faces and edges to search")
         pose = setting.radar_pose
         searched = static.searched(pose[None], self.radar, setting.max_bounces, pruning.PRUNE)
-        levels = static.room.levels(searched.sequences, pose, self.radar)
-        return searched, searched.sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
+        return searched, self._strongest(static, searched.sequences, pose)
 
-    def single_diffractions(self, setting: Setting, max_bounces: int) -> Sequences:
-        """Search the sequences of at most `max_bounces` with at most one diffraction, at the pose of a setting in a flat room."""
+    def sketch(self, setting: Setting) -> Sequences:
+        """Search the strongest sequences with at most one diffraction at the pose of a setting in a flat room, for drafts."""
         static = self._static(setting)
         assert static is not None
+        return self._strongest(static, self._single_diffractions(static, setting, setting.max_bounces), setting.radar_pose)
+
+    def _single_diffractions(self, static: StaticScene, setting: Setting, max_bounces: int) -> Sequences:
         return static.room.single_diffractions(setting.radar_pose, self.radar, max_bounces, pruning.PRUNE)
+
+    def _strongest(self, static: StaticScene, sequences: Sequences, pose: np.ndarray) -> Sequences:
+        levels = static.room.levels(sequences, pose, self.radar)
+        return sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
 
     def learn(self, setting: Setting, searched: Searched | None, strong: Sequences) -> None:
         """Use the result of `search` for this setting from now on, and `strong` for drafts at other poses.
 
-        If `searched` is None, the sequences `strong` come from a short search and are added to those that are known.
+        If `searched` is None, the sequences `strong` come from `sketch` and are added to those that are known.
         """
         bounces = setting.max_bounces
         known = self._strong.get(bounces)
@@ -150,7 +156,7 @@ class Tracer:
         elif static.is_flat:
             searched = self._searches.get(self._key(setting))
             draft = searched is None
-            searched = searched or Searched.of_pose(setting.radar_pose, self._draft_sequences(setting))
+            searched = searched or Searched.of_pose(setting.radar_pose, self._draft_sequences(static, setting))
         elif draft:
             settings = replace(settings, rays=DRAFT_RAYS)
         if draft:
@@ -164,11 +170,12 @@ class Tracer:
         paths = strongest_paths(traced, self.radar, setting.radar_pose)
         return Answer(setting, iq, spectra(iq, self.radar), paths, not draft, time.perf_counter() - start)
 
-    def _draft_sequences(self, setting: Setting) -> Sequences:
+    def _draft_sequences(self, static: StaticScene, setting: Setting) -> Sequences:
         bounces = setting.max_bounces
-        known = self._strong.get(bounces)
-        found = self.single_diffractions(setting, bounces if known is None else min(DRAFT_BOUNCES, bounces))
-        return found if known is None else Sequences.union([known, found])[0]
+        if bounces not in self._strong:
+            self._strong[bounces] = self.sketch(setting)
+            return self._strong[bounces]
+        return Sequences.union([self._strong[bounces], self._single_diffractions(static, setting, min(DRAFT_BOUNCES, bounces))])[0]
 
     def _present(self, setting: Setting) -> list[Movable]:
         return [movable for name, movable in self._movables.items() if name in setting.object_poses]

@@ -63,7 +63,7 @@ def _prepare(room: Scene, radar: Radar) -> None:
 
 def _sketch(setting: Setting) -> Found:
     assert _tracer is not None
-    return None, _tracer.single_diffractions(setting, setting.max_bounces)
+    return None, _tracer.sketch(setting)
 
 
 def _search(setting: Setting) -> Found:
