@@ -113,7 +113,7 @@ class Controls:
 
     def show_status(self, answer: Answer, count: int) -> None:
         kind = "<b class='done'>complete</b>" if answer.complete else "<b class='draft'>draft</b>, the complete answer follows at rest"
-        self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · {len(answer.paths)} strongest paths")
+        self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}")
 
     def fail(self, message: str) -> None:
         self._status.content = _html(f"<b class='bad'>not simulated:</b> {html.escape(message)}")
