@@ -275,7 +275,8 @@ def _pairs(
 
     The result contains the pair of two direct legs for every frame. The function drops pairs of legs that are weaker than `least` times
     this pair if undisturbed. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as
-    strong as the weakest of these. The function warns if the other pairs together exceed TARGET_ERROR of the echo in free space.
+    strong as the weakest of these. The function warns if the other pairs together may exceed TARGET_ERROR of the echo in free space.
+    The level in the warning is an upper limit: the share of a leg is its largest value over the object, at the object's nearest point.
     """
     rows, cut, omitted = [(frame, DIRECT, DIRECT) for frame in range(frames)], 0, 0.0
     if len(legs.order) > 1 and max_bounces > 1:
@@ -293,7 +294,7 @@ def _pairs(
     if omitted > TARGET_ERROR:
         warnings.warn(
             f"an object has more than COUPLED = {COUPLED:,} paths over the room; the {cut} weakest pairs of legs of a frame are left out, "
-            f"about {20 * np.log10(omitted):.0f} dB relative to the echo of the object in free space",
+            f"at most about {20 * np.log10(omitted):.0f} dB relative to the echo of the object in free space",
             CoupledWarning, stacklevel=2,
         )  # fmt: skip
     out = np.array(rows, int).reshape(-1, 3)
