@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GREY = "0.65"
+MOST_LEVEL = 6  # largest number of groups of bars whose names fit side by side
 Row = Mapping[str, Any]
 
 
@@ -25,7 +27,7 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
     """
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))
-    colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), PALETTE, strict=False))
+    colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), itertools.cycle(PALETTE), strict=False))
     width = 0.8 / len(methods)
     for place, group in enumerate(groups.values()):
         for number, method in enumerate(methods):
@@ -38,7 +40,8 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
             axis.text(x, row["high"], f" {row['value']:.2f}", rotation=90, ha="center", va="bottom", fontsize=6)
         chance = next(iter(group.values()))["chance"]
         axis.plot([place - 0.45, place + 0.45], [chance, chance], color="black", ls="--", lw=0.8, label="chance" if place == 0 else None)
-    axis.set_xticks(range(len(groups)), list(groups))
+    turned = {"rotation": 30, "ha": "right"} if len(groups) > MOST_LEVEL else {}
+    axis.set_xticks(range(len(groups)), list(groups), **turned)
     top = max(row["high"] for group in groups.values() for row in group.values())
     axis.set(ylabel=ylabel, ylim=(0, 1.3 * top), title=title)
     axis.set_yticks([tick for tick in axis.get_yticks() if tick <= 1.0])

@@ -74,17 +74,16 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
         for probe, found in probe_hits(own, measured, scaled(ours.samples)).items():
             hits.setdefault(probe, {})[kind] = found
     assert measured is not None
-    rows, shown = RecognitionRows(config), {}
+    rows, shown = RecognitionRows(config), {kind: {} for kind in kinds(config)}
     chance, used = uniform_chance(measured), sorted(keys)
     for probe, of in hits.items():
-        shown[probe] = {}
         for kind, found in of.items():
             case = {"level": "label_free" if probe == TEXT else "few_shot", "probe": probe, "copies": kind}
-            shown[probe][kind] = rows.share(case, found, measured, used, chance)
+            shown[kind][probe] = rows.share(case, found, measured, used, chance)
             if kind != ALL:
                 claim = Claim("drawing all quantities helps") if kind == NOISE_ONLY else Claim()
                 rows.gain(case | {"copies": f"{ALL} - {kind}"}, of[ALL], found, measured, used, claim)
-    figures: dict[str, Any] = {"randomisation_ablation": lambda: bars(shown, "accuracy", grey=NOISE_ONLY)}
+    figures: dict[str, Any] = {"randomisation_ablation": lambda: bars(shown, "accuracy")}
     metrics = {f"accuracy_{probe.replace(' ', '_')}_{kind.replace(' ', '_')}": float(found.mean()) for probe, of in hits.items()
                for kind, found in of.items() if kind in (ALL, NOISE_ONLY)}  # fmt: skip
     return Result(TABLE.name, rows, figures, metrics, used)

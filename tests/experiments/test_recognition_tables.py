@@ -30,6 +30,7 @@ from experiments.recognition import (
     turntable_label_free,
     unlabelled_adaptation,
 )
+from experiments.recognition.figures import bars
 from experiments.recognition.protocol import TEXT, RecognitionRows
 from experiments.recognition.readings import shared_cases
 from radartwin.config.compose import compose
@@ -37,6 +38,7 @@ from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
 from radartwin.features import sets
 from radartwin.io.progress import Progress
+from radartwin.plotting.style import PALETTE
 from radartwin.recognize import probes
 from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.runs.experiment import Result, check_rows, save
@@ -167,6 +169,14 @@ def test_the_ablation_of_randomisation_has_a_row_for_each_kind_of_copies(tmp_pat
     assert kinds == {randomisation_ablation.ALL, randomisation_ablation.NOISE_ONLY, *left_out}
     difference = f"{randomisation_ablation.ALL} - {randomisation_ablation.NOISE_ONLY}"
     assert find(result, copies=difference, probe=TEXT)["metric"] == "gain in accuracy"
+
+
+def test_bars_show_more_groups_and_methods_than_there_are_colours():
+    row = {"value": 0.5, "low": 0.4, "high": 0.6, "chance": 0.1}
+    names = [f"without {name}" for name in randomisation_ablation.QUANTITIES]
+    for groups in ({"probe": dict.fromkeys(names, row)}, {name: {"probe": row} for name in names}):
+        drawing = bars(groups, "accuracy", grey=names[0])
+        assert len(drawing.axes[0].patches) == len(names) > len(PALETTE)
 
 
 def test_the_layout_of_the_paper_has_four_objects_at_each_distance(tmp_path: Path):
