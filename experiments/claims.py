@@ -16,6 +16,8 @@ from radartwin.store.digest import spec_digest
 
 SHOWN_KEYS = 12  # store keys that a table cell shows; the run's result holds all keys
 NO_WIDTH = "the interval has no width"
+TOO_WIDE = "the interval is too wide to show no effect"
+LEVEL = 0.05  # largest corrected p value at which a claim holds
 
 
 @dataclass(frozen=True)
@@ -29,16 +31,21 @@ class Claim:
     paper: str = ""  # the value in the paper
     above: float = -math.inf  # lower bound of our whole confidence interval
     below: float = math.inf  # upper bound of our whole confidence interval
-    contains: float | None = None  # value that our interval must contain; used for a claim of no effect
-    reaches: float | None = None  # value at or above our interval's lower end; used for a claim that nothing exceeds this value
+    contains: float | None = None  # value that our interval must be near; used for a claim of no effect
+    reaches: float | None = None  # value that our interval must not exceed; used for a claim that nothing exceeds this value
+    margin: float = 0.0  # largest deviation from `contains` or `reaches` that still counts as no effect
     p_below: float | None = None  # our p value must be smaller than this
     least: int = 2  # smallest number of items for a verdict; the default is 2, because a single item has no interval
     untestable: str = ""  # reason why these recordings cannot decide the claim
 
     @property
+    def bounds_an_effect(self) -> bool:
+        return (self.above, self.below) != (-math.inf, math.inf)
+
+    @property
     def bounded(self) -> bool:
         """Whether the claim states a condition on our interval."""
-        return (self.above, self.below, self.contains, self.reaches) != (-math.inf, math.inf, None, None)
+        return self.bounds_an_effect or (self.contains, self.reaches) != (None, None)
 
     def judge(self, found: Estimate) -> tuple[str, str]:
         """Return the verdict "holds", "fails" or "untestable" on an estimate, and the reason for "untestable"."""
@@ -50,11 +57,33 @@ class Claim:
             return "untestable", f"{found.n} of at least {self.least} items"
         if found.drawn is not None and found.low == found.high:
             return "untestable", NO_WIDTH
+        if (refuted := self._effect(found)) is not None:
+            return ("untestable", TOO_WIDE) if refuted == TOO_WIDE else (refuted, "")
         true = (self.above == -math.inf or self.above < found.low) and (self.below == math.inf or found.high < self.below)
-        true &= self.contains is None or found.low <= self.contains <= found.high
-        true &= self.reaches is None or found.low <= self.reaches
         true &= self.p_below is None or found.p < self.p_below
         return "holds" if true else "fails", ""
+
+    def _effect(self, found: Estimate) -> str | None:
+        """Judge a claim of no effect: "holds" if the whole interval is within the margin, "fails" if it excludes the stated value, and else
+        TOO_WIDE. None for other claims.
+        """
+        if self.contains is not None:
+            within = self.contains - self.margin <= found.low and found.high <= self.contains + self.margin
+            excluded = not found.low <= self.contains <= found.high
+        elif self.reaches is not None:
+            within, excluded = found.high <= self.reaches + self.margin, found.low > self.reaches
+        else:
+            return None
+        return "holds" if within else "fails" if excluded else TOO_WIDE
+
+    def p_of(self, found: Estimate) -> float:
+        """Return the p value of the claim: that of the claim's own test, or else the share of bootstrap samples outside the bounds."""
+        if self.p_below is not None:
+            return found.p
+        if found.drawn is None or not self.bounds_an_effect:
+            return math.nan
+        outside = (found.drawn <= self.above) | (found.drawn >= self.below)
+        return float((outside.sum() + 1) / (len(outside) + 1))
 
 
 NONE = Claim()
@@ -134,15 +163,19 @@ class RowList(list[Row]):
 def corrected(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with verdicts from p values that are corrected for the number of tests.
 
-    The rows whose claim bounds its p value are one family of tests. Column p_holm shows the p value after Holm's correction (S. Holm,
+    The rows whose claim states an effect or bounds its p value are one family of tests, if they have a p value (`Claim.p_of`). A claim of
+    the family holds only if its corrected p value is also below LEVEL. Column p_holm shows the p value after Holm's correction (S. Holm,
     Scandinavian Journal of Statistics 6 (1979) 65), and column p the p value of the single test.
     """
-    family = [one for one in rows if one.claim.text and one.claim.p_below is not None and not math.isnan(one.found.p)]
-    adjusted = dict(zip(map(id, family), statistics.holm([one.found.p for one in family]), strict=True))
+    single = {id(one): one.claim.p_of(one.found) for one in rows if one["verdict"] != "untestable"}
+    family = [one for one in rows if not math.isnan(single.get(id(one), math.nan)) and (one.claim.p_below or one.claim.bounds_an_effect)]
+    adjusted = dict(zip(map(id, family), statistics.holm([single[id(one)] for one in family]), strict=True))
     out = []
     for one in rows:
         p = adjusted.get(id(one))
-        judged = one if p is None else replace(one, found=replace(one.found, p=p))
-        judged |= {"p": one["p"], "p_holm": p}
+        claim = replace(one.claim, p_below=one.claim.p_below or LEVEL)
+        judged = one if p is None else replace(one, found=replace(one.found, p=p), claim=claim)
+        raw = single.get(id(one), math.nan)
+        judged |= {"p": one["p"] if math.isnan(raw) else raw, "p_holm": p}
         out.append(judged)
     return out

@@ -181,31 +181,37 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
 
     The interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample draws
     estimates with replacement, and takes the same bootstrap sample of items of each. Estimates without bootstrap samples get normal samples
-    with the widths of their intervals. The deviations of the estimates from their mean are multiplied by sqrt(k/(k-1)) for k draws, so that
-    their variance is not underestimated. The p value is twice the median of the p values, which is valid for any dependence between the
-    draws (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). n is the number of items of a draw, or the number of draws if
-    a draw has a single item.
+    with the widths of their intervals, the same for all draws, because their items may be the same. The deviations of the estimates from
+    their mean are multiplied by sqrt(k/(k-1)) for k draws, and by the ratio of Student's t to the normal quantile, so that few draws do not
+    give too narrow an interval. The p value is twice the median of the p values, which is valid for any dependence between the draws
+    (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). n is the number of items of a draw, or the number of draws if every
+    draw has a single item. Draws without items are left out.
     """
-    draws = len(found)
-    if draws == 1 or all(one.drawn is None and (one.value, one.low, one.high) == (found[0].value,) * 3 for one in found):
-        return found[0]  # the value does not depend on the draw
+    from scipy.stats import t
+
+    found = [one for one in found if one.n] or found[:1]
+    draws, first = len(found), found[0]
+    figures = np.array([(one.value, one.low, one.high, one.p) for one in found])
+    if draws == 1 or (all(one.drawn is None for one in found) and np.array_equal(figures, figures[[0] * draws], equal_nan=True)):
+        return first  # the estimate does not depend on the draw
     rng = np.random.default_rng([seed, 0xD2])
-    values = np.array([one.value for one in found])
-    value, p = float(values.mean()), np.array([one.p for one in found])
-    samples = np.stack([_samples(one, resamples, rng) for one in found]) - values[:, None]
+    normal = rng.standard_normal(resamples)
+    values, p = figures[:, 0], figures[:, 3]
+    value = float(values.mean())
+    samples = np.stack([_samples(one, normal) for one in found]) - values[:, None]
     chosen = rng.integers(draws, size=(draws, resamples))
     inner = samples[chosen, np.arange(resamples)].mean(axis=0)
-    between = np.sqrt(draws / (draws - 1)) * (values[chosen].mean(axis=0) - value)
+    widened = np.sqrt(draws / (draws - 1)) * t.ppf(0.975, draws - 1) / 1.96
+    between = widened * (values[chosen].mean(axis=0) - value)
     items = min(one.n for one in found)
-    joined = resampled(value, value + inner + between, items if items > 1 else draws)
+    joined = resampled(value, value + inner + between, draws if all(one.n == 1 for one in found) else items)
     return replace(joined, p=float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p))))
 
 
-def _samples(found: Estimate, resamples: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return bootstrap samples (resamples,) of an estimate, or normal samples with the widths of its interval."""
+def _samples(found: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return bootstrap samples (resamples,) of an estimate, or without them the normal samples scaled to the widths of its interval."""
     if found.drawn is not None:
-        return np.resize(np.asarray(found.drawn, np.float64), resamples)
-    normal = rng.standard_normal(resamples)
+        return np.resize(np.asarray(found.drawn, np.float64), len(normal))
     return found.value + normal * np.where(normal > 0, found.high - found.value, found.value - found.low) / 1.96
 
 
@@ -226,9 +232,14 @@ def _r(first: NDArray, second: NDArray) -> NDArray:
 
 
 def _interval(drawn: NDArray, value: float) -> tuple[float, float]:
-    """Compute the percentile interval of the finite resampled values `drawn`, extended if necessary so that it contains `value`."""
-    drawn = drawn[np.isfinite(drawn)]
+    """Compute the percentile interval of the resampled values `drawn`, extended if necessary so that it contains `value`.
+
+    Resamples without a value (NaN) are left out. A bound is infinite if more than 2.5 % of the resampled values are.
+    """
+    drawn = np.sort(drawn[~np.isnan(drawn)])
     if not len(drawn):
         return value, value
-    low, high = np.quantile(drawn, [0.025, 0.975])
+    with np.errstate(invalid="ignore"):  # between two equal infinities
+        low, high = np.quantile(drawn, [0.025, 0.975])
+    low, high = (drawn[round(at * (len(drawn) - 1))] if np.isnan(one) else one for one, at in ((low, 0.025), (high, 0.975)))
     return min(float(low), value), max(float(high), value)

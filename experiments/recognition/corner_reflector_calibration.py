@@ -40,7 +40,7 @@ TABLE = Table(
     title="Calibrated by one corner reflector",
     caption="The brightness difference between measured and simulated revolutions that remains after an affine map. The map is "
     "fitted to one unlabelled recording of the reflector at the middle distance, measured and simulated; the reflector "
-    "itself is not scored. Intervals are bootstraps over objects and distances.",
+    "itself is not scored. Intervals are bootstraps over objects.",
 )
 
 BRIGHTNESS = "brightness_db"
@@ -86,7 +86,7 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
     for when, error in errors.items():
         for kind in np.unique(kinds):
             recordings = scored.take(kinds == kind)
-            found = clustered(error[kinds == kind], recordings.cell, rows.config.profile.resamples, rows.config.seed)
+            found = clustered(error[kinds == kind], recordings.label, rows.config.profile.resamples, rows.config.seed)
             claim = Claim()
             if when == AFTER:
                 metrics[f"residual_db_{kind.replace(' ', '_')}"] = found.value
@@ -104,7 +104,7 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
     filled = kinds == FILLED
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
         others = kinds == kind
-        groups = scored.take(filled).cell, scored.take(others).cell
+        groups = scored.take(filled).label, scored.take(others).label
         value, drawn = mean_difference(error[filled], error[others], groups, rows.config.profile.resamples, rows.config.seed)
         found = resampled(value, drawn, min(np.unique(group).size for group in groups))
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}

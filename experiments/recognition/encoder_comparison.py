@@ -47,8 +47,8 @@ TABLE = Table(
     caption="Each learner is trained on copies of simulated revolutions alone and classifies measured revolutions: without "
     "labels, by the nearest class centroid of k labelled measured revolutions, and by that of all other recordings. 'trained on the "
     "labels alone' and 'trained on simulation and labels' are two-layer networks whose "
-    "training uses the labels. n counts recordings. Intervals are bootstraps over draws, objects and "
-    "distances.",
+    "training uses the labels. n counts recordings. Intervals are bootstraps over draws and "
+    "pairs of object and distance.",
 )
 
 SHOTS = (0, 1, 2, 4, 8, 14, 20)
@@ -60,6 +60,7 @@ METHODS = {  # method: (learner, kind of text)
 RAW, SCRATCH, JOINT = "raw features", "trained on the labels alone", "trained on simulation and labels"
 LABELLED_SHARE = 0.2  # share of labelled measured rows, repeated, in the training rows of JOINT; recognition_choices.json has the reason
 RECORDINGS = "other recordings"
+LABEL_STEP = 1000  # difference of the seeds of the label sets of two draws; larger than the number of trainings
 Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the measured rows for each seed
 
 
@@ -100,7 +101,8 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     embedded = {method: [one.embedded(measured[reads[method]]) for one in some] for method, some in fitted.items()} | {
         RAW: [truth] * len(seeds(config))
     }
-    _add_shots(rows, embedded, copies["features"], truth, keys, chance, curve)
+    draw = source.cases("measured", motion=MOTION)[0].draw
+    _add_shots(rows, embedded, copies["features"], truth, draw, keys, chance, curve)
     _add_other_recordings(rows, embedded, truth, keys, chance)
     figures: dict[str, Callable[[], Figure]] = {
         "encoder_comparison": lambda: bars({"no labels": {m: curve[m][0] for m in reads}}, "accuracy", grey=TREES),
@@ -149,17 +151,21 @@ def _add_shots(
     embedded: Embedded,
     simulated: Samples,
     truth: Samples,
+    draw: int,
     keys: Sequence[str],
     chance: float,
     curve: Mapping[str, list],
 ) -> None:
-    """Add the accuracy with k labelled measured revolutions per class, and the gain of each learner over raw features."""
+    """Add the accuracy with k labelled measured revolutions per class, and the gain of each learner over raw features.
+
+    Each draw of the measurement has label sets of its own, so that the mean over draws does not depend on a few sets.
+    """
     place = {name: row for row, name in enumerate(truth.recording)}
     most = most_shots(truth)
     for shots in (k for k in SHOTS if 0 < k <= most):
         hits = {method: np.full((len(seeds(rows.config)), len(truth)), np.nan) for method in (*embedded, SCRATCH, JOINT)}
         for number, seed in enumerate(seeds(rows.config)):
-            known, rest = draw_shots(truth, shots, seed)
+            known, rest = draw_shots(truth, shots, seed + LABEL_STEP * draw)
             chosen, scored = np.isin(truth.recording, known.recording), [place[name] for name in rest.recording]
             for method, some in embedded.items():
                 own_rows = some[min(number, len(some) - 1)]  # a learner without random numbers has the same rows for all seeds

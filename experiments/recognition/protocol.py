@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.claims import NONE, Claim, Row, RowList
+from experiments.claims import LEVEL, NONE, Claim, Row, RowList
 from experiments.statistics import Estimate, clustered
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
@@ -21,8 +21,8 @@ from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
-LEVEL = 0.05  # largest p value at which a claim holds
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as one: one recording in fifty
+CHANCE_MARGIN = 0.1  # an accuracy within one recording in ten of chance counts as chance
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
@@ -121,11 +121,10 @@ class RecognitionRows(RowList):
         """Append the accuracy of `first` minus that of `second` on the same recordings.
 
         The claim holds if the confidence interval of this difference lies above LEAST_GAIN. It cannot be tested if both classify every
-        recording correctly. The p value belongs to a sign test over groups of recordings that are compared with the same simulation.
+        recording correctly.
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
         found = self._clustered(ours - theirs, recordings)
-        found = replace(found, p=sign_p(ours - theirs, recordings.cell))
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
         claim = replace(claim, above=LEAST_GAIN, untestable=ceiling)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -139,7 +138,7 @@ class RecognitionRows(RowList):
         Only the shuffles are independent. The recordings of one shuffle are not, because they are classified by the same few labels.
         """
         spread = "all shuffles have the same accuracy" if np.ptp(shares) == 0 else ""
-        claim = Claim("at chance", contains=chance, untestable=spread)
+        claim = Claim("at chance", contains=chance, margin=CHANCE_MARGIN, untestable=spread)
         case = {**case, **statistics_columns(len(scored), chance, shares)}
         return self.add(case, metric, over_shuffles(shares), keys, claim, count_sources(scored))
 

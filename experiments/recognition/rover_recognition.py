@@ -21,7 +21,7 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import labelled_probe, transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import MATERIAL, SHAPE, RecognitionRows, correct, encoders
+from experiments.recognition.protocol import CHANCE_MARGIN, MATERIAL, SHAPE, RecognitionRows, correct, encoders
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
@@ -38,8 +38,8 @@ TABLE = Table(
     caption="Random forests classify frames; a recording gets the majority label of its frames. Label-free: features are replaced "
     "by ranks within domain and distance. Calibrated: energy features are mapped by one unlabelled recording of the "
     "reflector, which is not scored. For material classes, chance is the share of the largest class (accuracy) or one third "
-    "(balanced accuracy). p is the exact binomial probability over recordings. Rows with an entry in the column 'truth' belong to a "
-    "testbed whose objects equal the catalogue (paper profile).",
+    "(balanced accuracy). p is the exact binomial probability over pairs of object and distance, or for classes "
+    "over objects. Rows with an entry in the column 'truth' belong to a testbed whose objects equal the catalogue (paper profile).",
 )
 
 ROOMS, MOTIONS = ("squash_court", "atrium"), ("lateral", "depth")
@@ -137,9 +137,10 @@ def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None
         text = ""
         if motion == "lateral" and (in_paper or names is None):
             text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
-        claim = Claim(text, ours, contains=None if in_paper else chance)  # in the paper, recognition does not transfer in the other room
+        # In the paper, recognition does not transfer in the other room.
+        claim = Claim(text, ours, contains=None if in_paper else chance, margin=CHANCE_MARGIN)
         row = rows.share(drives.case("label_free", classes, TRAINED), hits, truth, frames.keys, chance, claim)
-        claim = Claim("matching raw signatures fails" if in_paper and names is None else "", theirs, reaches=chance)
+        claim = Claim("matching raw signatures fails" if in_paper and names is None else "", theirs, reaches=chance, margin=CHANCE_MARGIN)
         other = rows.share(drives.case("label_free", classes, RAW), raw_hits, truth, frames.keys, chance, claim)
         claim = Claim("training on the twin beats matching its raw signatures")
         rows.gain(drives.case("label_free", classes, f"{TRAINED} - {RAW}"), hits, raw_hits, truth, frames.keys, claim)

@@ -13,7 +13,7 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
+from experiments.recognition.protocol import CHANCE_MARGIN, GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
 from experiments.recognition.transfer import ranked
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -65,7 +65,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
     chance = uniform_chance(split.test)
     case = {"level": "label_free", "attribute": "identity", "method": ENCODER}
-    claim = Claim("identity stays at chance", "does not transfer", reaches=chance)
+    claim = Claim("identity stays at chance", "does not transfer", reaches=chance, margin=CHANCE_MARGIN)
     shown["identity"] = {ENCODER: rows.share(case, correct(names, split.test.label), split.test, keys, chance, claim)}
     figures = {
         "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),

@@ -44,7 +44,8 @@ TABLE = Table(
     title="What unlabelled measured recordings are worth",
     caption="Accuracy of the two-layer network without measured labels, by what it takes from the unlabelled measured batch. In a balanced "
     "batch all classes are equally frequent; in a skewed batch a third of them has a single recording. Differences are against "
-    "'statistics', which the other tables use. n counts recordings. Intervals are bootstraps over draws, objects and distances.",
+    "'statistics', which the other tables use. n counts recordings. Intervals are bootstraps over draws and "
+    "pairs of object and distance.",
 )
 
 NONE, STATISTICS, WEIGHTED, CONTINUED, PROTOTYPES, VIEWS = (

@@ -75,8 +75,9 @@ class Samples(Unlabelled):
 
     Attributes:
         label: (N,) class of each row: its object, or after `relabelled` for example the shape of its object.
-        cell: (N,) object and stratum of each row, which `relabelled` keeps. Measured recordings of one cell are compared with the same
-            simulation, so tests and intervals treat them as one cluster.
+        cell: (N,) cluster of each row in tests and intervals. It is the object and the stratum, because measured recordings of one object
+            and stratum are compared with the same simulation. After `relabelled` it is the object, because a class then has several
+            objects, and only the objects are independent examples of it.
     """
 
     label: NDArray[np.str_]
@@ -101,8 +102,8 @@ class Samples(Unlabelled):
         return Unlabelled(self.names, self.values, self.recording, self.stratum, self.domain, self.source)
 
     def relabelled(self, classes: Mapping[str, str]) -> Samples:
-        """Return the same rows with each class label replaced as `classes` states, for example each object name by its shape."""
-        return replace(self, label=np.array([classes[label] for label in self.label], dtype=str))
+        """Return the same rows with each object name replaced by its class in `classes`, for example its shape."""
+        return replace(self, label=np.array([classes[label] for label in self.label], dtype=str), cell=self.label)
 
     def without(self, label: str) -> Samples:
         return self.take(self.label != label)

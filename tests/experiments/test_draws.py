@@ -50,6 +50,39 @@ def test_draws_that_agree_have_the_interval_of_one_draw() -> None:
     assert (three.value, three.low, three.high) == pytest.approx((one.value, one.low, one.high))
 
 
+@pytest.mark.parametrize("count", [3, 10])
+def test_draws_of_equal_estimates_without_resamples_have_the_interval_of_one_draw(count: int) -> None:
+    """The figure belongs to the same items in every draw, so more draws do not make it more certain."""
+    one = Estimate(0.5, 0.4, 0.6, 9)
+    joined = statistics.over_draws([one] * count, 500, 0)
+    assert (joined.low, joined.high) == (0.4, 0.6)
+    shifted = [replace(one, value=0.5 + at, low=0.4 + at, high=0.6 + at) for at in np.linspace(-1e-9, 1e-9, count)]
+    joined = statistics.over_draws(shifted, 20_000, 0)
+    assert (joined.low, joined.high) == pytest.approx((0.4, 0.6), abs=0.005)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_few_draws_of_a_single_item_have_wide_intervals(count: int) -> None:
+    rng = np.random.default_rng(count)
+    inside = 0
+    for trial in range(400):
+        found = statistics.over_draws([Estimate(one, one, one, 1) for one in rng.standard_normal(count)], 300, trial)
+        inside += found.low <= 0 <= found.high
+    assert inside / 400 > 0.9
+
+
+def test_draws_without_items_are_left_out() -> None:
+    nothing = Estimate(0.5, 0.0, 1.0, 0)
+    assert statistics.over_draws([nothing] * 3, 50, 0) == nothing
+    one = statistics.mean([1.0, 2.0, 4.0], 100, 0)
+    assert statistics.over_draws([nothing, one], 50, 0) is one
+
+
+def test_a_bound_is_infinite_if_many_resamples_are() -> None:
+    assert statistics.resampled(4.0, [2.0, 3.0, 4.0, np.inf], 4).high == np.inf
+    assert statistics.resampled(4.0, [2.0, 3.0, 4.0, np.nan], 4).high == pytest.approx(4.0)
+
+
 def test_p_values_of_draws_join_to_twice_their_median() -> None:
     some = [Estimate(0.0, -1.0, 1.0, 5, p) for p in (0.01, 0.02, 0.6)]
     assert statistics.over_draws(some, 50, 0).p == pytest.approx(0.04)
@@ -93,6 +126,20 @@ def test_a_family_of_tests_is_corrected() -> None:
 
     assert verdicts(0.01, 0.02, 0.04) == ["holds"] * 4
     assert verdicts(0.03, 0.03, 0.001) == ["fails", "fails", "holds", "holds"]
+
+
+def test_effects_with_bootstrap_samples_are_corrected_too() -> None:
+    """A share of 0.02 of the bootstrap samples is below the bound: one claim holds, and none of three."""
+    drawn = np.concatenate([np.linspace(-0.2, -0.1, 19), np.linspace(0.1, 1.0, 980)])
+
+    def verdicts(count: int) -> list[tuple[float, str]]:
+        rows = RowList(config("turntable_shape"))
+        for _ in range(count):
+            rows.add({}, "m", statistics.resampled(0.5, drawn, 9), (), Claim("effect", above=0.0))
+        return [(row["p"], row["verdict"]) for row in corrected(rows)]
+
+    assert verdicts(1) == [(0.02, "holds")]
+    assert verdicts(3) == [(0.02, "fails")] * 3
 
 
 def test_recordings_of_one_simulation_are_one_trial_of_the_sign_test() -> None:

@@ -103,7 +103,8 @@ def test_labelled_probe_recognises_different_objects(tmp_path: Path):
         found = find(result, probe=kind, method=labelled_probe.PRETRAINED)
         assert (found["verdict"], found["n"], found["answers"]) == ("holds", 24, 48)
         assert found["chance"] == pytest.approx(1 / 6)
-    assert find(result, probe="control", method="simulated labels shuffled, nearest text")["verdict"] == "holds"
+    control = find(result, probe="control", method="simulated labels shuffled, nearest text")
+    assert control["low"] <= control["chance"] <= control["high"]
 
 
 def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Path):
@@ -275,7 +276,8 @@ def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
     material = find(result, level="calibrated", motion="lateral", method=rover_recognition.TRAINED, metric="balanced accuracy")
     assert material["n"] == 20  # the four recordings of the corner reflector are not scored
     for motion in ("lateral", "depth"):
-        assert find(result, motion=motion, method="simulated labels shuffled")["verdict"] == "holds"
+        control = find(result, motion=motion, method="simulated labels shuffled")
+        assert control["low"] <= control["chance"] <= control["high"]
 
 
 def test_the_ablation_detects_the_benefit_of_the_room(tmp_path: Path):
