@@ -119,6 +119,8 @@ def test_brightness_follows_the_material_class() -> None:
         # The gain of 3 dB between the domains does not change the contrast.
         assert here["excess of contrast (dB)", "simulated less measured"]["value"] == pytest.approx(0, abs=1.0)
         assert here["excess of contrast (dB)", "simulated less measured"]["verdict"] == "fails"
+        mug = here["mug, relative to the cans (dB)", "simulated less measured"]
+        assert (mug["verdict"], mug["reason"]) == ("untestable", "1 of at least 2 items")
     reflector = [row for row in result.rows if "reflector" in row["case"]]
     assert not reflector
     assert result.metrics["metal_less_plastic_measured_1m_db"] > 0
