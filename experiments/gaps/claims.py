@@ -73,7 +73,7 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
         ("turntable", "multipath share", Claim("more of the energy is not the target's", above=0.0)),
         ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
         ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-        ("drive", "room level (dB)", Claim("a person returns more than nothing", above=-0.5)),
+        ("drive", "room level (dB)", Claim("a person returns more than nothing", above=0.0)),  # in the first run above -0.5
     ),
     "clutter": (
         ("turntable", "room level (dB)", Claim("more things return more", above=0.0)),

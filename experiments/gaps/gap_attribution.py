@@ -5,8 +5,8 @@ fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets 
 "Alone" is the loss that the gap causes if all other gaps are off. "Left out" is the decrease of the loss if the gap is switched off while
 all other gaps are on. "Share" is the gap's Shapley value, exact over groups of gaps; the shares of all groups sum to the total loss
 (experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide its effect. The claims of the gap
-attribution were written before its first run. The quick profile takes 86 core-seconds on a busy machine; 28 of these core-seconds set up
-the scanned laboratory.
+attribution were written before its first run, but the constants LEAST and AT_MOST after it. The quick profile takes 86 core-seconds on a
+busy machine; 28 of these core-seconds set up the scanned laboratory.
 """
 
 from __future__ import annotations
@@ -107,15 +107,21 @@ PLANS = {
     ),
 }  # fmt: skip
 
+# A loss is near its minimum without gaps, so that any change increases it, and "above 0" could not fail. The smallest effect that counts as
+# one equals the largest effect that the claims of a small share allow: 0.05 of a correlation, and a tenth of a standard deviation.
+LEAST = {PROFILE: 0.05, ERROR: 0.1}
+AT_MOST = 0.05  # a share has the unit of its loss, the share of wrongly classified objects: 0.05 is one object in twenty
 CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, measure
     (PROFILE, ROOM, ALL, "part of the total"): Claim("the room's walls and materials bring most of what its profile loses", above=0.5),
-    (PROFILE, "geometry", ALL, ALONE): Claim("a scan's walls return another profile", above=0.0),
-    (PROFILE, "object", ALL, SHARE): Claim("what the target is like is not in the room's profile", above=-0.05, below=0.05),
-    (ERROR, "hardware", ALL, SHARE): Claim("lines and filter move every brightness", above=0.0),
-    (ERROR, "object", FILLED, ALONE): Claim("a bottle as made and not full is another", above=0.0),
-    (ERROR, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", above=-0.1, below=0.1),
-    (RECOGNITION, "hardware", ALL, SHARE): Claim("ranks do not know a level", contains=0.0),
-    (RECOGNITION, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", contains=0.0),
+    (PROFILE, "geometry", ALL, ALONE): Claim("a scan's walls return another profile", above=LEAST[PROFILE]),
+    (PROFILE, "object", ALL, SHARE): Claim(
+        "what the target is like is not in the room's profile", above=-LEAST[PROFILE], below=LEAST[PROFILE]
+    ),
+    (ERROR, "hardware", ALL, SHARE): Claim("lines and filter move every brightness", above=LEAST[ERROR]),
+    (ERROR, "object", FILLED, ALONE): Claim("a bottle as made and not full is another", above=LEAST[ERROR]),
+    (ERROR, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", above=-LEAST[ERROR], below=LEAST[ERROR]),
+    (RECOGNITION, "hardware", ALL, SHARE): Claim("ranks do not know a level", contains=0.0, margin=AT_MOST),
+    (RECOGNITION, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", contains=0.0, margin=AT_MOST),
 }
 
 

@@ -41,8 +41,8 @@ TABLE = Table(
     "mean range profiles, for simulations in void and in the reconstructed room, and the share of energy that arrives from "
     "beyond the target. Rows with a ratio of target to room belong to one operating point: the leg of the reflector, the lobes of the "
     "measuring antennas, and the mean or median of the frames. The column 'at operating point' repeats a row at the point that has the "
-    "paper's figures, if there is such a point. Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the n measured "
-    "recordings. A row without a claim of the paper is marked untestable.",
+    "paper's figures, if there is such a point. Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the measured "
+    "recordings (column items). Column n also counts the simulated recordings. A row without a claim of the paper is marked untestable.",
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"

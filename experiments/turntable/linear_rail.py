@@ -42,13 +42,13 @@ TABLE = Table(
 
 TRACKERS = ("continuous", "brightest")
 WITHIN_M = 0.02
-SHORTER_M = 0.1  # smallest difference of excursions that counts as one; the paper has 0.22 m
+SHORTER_M = 0.1  # smallest difference of excursions that counts as one; the paper has 0.20 m
 PAPER = {
     ("radial", MEASURED): "0.50", ("radial", TWIN): "0.51", ("diagonal", MEASURED): "0.22", ("diagonal", TWIN): "0.44",
 }  # fmt: skip
 AS_FAR = Claim("the excursion is within 2 cm of the rail's", "0.51 to 0.50", above=-WITHIN_M, below=WITHIN_M, least=1)
 SHAPE = Claim("the trajectory has the measured one's shape", "0.78", above=0.3)
-SHORT = Claim("the measured diagonal reads shorter than the simulated", "0.22 to 0.44", below=-SHORTER_M)
+SHORT = Claim("the measured diagonal falls short of the rail's", "0.22 to 0.42", below=-SHORTER_M)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +101,14 @@ def _add_rows(rows: RowList, case: dict[str, Any], tracks: dict[str, list[RailTr
         expected = np.array([track.excursion(one.nominal_m) for one in tracks[domain]])
         of = {**case, "of": LABELS[domain]}
         rows.add_mean(of, "excursion (m)", excursions[domain], keys[domain], Claim(paper=PAPER[motion, domain]))
-        claim = AS_FAR if motion == "radial" else NONE
+        claim = AS_FAR if motion == "radial" else SHORT if domain == MEASURED else NONE
         rows.add_mean(of, "excursion less the rail's (m)", excursions[domain] - expected, keys[domain], claim)
     both = {**case, "of": "both"}
     twin = tracks[TWIN][0]
     shapes = [statistics.correlation(*overlap(one.tracks_m[tracker], twin.tracks_m[tracker], 0)) for one in tracks[MEASURED]]
     rows.add_mean(both, "shape correlation", shapes, [*keys[MEASURED], twin.key], SHAPE if motion == "radial" else NONE)
     shorter = excursions[MEASURED] - excursions[TWIN].mean()
-    claim = SHORT if motion == "diagonal" else NONE
-    rows.add_mean(both, "measured less simulated excursion (m)", shorter, [*keys[MEASURED], *keys[TWIN]], claim)
+    rows.add_mean(both, "measured less simulated excursion (m)", shorter, [*keys[MEASURED], *keys[TWIN]])
 
 
 def _figure(tracks: Tracks) -> Figure:

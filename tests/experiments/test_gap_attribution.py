@@ -19,6 +19,7 @@ from experiments.gaps.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OU
 from experiments.gaps.shapley import Coalition
 from experiments.recognition import transfer
 from experiments.recognition.protocol import correct
+from experiments.statistics import Estimate
 from radartwin.config.compose import compose
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
@@ -152,6 +153,16 @@ def test_every_claim_has_a_row_in_the_paper_profile() -> None:
     claimed = {(r["score"], r["gap"], r["objects"], r["metric"]) for r in rows if r["claim"]}
     assert claimed == set(CLAIMS)
     assert chart(rows, tuple(plan.groups)).axes
+
+
+def test_a_loss_below_the_least_effect_fails_and_no_effect_has_a_margin() -> None:
+    for (score, gap, _, measure), claim in CLAIMS.items():
+        assert claim.above != 0.0
+        if (gap, measure) in (("geometry", ALONE), ("hardware", SHARE), ("object", ALONE)) and score != RECOGNITION:
+            least = gap_attribution.LEAST[score]
+            verdicts = [claim.judge(Estimate(value, value - 0.01, value + 0.01, 5))[0] for value in (least - 0.02, least + 0.02)]
+            assert verdicts == ["fails", "holds"]
+    assert [claim.margin for claim in CLAIMS.values() if claim.contains is not None] == [0.05, 0.05]
 
 
 def test_settings_that_the_table_sets_itself_are_refused() -> None:

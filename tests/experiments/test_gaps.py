@@ -14,6 +14,7 @@ from experiments.campaign.cases import Case, Log
 from experiments.claims import RowList
 from experiments.gaps import case_set, claims, gaps
 from experiments.scans import virtual_scan
+from experiments.statistics import Estimate
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import GapConfig
@@ -115,6 +116,11 @@ def test_every_gap_has_claims_about_known_features_and_groups() -> None:
             assert feature in known or gap == "hardware"
             assert claim.text
             assert claim.least == 1
+
+
+def test_a_person_who_lowers_the_level_of_the_room_fails_the_claim() -> None:
+    found = [claim for group, feature, claim in claims.expected("person", 1.0) if (group, feature) == ("drive", "room level (dB)")]
+    assert [claim.judge(Estimate(level, level, level, 1))[0] for claim in found for level in (-0.2, 0.2)] == ["fails", "holds"]
 
 
 def test_a_claim_holds_or_fails_by_the_measured_change(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def made(own: Config, worse: float = 0.0) -> Result:
 def test_a_verdict_that_changes_depends_on_strength() -> None:
     own = config("headline", "profile.strengths=[0.5,1,2]")
     result = headline.score(own, made)
-    assert len(result.rows) == len(HEADLINES)
+    assert len(result.rows) == len(HEADLINES) - 2  # the table has the probe on other recordings, so that it leaves out the other probe
     check_rows("headline", list(result.rows))
     for row in result.rows:
         assert row["verdict"] == "holds"
@@ -111,6 +111,40 @@ def test_the_reason_has_the_figure_of_another_row() -> None:
         {**COLUMNS, "metric": "accuracy", "method": "raw", "value": 0.8125, "low": 0.7, "high": 0.9, "verdict": "untestable"},
     ]
     assert headline.why(one, rows).endswith("Raw features reach 0.81.")
+
+
+def test_the_labelled_probe_is_judged_on_other_recordings_if_the_table_has_them() -> None:
+    def told(probes: set[str]) -> list[str]:
+        def table(own: Config) -> Result:
+            result = made(own)
+            return dataclasses.replace(result, rows=[row for row in result.rows if row.get("probe", "") in {"", *probes}])
+
+        rows = headline.score(config("headline"), table).rows
+        return [row["claim of the paper"] for row in rows if row["table"] == "labelled_probe"]
+
+    claims = ("training on simulation beats raw features", "our simulation teaches more than RF-Genesis")
+    assert told({"other recordings", "other revolutions"}) == [f"{claim} (other recordings)" for claim in claims]
+    assert told({"other revolutions"}) == [f"{claim} (other revolutions)" for claim in claims]
+
+
+def test_the_contrast_is_judged_at_one_metre_and_its_text_says_so() -> None:
+    found = [one for one in HEADLINES if one.table == "turntable_material"]
+    assert len(found) == 2
+    for one in found:
+        assert one.text.endswith("(1 m)")
+        rows = [
+            {**one.where, **COLUMNS, "metric": one.metric, "distance_m": distance, "value": 0, "low": 0, "high": 0, "verdict": verdict}
+            for distance, verdict in ((0.5, "holds"), (1.0, "untestable"))
+        ]
+        assert headline.why(one, rows).startswith("It cannot be tested")
+
+
+def test_a_claim_that_fits_two_rows_is_a_defect() -> None:
+    row = {**COLUMNS, "metric": "m", "value": 0.1, "low": 0.0, "high": 0.2, "verdict": "holds"}
+    one = Headline("text", "source", "table", "m")
+    assert headline.why(one, [row, {**row, "claim": ""}]) == ""
+    with pytest.raises(ValueError, match="headline 'text': 2 rows of the table table fit"):
+        headline.why(one, [row, row])
 
 
 def test_a_strength_that_makes_a_gap_too_large_is_named() -> None:

@@ -74,11 +74,28 @@ def test_both_trackers_match_the_rail_without_clutter() -> None:
 
 def test_a_constant_room_echo_shortens_the_excursion_of_the_brightest_bin() -> None:
     result = table(clutter=8e-4)
-    short = find(result, metric="measured less simulated excursion (m)", motion="diagonal", of="both", tracker="brightest")
+    short = find(result, metric="excursion less the rail's (m)", motion="diagonal", of="measured", tracker="brightest")
     assert short["value"] < -0.1
     assert short["verdict"] == "holds"
     twin = find(result, metric="excursion less the rail's (m)", motion="radial", of="simulated", tracker="brightest")
     assert twin["verdict"] == "holds"
+
+
+def test_a_simulation_that_reads_too_far_does_not_shorten_the_measured_diagonal() -> None:
+    class Long(Rail):
+        def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
+            if domain == "measured":
+                return super().processed(domain, case, materials)
+            moving = echoes(FRAMES, [(1e-3, lambda t: 1 + 0.7 * t / t.max())], 1e-5, 0)
+            return f"{domain}{case.motion}", process(moving, doppler=False)
+
+    result = linear_rail.score(config("linear_rail"), Long(0.0), Progress())
+    diagonal = {"motion": "diagonal", "tracker": "continuous"}
+    twin = find(result, metric="measured less simulated excursion (m)", **diagonal)
+    assert twin["high"] < -linear_rail.SHORTER_M
+    assert twin["claim"] == ""
+    assert find(result, metric="excursion less the rail's (m)", of="measured", **diagonal)["verdict"] == "fails"
+    assert find(result, metric="excursion less the rail's (m)", of="simulated", **diagonal)["claim"] == ""
 
 
 def test_a_campaign_without_rail_recordings_is_refused() -> None:

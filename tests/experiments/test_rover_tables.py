@@ -48,10 +48,41 @@ def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> Non
     signs = find(fidelity, metric="share of places with one sign")
     assert signs["items"] == 2 * 2 * 3
     assert signs["value"] == 1
-    assert signs["verdict"] == "holds"
+    assert signs["verdict"] == "untestable"
+    assert signs["reason"] == "p is 0.1 or more for any contrast of these 5 objects"
     ratio = find(fidelity, metric="simulated over measured")  # measurement and simulation have the same contrast between objects
     assert ratio["value"] == pytest.approx(1, abs=0.2)
     assert ratio["verdict"] == "fails"
+
+
+def test_enough_objects_decide_whether_the_contrast_has_one_sign() -> None:
+    source = campaign(gap=0.05, rooms=("atrium",), objects=())
+    row = find(rover_fidelity.score(config("rover_fidelity"), source, Progress()), metric="share of places with one sign")
+    assert row["p"] == pytest.approx(1 / 210)  # six metals and four plastics
+    assert row["verdict"] == "holds"
+
+
+METAL = np.arange(10) < 6
+
+
+def test_objects_of_random_levels_have_one_sign_no_more_often_than_the_level_of_the_test() -> None:
+    """The level of an object is the same at all nine places, so that about half of the trials have one sign at all places."""
+    rng = np.random.default_rng(0)
+    trials = [np.repeat(rng.standard_normal((2, 10, 1)), 9, axis=2) for _ in range(400)]
+    contrasts = [levels[:, METAL].mean(axis=1) - levels[:, ~METAL].mean(axis=1) for levels in trials]
+    assert np.mean([(np.sign(one[0]) == np.sign(one[1])).all() for one in contrasts]) > 0.4
+    assert np.mean([rover_fidelity.sign_test(levels, METAL)[0] < 0.05 for levels in trials]) < 0.05
+    measured_alone = [levels + 10 * METAL[:, None] * np.array([1, 0])[:, None, None] for levels in trials]
+    assert np.mean([rover_fidelity.sign_test(levels, METAL)[0] < 0.05 for levels in measured_alone]) < 0.05
+
+
+def test_the_sign_test_needs_one_sign_and_allows_missing_objects() -> None:
+    levels = np.random.default_rng(0).standard_normal((2, 10, 3)) + 10 * METAL[:, None]
+    levels[:, [0, 9], 1] = np.nan
+    assert rover_fidelity.sign_test(levels, METAL) == (1 / 210, 1 / 210)
+    assert rover_fidelity.sign_test(levels * np.array([1, -1])[:, None, None], METAL)[0] == 1
+    halves = np.arange(6) < 3
+    assert rover_fidelity.sign_test(levels[:, 3:9], halves) == (2 / 20, 2 / 20)
 
 
 def test_the_figures_are_drawn(fidelity: Result) -> None:

@@ -122,6 +122,8 @@ def test_brightness_follows_the_material_class() -> None:
         # The gain of 3 dB between the domains does not change the contrast.
         assert here["excess of contrast (dB)", "simulated less measured"]["value"] == pytest.approx(0, abs=1.0)
         assert here["excess of contrast (dB)", "simulated less measured"]["verdict"] == "fails"
+        mug = here["mug, relative to the cans (dB)", "simulated less measured"]
+        assert (mug["verdict"], mug["reason"]) == ("untestable", "1 of at least 2 items")
     reflector = [row for row in result.rows if "reflector" in row["case"]]
     assert not reflector
     assert result.metrics["metal_less_plastic_measured_1m_db"] > 0
@@ -136,7 +138,8 @@ def test_a_trend_with_height_is_distinguished_from_no_trend() -> None:
     result = turntable_size.score(config("turntable_size"), FakeCampaign(distances=(0.5, 1.0), repetitions=2), Progress())
     claimed = [row for row in result.rows if row["claim"]]
     assert [(row["of"], row["distance_m"], row["metric"]) for row in claimed] == [("measured", None, "order by height")]
-    assert claimed[0]["items"] == 6
+    assert (claimed[0]["verdict"], claimed[0]["reason"]) == ("untestable", "6 of at least 7 items")
+    assert turntable_size.NO_TREND.margin == 0.5
     assert {row["distance_m"] for row in result.rows} == {0.5, 1.0, None}
     with pytest.raises(ConfigError, match="three cans"):
         turntable_size.score(config("turntable_size"), FakeCampaign(objects=("mug", "mustard")), Progress())
