@@ -20,9 +20,9 @@ from experiments import statistics
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import Claim, RowList
+from experiments.claims import LEVEL, Claim, RowList
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
-from experiments.recognition.protocol import LEAST_GAIN, LEVEL
+from experiments.recognition.protocol import LEAST_GAIN
 from experiments.rover import rover_fidelity
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
 from radartwin.config.compose import compose
@@ -310,9 +310,9 @@ def _missed(headline: Headline, row: Mapping[str, Any]) -> list[str]:
         missed.append(f"{interval} is not wholly below {claim.below:.2g}")
     if claim.reaches is not None and row["low"] > chance:
         missed.append(f"{interval} is wholly above chance ({chance:.2g})")
-    p = row["p"] if row.get("p_holm") is None else row["p_holm"]
-    if claim.p_below is not None and p is not None and not p < claim.p_below:
-        missed.append(f"p is {p:.2g}, not below {claim.p_below:g}")
+    p, least = (row["p"], claim.p_below) if row.get("p_holm") is None else (row["p_holm"], claim.p_below or LEVEL)
+    if least is not None and p is not None and not p < least:
+        missed.append(f"p is {p:.2g}, not below {least:g}")
     return missed
 
 
