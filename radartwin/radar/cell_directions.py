@@ -10,7 +10,12 @@ NaN too, because the other antennas do not separate u_y from u_z.
 
 Bartlett gives one target per cell, because a weaker maximum may be a sidelobe. Capon and MUSIC give up to TARGETS_PER_CELL targets. The
 powers of several targets are the least-squares estimates diag(A+ R A+^H), where A+ is the pseudo-inverse of the responses A. A target is
-dropped if it is more than DEPTH_DB weaker than the strongest target of the cell.
+dropped if it is more than DEPTH_DB weaker than the strongest target of the cell. A maximum is dropped if its response is nearly parallel
+to that of a higher one (PARALLEL).
+
+A uniform row with the spacing d has equal responses in the directions u_y and u_y +- lambda_c/d, where lambda_c is the wavelength at the
+middle of the sweep. A direction is therefore unambiguous if |u_y| < lambda_c/d - 1. The sector |u_y| <= lambda_c/(2d) contains one
+direction of each pair of equal responses. Beyond the unambiguous sector, each method reports one of the two directions.
 """
 
 from __future__ import annotations
@@ -34,6 +39,10 @@ TARGETS_PER_CELL = 2
 # A target that is weaker by this level than another target of its cell may come from errors of the channels. Phase errors of 20 degrees
 # leave a remainder of 0.35 of the amplitude, which is 9 dB below the target.
 DEPTH_DB = 10.0
+# Two maxima with r = |a1^H a2|/M above this value count as one direction. A row of A+ has the squared length 1/(M (1 - r^2)), so that a
+# target's power is at most 1/(1 - r^2) = 10 times the mean power of the channels. On a uniform line, directions 0.18 Rayleigh widths apart
+# have this r. MUSIC at 20 dB needs 0.20 Rayleigh widths to resolve two targets (docs/concepts.md).
+PARALLEL = 0.95
 LOADING = 1e-3  # of Capon, in mean eigenvalues; it limits the beam to 30 dB below the strongest signal
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
 _UZ = np.linspace(-1.0, 1.0, 401)  # direction cosines of the elevation; 0.005 is a twentieth of the beam of two rows, or finer
@@ -132,11 +141,17 @@ def _targets(signals: Covariance, positions_m: Real, frequency_hz: float, method
     """Return the azimuths (T,) of a cell's targets and their powers over the mean power of the channels, strongest first."""
     found = spectrum(signals, positions_m, frequency_hz, method)
     level = found(unit_vectors(_AZIMUTH_RAD))
-    at = maxima(level)[: TARGETS_PER_CELL if method.name == "capon" else int(method.sources)]
-    azimuth_rad = np.array([_zoom(found, n) for n in at])
-    inverse = np.linalg.pinv(response(positions_m, unit_vectors(azimuth_rad), frequency_hz))
+    azimuth_rad, waves = np.empty(0), np.empty((len(positions_m), 0))
+    for n in maxima(level):
+        angle = np.array([_zoom(found, n)])
+        wave = response(positions_m, unit_vectors(angle), frequency_hz)
+        if np.abs(waves.conj().T @ wave).max(initial=0) <= PARALLEL * len(positions_m):
+            azimuth_rad, waves = np.append(azimuth_rad, angle), np.append(waves, wave, axis=1)
+        if len(azimuth_rad) == (TARGETS_PER_CELL if method.name == "capon" else method.sources):
+            break
+    inverse = np.linalg.pinv(waves)
     power = np.einsum("ta,ab,tb->t", inverse, signals.matrix, inverse.conj(), optimize=True).real
-    if len(at) == 1:
+    if len(azimuth_rad) == 1:
         return azimuth_rad, np.ones(1)
     order = np.argsort(-power, kind="stable")
     order = order[power[order] > power.max() * 10 ** (-DEPTH_DB / 10)]

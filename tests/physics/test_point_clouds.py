@@ -110,6 +110,18 @@ def test_second_target_of_a_cell_has_its_own_power():
     assert 10 * np.log10(peaks.power[0] / peaks.power[1]) == pytest.approx(6.02, abs=0.5)
 
 
+@pytest.mark.parametrize("azimuth", [60.0, 75.0, -80.0])
+@pytest.mark.parametrize("method", METHODS)
+def test_point_near_the_plane_of_the_array_keeps_its_power(method, azimuth):
+    """At 78.72 GHz, antennas half a wavelength of 77 GHz apart have equal phases in two directions if |sin(azimuth)| exceeds 0.956."""
+    alias = np.sin(np.radians(azimuth)) - np.sign(azimuth) * 2 * C / RADAR.center_frequency_hz / (C / 77e9)
+    peaks = detect(noisy(echo(RADAR, place(3.0, azimuth)), 0.1), RADAR, angle=method)
+    assert 10 * np.log10(peaks.power[0]) == pytest.approx(0.0, abs=0.5)  # the amplitude is 1
+    same = [np.sin(np.radians(azimuth)), *([alias] if abs(alias) <= 1 else [])]
+    # The wave's curvature at 3 m and the grid of Bartlett move the estimate by less than a tenth of the Rayleigh width.
+    assert min(abs(np.sin(peaks.azimuth_rad[0]) - uy) for uy in same) < 0.025
+
+
 def simulated(apart_deg: float, offset_m: float, frames: int = 1, noise: bool = True) -> rt.Recording:
     """Trace two metal spheres with the nearest points at 2 m, the second sphere farther by `offset_m`, with thermal noise."""
     places = [place(2.03 + offset_m * side, apart_deg * (side - 0.5)) for side in (0, 1)]
