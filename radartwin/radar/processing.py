@@ -31,9 +31,9 @@ def decibels(power: ArrayLike) -> Real:
 
 
 def hann(size: int) -> Real:
-    """Return a periodic Hann window of unit sum, shape (size,)."""
-    if size == 1:
-        return np.ones(1)  # because the formula of the window would give zero
+    """Return a periodic Hann window of unit sum, shape (size,); up to two samples have equal weights."""
+    if size <= 2:
+        return np.full(size, 1 / size)  # because the formula gives the first sample no weight
     taps = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
     return taps / taps.sum()
 

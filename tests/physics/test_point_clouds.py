@@ -110,6 +110,15 @@ def test_second_target_of_a_cell_has_its_own_power():
     assert 10 * np.log10(peaks.power[0] / peaks.power[1]) == pytest.approx(6.02, abs=0.5)
 
 
+@pytest.mark.parametrize("speed_mps", [0.0, 1.0, 3.0])
+def test_frame_of_two_chirps_measures_speed_and_azimuth(speed_mps):
+    radar = dataclasses.replace(RADAR, num_chirps=2)
+    peaks = detect(noisy(echo(radar, place(3.0, 20.0), speed_mps), 0.01), radar)
+    # The power over the velocity is a cosine squared of the period 14.9 m/s. The parabola in decibels through its bins is not exact.
+    assert peaks.velocity_mps[0] == pytest.approx(speed_mps, abs=0.15)
+    assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(20.0, abs=0.3)
+
+
 @pytest.mark.parametrize("azimuth", [60.0, 75.0, -80.0])
 @pytest.mark.parametrize("method", METHODS)
 def test_point_near_the_plane_of_the_array_keeps_its_power(method, azimuth):
