@@ -2,7 +2,8 @@
 
 The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The row
 measures the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at elevation 0 is therefore asin(u_y). With an elevation, the
-search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x).
+search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x). Capon and
+MUSIC sort the row by y and average the channels whose antennas are at equal places (`row_places`), because smoothing needs a uniform line.
 
 If the antennas of the azimuth row have the same y, the row does not measure u_y, and the azimuth is NaN. If all antennas have the same y,
 the search over u_z uses u_y = 0, because the phases do not depend on u_y. If only the antennas of the row have the same y, the elevation is
@@ -30,7 +31,7 @@ from radartwin.radar.angles import BARTLETT, METHODS, AngleMethod, AngleSpectrum
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, uniform_step
 from radartwin.radar.peak_cells import parabola
-from radartwin.radar.processing import azimuth_row, decibels, response, unit_vectors
+from radartwin.radar.processing import azimuth_row, decibels, response, row_places, unit_vectors
 
 Complex = NDArray[np.inexact]
 Real = NDArray[np.float64]
@@ -67,7 +68,7 @@ class Directions:
 
 
 def standard_method(name: str, positions_m: Real) -> AngleMethod:
-    """Return the settings with which `cell_directions` uses a method on antennas (M, 3).
+    """Return the settings with which `cell_directions` uses a method on antennas (M, 3), which are sorted along their line.
 
     On a uniform line, Capon and MUSIC smooth forward and backward over sub-arrays of two thirds of the antennas, because the echoes of a
     cell are coherent. The matrix then has full rank from a single snapshot.
@@ -111,13 +112,17 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
         measured = elevation and has_elevation(radar) and not _has_width(positions, radar)
         uz = _all_uz(signals, positions, frequency_hz, cell, np.zeros(len(cell))) if measured else unknown
         return Directions(cell, unknown, np.arcsin(uz), np.ones(len(cell)))
-    of_row = Covariance(signals.matrix[:, row[:, None], row], signals.count)
-    settings = standard_method(method, positions[row])
+    of_row, at = Covariance(signals.matrix[:, row[:, None], row], signals.count), positions[row]
+    if method != "bartlett":
+        average = row_places(radar) == np.unique(row_places(radar))[:, None]
+        average = average / average.sum(axis=1, keepdims=True)
+        of_row, at = Covariance(average @ of_row.matrix @ average.T, signals.count), average @ at
+    settings = standard_method(method, at)
     if settings is BARTLETT:
         cell = np.arange(len(of_row.matrix))
-        azimuth_rad, share = _strongest(spectrum(of_row, positions[row], frequency_hz)), np.ones(len(cell))
+        azimuth_rad, share = _strongest(spectrum(of_row, at, frequency_hz)), np.ones(len(cell))
     else:
-        found = [_targets(Covariance(matrix, signals.count), positions[row], frequency_hz, settings) for matrix in of_row.matrix]
+        found = [_targets(Covariance(matrix, signals.count), at, frequency_hz, settings) for matrix in of_row.matrix]
         cell = np.repeat(np.arange(len(found)), [len(angles) for angles, _ in found])
         azimuth_rad, share = (np.concatenate([np.empty(0), *parts]) for parts in zip(*found, strict=True)) if found else (np.empty(0),) * 2
     if not (elevation and has_elevation(radar)):

@@ -112,6 +112,22 @@ def azimuth_row(radar: Radar) -> NDArray[np.intp]:
     return np.flatnonzero(height == values[np.argmax(counts)])
 
 
+def row_places(radar: Radar) -> NDArray[np.intp]:
+    """Return the place of each channel of `azimuth_row`, which is the rank of its antenna in ascending y, counted from 0.
+
+    Antennas that are at most 1 % of a wavelength apart share a place.
+
+    >>> row_places(Radar.iwr1843()).tolist()
+    [0, 1, 2, 3, 4, 5, 6, 7]
+    """
+    positions = radar.virtual_positions[azimuth_row(radar)]
+    order = np.lexsort((positions[:, 0], positions[:, 1]))
+    apart = np.linalg.norm(np.diff(positions[order], axis=0), axis=1) > 0.01 * radar.wavelength_m
+    places = np.empty(len(order), dtype=np.intp)
+    places[order] = np.concatenate([[0], np.cumsum(apart)])
+    return places
+
+
 def unit_vectors(azimuth_rad: ArrayLike, elevation_rad: ArrayLike = 0.0) -> Real:
     """Return the unit vectors (..., 3) in the sensor frame of directions with azimuth atan2(y, x) and elevation asin(z) in radians."""
     azimuth, elevation = np.broadcast_arrays(*(np.asarray(angle, dtype=np.float64) for angle in (azimuth_rad, elevation_rad)))

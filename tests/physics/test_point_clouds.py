@@ -12,6 +12,7 @@ from radartwin.radar.boards import IWR1843BOOST
 from radartwin.radar.cell_directions import maxima, standard_method
 from radartwin.radar.chirp import Radar
 from radartwin.radar.detection import Peaks, detect, point_clouds
+from radartwin.radar.named import awr2243_cascade
 from radartwin.radar.processing import range_fft
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
@@ -129,6 +130,24 @@ def test_point_near_the_plane_of_the_array_keeps_its_power(method, azimuth):
     same = [np.sin(np.radians(azimuth)), *([alias] if abs(alias) <= 1 else [])]
     # The wave's curvature at 3 m and the grid of Bartlett move the estimate by less than a tenth of the Rayleigh width.
     assert min(abs(np.sin(peaks.azimuth_rad[0]) - uy) for uy in same) < 0.025
+
+
+@pytest.mark.parametrize("reversed_antennas", ["tx_positions_m", "rx_positions_m"])
+@pytest.mark.parametrize("method", ["capon", "music"])
+def test_order_of_the_antennas_does_not_matter(method, reversed_antennas):
+    radar = dataclasses.replace(RADAR, **{reversed_antennas: getattr(RADAR, reversed_antennas)[::-1]})
+    # The second point is 0.3 mm farther, which is 57 degrees of its echo's phase. Smoothing restores no rank for equal phases.
+    iq = noisy(echo(radar, place(3.0, -20.0)) + echo(radar, place(3.0003, -8.0)), 1e-2)
+    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-20.0, -8.0], atol=0.5)
+
+
+@pytest.mark.parametrize("method", ["capon", "music"])
+def test_cascade_separates_two_echoes_of_one_cell(method):
+    """Its 144 channels of the azimuth row are at 86 places of a uniform line, with the Rayleigh width of 1.3 degrees."""
+    radar = dataclasses.replace(awr2243_cascade(), num_chirps=2, num_samples=64)
+    # The curvature of the waves at 14 m is 0.2 radian at the ends of the row.
+    iq = noisy(echo(radar, place(14.0, -1.5)) + echo(radar, place(14.0003, 1.5)), 1e-2)
+    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-1.5, 1.5], atol=0.2)
 
 
 def simulated(apart_deg: float, offset_m: float, frames: int = 1, noise: bool = True) -> rt.Recording:
