@@ -15,7 +15,9 @@ BIN_M = RADAR.range_resolution_m
 Motion = float | Callable[[np.ndarray], np.ndarray]
 
 
-def echoes(frames: int, points: list[tuple[Motion, Motion] | tuple[Motion, Motion, float]], noise: float = 0.0, seed: int = 0) -> Recording:
+def echoes(
+    frames: int, points: list[tuple[Motion, Motion] | tuple[Motion, Motion, float]], noise: float = 0.0, seed: int = 0, radar: Radar = RADAR
+) -> Recording:
     """Compute the recording of point echoes in the far field of the array, chirp by chirp.
 
     Args:
@@ -23,9 +25,9 @@ def echoes(frames: int, points: list[tuple[Motion, Motion] | tuple[Motion, Motio
             are numbers or functions of the time in seconds.
         noise: standard deviation of the complex noise in each sample.
     """
-    time = np.arange(frames)[:, None, None] / RADAR.frame_rate_hz + RADAR.chirp_times()[None]
-    frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
-    shape = (frames, RADAR.num_chirps, RADAR.num_tx, RADAR.num_rx, RADAR.num_samples)
+    time = np.arange(frames)[:, None, None] / radar.frame_rate_hz + radar.chirp_times()[None]
+    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
+    shape = (frames, radar.num_chirps, radar.num_tx, radar.num_rx, radar.num_samples)
     rng = np.random.default_rng(seed)
     iq = np.zeros(shape, complex)
     if noise:
@@ -34,6 +36,6 @@ def echoes(frames: int, points: list[tuple[Motion, Motion] | tuple[Motion, Motio
         amplitude, distance = (value(time) if callable(value) else np.full(time.shape, value) for value in point[:2])
         azimuth = np.deg2rad(point[2]) if len(point) > 2 else 0.0
         towards = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        length = 2 * distance[..., None] - (RADAR.tx_positions @ towards)[:, None] - RADAR.rx_positions @ towards
+        length = 2 * distance[..., None] - (radar.tx_positions @ towards)[:, None] - radar.rx_positions @ towards
         iq += amplitude[..., None, None] * np.exp(2j * np.pi * frequency * length[..., None] / SPEED_OF_LIGHT)
-    return Recording(iq, RADAR)
+    return Recording(iq, radar)

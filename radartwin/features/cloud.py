@@ -1,8 +1,8 @@
 """Compute the point cloud of each frame: detections in range and azimuth.
 
 The range-azimuth map of a frame is |w(phi)^H A(f, r)|^2 of the channel signals A, every degree from -60 to 60 degrees. The weights w are
-those of a Bartlett beamformer with a Hamming window over the antennas, because two targets at one range would otherwise have detections at
-their common sidelobes.
+those of a Bartlett beamformer with a Hamming window over the places of the antennas in ascending y, because two targets at one range would
+otherwise have detections at their common sidelobes.
 A detection is a local maximum of this map that exceeds the threshold of a cell-averaging CFAR along range and lies within DEPTH_DB of the
 strongest cell of the frame. Detections within BESIDE_BINS of a stronger one that are more than LOBE_DB weaker are dropped, because they may
 be its sidelobes in azimuth. A frame of this radar has one Doppler bin for all walking speeds, so that velocity does not separate
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.radar.cfar import ca_cfar
-from radartwin.radar.processing import steering
+from radartwin.radar.processing import row_places, steering
 
 AZIMUTH_RAD = np.deg2rad(np.arange(-60.0, 61.0))
 GUARD, TRAINING = 2, 6  # number of guard bins and of training bins on each side, along range
@@ -36,7 +36,8 @@ def detections(processed: Processed) -> list[NDArray[np.float64]]:
     from scipy.ndimage import maximum_filter
 
     weights = steering(processed.radar, AZIMUTH_RAD)
-    taper = np.hamming(len(weights))
+    places = row_places(processed.radar)
+    taper = np.hamming(places.max() + 1)[places]
     weights = (weights * (taper / taper.mean())[:, None]).astype(np.complex64)
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     range_m, found = processed.range_m[inside], []

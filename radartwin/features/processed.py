@@ -1,15 +1,19 @@
 """Process recordings into the data from which all features are computed: power, azimuth channels and Doppler spectra of each frame.
 
 The formulas use the range profile s_fcv(r) of frame f, chirp c (of C chirps) and virtual channel v at range r, with a Hann window over the
-samples.
-- The power P(f, r) = mean_v |mean_c s_fcv(r)|^2 is averaged coherently over chirps and incoherently over channels.
-- The azimuth channels A_fv(r) = mean_c s_fcv(r) exist only for the virtual channels v of the azimuth row.
+samples. The chirps of a frame form K consecutive blocks of nearly equal length. Block k has C_k chirps and lasts at most BLOCK_S.
+- The power P(f, r) = mean_v sum_k (C_k / C) |mean_{c in k} s_fcv(r)|^2 is averaged coherently over the chirps of a block, and incoherently
+  over blocks and channels. A coherent average over a long frame would lose the echo of a moving target.
+- The azimuth channels A_fv(r) = mean_{c in k} s_fcv(r) use the block k = K // 2 in the middle of the frame. They exist only for the virtual
+  channels v of the azimuth row. A contains the phase that a moving echo gains between the chirps of two transmitters.
 - The Doppler spectrum D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2 has a Hann window w over the chirps.
 - The noise N(r) is the power P that noise without echoes would have. It is estimated from the Doppler bin of the highest speed, because
-  nothing indoors moves so fast. The formula is N = mean_f D / (C sum_c w_c^2), where the divisor converts from D to P. A slow echo leaks
+  nothing indoors moves so fast. The formula is N = K mean_f D / (C sum_c w_c^2), where the factor converts from D to P. A slow echo leaks
   into this Doppler bin with less than -60 dB.
-An echo of amplitude a in the centre of its range bin and Doppler bin gives P = D = a^2 and A = a. An echo that moves at 0.2 m/s loses 0.7
-dB in P and A. The range bins end at MAX_RANGE_M, because no feature uses larger ranges.
+An echo of amplitude a in the centre of its range bin and Doppler bin gives P = D = a^2 and A = a if its phase is constant over a block. An
+echo with the speed v has the phase step x = 4 pi v T / lambda_c between the C_k chirps of one transmitter, which are T apart. It loses
+|sin(C_k x / 2) / (C_k sin(x / 2))|^2 in P and |A|^2, which is 0.7 dB at 77 GHz for 0.2 m/s and a block of 2 ms. The frame of the IWR1843 is
+one block. The frame of the cascade has 22 blocks. The range bins end at MAX_RANGE_M, because no feature uses larger ranges.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from radartwin.radar.processing import azimuth_row, doppler_fft, hann, range_fft
 from radartwin.radar.recording import Recording
 
 MAX_RANGE_M = 6.0
+BLOCK_S = 2.1e-3  # longest block of chirps that is averaged coherently, in seconds; the frame of the IWR1843 lasts 2.05 ms
 MIN_CHIRPS = 8  # smallest number of chirps for the noise estimate; with fewer, echoes at rest leak into the bin of the highest speed
 _ARRAYS, _RADAR = "processed.npz", "processed.json"
 
@@ -42,7 +47,7 @@ class Processed:
         radar: radar of the recording.
         range_m: (B,) centres of the range bins in metres.
         power: (F, B) float32 echo power in squared amplitude units.
-        channels: (F, A, B) complex64 signals of the A channels of `azimuth_row`, in the order of `azimuth_row`.
+        channels: (F, A, B) complex64 signals of the A channels of `azimuth_row` in the middle of each frame, in the order of `azimuth_row`.
         doppler: (F, C, B) float32 power in C Doppler bins; None if the caller of `process` did not request it.
         velocity_mps: (C,) velocities of the Doppler bins in m/s, in ascending order; receding echoes have positive velocities.
         noise: (B,) float32 noise power that `power` contains. It is None if the radar has fewer than MIN_CHIRPS chirps per frame; features
@@ -124,24 +129,28 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
     Raises:
         RecordingError: samples are NaN or infinite.
     """
-    radar, row = recording.radar, azimuth_row(recording.radar)
+    radar, row, blocks = recording.radar, azimuth_row(recording.radar), _blocks(recording.radar)
+    weights = np.array([block.stop - block.start for block in blocks]) / radar.num_chirps
     taps = hann(radar.num_chirps)
     fastest = (taps * (-1.0) ** np.arange(radar.num_chirps)).astype(np.float32)  # window for the Doppler bin of the highest speed
     power, channels, cubes, noise = [], [], [], []
     range_m = np.zeros(0)
-    for block in recording.frame_blocks():
-        iq = recording.iq[block]
-        sums, range_m = _profiles(np.stack([iq.mean(axis=1), np.tensordot(iq, fastest, (1, 0))], axis=1), radar)
-        coherent = sums[:, 0].reshape(len(iq), -1, len(range_m))
+    for frames in recording.frame_blocks():
+        iq = recording.iq[frames]
+        sums, range_m = _profiles(
+            np.stack([*(iq[:, block].mean(axis=1) for block in blocks), np.tensordot(iq, fastest, (1, 0))], axis=1), radar
+        )
+        coherent = sums[:, :-1].reshape(len(iq), len(blocks), -1, len(range_m))
         if not np.isfinite(coherent).all():
             raise RecordingError("the recording holds NaN or infinite samples; simulate or record it again")
-        power.append((np.abs(coherent) ** 2).mean(axis=1, dtype=np.float64).astype(np.float32))
-        channels.append(coherent[:, row].astype(np.complex64))
-        noise.append((np.abs(sums[:, 1]) ** 2).mean(axis=(1, 2), dtype=np.float64))
+        by_block = (np.abs(coherent) ** 2).mean(axis=2, dtype=np.float64)
+        power.append(np.einsum("k,fkb->fb", weights, by_block).astype(np.float32))
+        channels.append(coherent[:, len(blocks) // 2, row].astype(np.complex64))
+        noise.append((np.abs(sums[:, -1]) ** 2).mean(axis=(1, 2), dtype=np.float64))
         if doppler:
             spectra, _ = doppler_fft(_profiles(iq, radar)[0], radar)
             cubes.append((np.abs(spectra) ** 2).mean(axis=(2, 3)).astype(np.float32))
-    floor = np.concatenate(noise).mean(axis=0) / (radar.num_chirps * np.sum(taps**2))
+    floor = np.concatenate(noise).mean(axis=0) * len(blocks) / (radar.num_chirps * np.sum(taps**2))
     return Processed(
         radar,
         range_m,
@@ -151,6 +160,13 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
         velocity_axis(radar, radar.num_chirps),
         floor.astype(np.float32) if radar.num_chirps >= MIN_CHIRPS else None,
     )
+
+
+def _blocks(radar: Radar) -> list[slice]:
+    """Return the blocks of chirps that `process` averages coherently, as few as BLOCK_S allows, each with at least one chirp."""
+    longest = max(1, int(BLOCK_S / radar.loop_interval_s))
+    parts = np.array_split(np.arange(radar.num_chirps), -(-radar.num_chirps // longest))
+    return [slice(int(part[0]), int(part[-1]) + 1) for part in parts]
 
 
 def _profiles(iq: NDArray[np.complexfloating], radar: Radar) -> tuple[NDArray[np.complexfloating], NDArray[np.float64]]:

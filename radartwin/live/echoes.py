@@ -83,7 +83,7 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
 def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[Path]:
     """Return the strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
 
-    The paths of a room come one by one. A path and its reverse, which have equal lengths and levels, are listed once.
+    The paths of a room come one by one. A path and its reverse, which have equal lengths, levels and corners, are listed once.
     """
     found = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose, count)]
     for names, parts in traced.groups.items():
@@ -114,17 +114,19 @@ def surfaces_at(path: Path, scene: Scene) -> list[str]:
 def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list[Path]:
     levels = np.abs(_field(part, radar))
     order = np.argsort(-levels, kind="stable")[: 2 * count]
-    seen, out = set[tuple[float, float]](), []
+    seen, out = set[tuple](), []
     for n in order:
-        length = float(part.length_m[n])
-        key = round(length, 5), round(float(levels[n]) / float(levels[order[0]]), 5)
-        if levels[n] <= 0 or (key in seen and part.bounces[n] > 1):
-            continue
-        seen.add(key)
         if part.points is None:
             points, partial = _corners(part, n, pose)
         else:
             points, partial = part.points[n][np.isfinite(part.points[n]).all(axis=1)], False
+        length = float(part.length_m[n])
+        corners = np.round(points, 3).tolist()
+        either = () if partial else tuple(map(tuple, min(corners, corners[::-1])))  # the same for both directions of the path
+        key = round(length, 5), round(float(levels[n]) / float(levels[order[0]]), 5), either
+        if levels[n] <= 0 or (key in seen and part.bounces[n] > 1):
+            continue
+        seen.add(key)
         out.append(Path(_db(float(levels[n])), length, int(part.bounces[n]), _closed(points, pose), partial=partial))
     return out
 

@@ -2,7 +2,8 @@
 
 The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The row
 measures the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at elevation 0 is therefore asin(u_y). With an elevation, the
-search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x).
+search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x). Capon and
+MUSIC sort the row by y and average the channels whose antennas are at equal places (`row_places`), because smoothing needs a uniform line.
 
 If the antennas of the azimuth row have the same y, the row does not measure u_y, and the azimuth is NaN. If all antennas have the same y,
 the search over u_z uses u_y = 0, because the phases do not depend on u_y. If only the antennas of the row have the same y, the elevation is
@@ -10,7 +11,12 @@ NaN too, because the other antennas do not separate u_y from u_z.
 
 Bartlett gives one target per cell, because a weaker maximum may be a sidelobe. Capon and MUSIC give up to TARGETS_PER_CELL targets. The
 powers of several targets are the least-squares estimates diag(A+ R A+^H), where A+ is the pseudo-inverse of the responses A. A target is
-dropped if it is more than DEPTH_DB weaker than the strongest target of the cell.
+dropped if it is more than DEPTH_DB weaker than the strongest target of the cell. A maximum is dropped if its response is nearly parallel
+to that of a higher one (PARALLEL).
+
+A uniform row with the spacing d has equal responses in the directions u_y and u_y +- lambda_c/d, where lambda_c is the wavelength at the
+middle of the sweep. A direction is therefore unambiguous if |u_y| < lambda_c/d - 1. The sector |u_y| <= lambda_c/(2d) contains one
+direction of each pair of equal responses. Beyond the unambiguous sector, each method reports one of the two directions.
 """
 
 from __future__ import annotations
@@ -25,7 +31,7 @@ from radartwin.radar.angles import BARTLETT, METHODS, AngleMethod, AngleSpectrum
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, uniform_step
 from radartwin.radar.peak_cells import parabola
-from radartwin.radar.processing import azimuth_row, decibels, response, unit_vectors
+from radartwin.radar.processing import azimuth_row, decibels, response, row_places, unit_vectors
 
 Complex = NDArray[np.inexact]
 Real = NDArray[np.float64]
@@ -34,6 +40,10 @@ TARGETS_PER_CELL = 2
 # A target that is weaker by this level than another target of its cell may come from errors of the channels. Phase errors of 20 degrees
 # leave a remainder of 0.35 of the amplitude, which is 9 dB below the target.
 DEPTH_DB = 10.0
+# Two maxima with r = |a1^H a2|/M above this value count as one direction. A row of A+ has the squared length 1/(M (1 - r^2)), so that a
+# target's power is at most 1/(1 - r^2) = 10 times the mean power of the channels. On a uniform line, directions 0.18 Rayleigh widths apart
+# have this r. MUSIC at 20 dB needs 0.20 Rayleigh widths to resolve two targets (docs/concepts.md).
+PARALLEL = 0.95
 LOADING = 1e-3  # of Capon, in mean eigenvalues; it limits the beam to 30 dB below the strongest signal
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
 _UZ = np.linspace(-1.0, 1.0, 401)  # direction cosines of the elevation; 0.005 is a twentieth of the beam of two rows, or finer
@@ -58,7 +68,7 @@ class Directions:
 
 
 def standard_method(name: str, positions_m: Real) -> AngleMethod:
-    """Return the settings with which `cell_directions` uses a method on antennas (M, 3).
+    """Return the settings with which `cell_directions` uses a method on antennas (M, 3), which are sorted along their line.
 
     On a uniform line, Capon and MUSIC smooth forward and backward over sub-arrays of two thirds of the antennas, because the echoes of a
     cell are coherent. The matrix then has full rank from a single snapshot.
@@ -102,13 +112,17 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
         measured = elevation and has_elevation(radar) and not _has_width(positions, radar)
         uz = _all_uz(signals, positions, frequency_hz, cell, np.zeros(len(cell))) if measured else unknown
         return Directions(cell, unknown, np.arcsin(uz), np.ones(len(cell)))
-    of_row = Covariance(signals.matrix[:, row[:, None], row], signals.count)
-    settings = standard_method(method, positions[row])
+    of_row, at = Covariance(signals.matrix[:, row[:, None], row], signals.count), positions[row]
+    if method != "bartlett":
+        average = row_places(radar) == np.unique(row_places(radar))[:, None]
+        average = average / average.sum(axis=1, keepdims=True)
+        of_row, at = Covariance(average @ of_row.matrix @ average.T, signals.count), average @ at
+    settings = standard_method(method, at)
     if settings is BARTLETT:
         cell = np.arange(len(of_row.matrix))
-        azimuth_rad, share = _strongest(spectrum(of_row, positions[row], frequency_hz)), np.ones(len(cell))
+        azimuth_rad, share = _strongest(spectrum(of_row, at, frequency_hz)), np.ones(len(cell))
     else:
-        found = [_targets(Covariance(matrix, signals.count), positions[row], frequency_hz, settings) for matrix in of_row.matrix]
+        found = [_targets(Covariance(matrix, signals.count), at, frequency_hz, settings) for matrix in of_row.matrix]
         cell = np.repeat(np.arange(len(found)), [len(angles) for angles, _ in found])
         azimuth_rad, share = (np.concatenate([np.empty(0), *parts]) for parts in zip(*found, strict=True)) if found else (np.empty(0),) * 2
     if not (elevation and has_elevation(radar)):
@@ -132,11 +146,17 @@ def _targets(signals: Covariance, positions_m: Real, frequency_hz: float, method
     """Return the azimuths (T,) of a cell's targets and their powers over the mean power of the channels, strongest first."""
     found = spectrum(signals, positions_m, frequency_hz, method)
     level = found(unit_vectors(_AZIMUTH_RAD))
-    at = maxima(level)[: TARGETS_PER_CELL if method.name == "capon" else int(method.sources)]
-    azimuth_rad = np.array([_zoom(found, n) for n in at])
-    inverse = np.linalg.pinv(response(positions_m, unit_vectors(azimuth_rad), frequency_hz))
+    azimuth_rad, waves = np.empty(0), np.empty((len(positions_m), 0))
+    for n in maxima(level):
+        angle = np.array([_zoom(found, n)])
+        wave = response(positions_m, unit_vectors(angle), frequency_hz)
+        if np.abs(waves.conj().T @ wave).max(initial=0) <= PARALLEL * len(positions_m):
+            azimuth_rad, waves = np.append(azimuth_rad, angle), np.append(waves, wave, axis=1)
+        if len(azimuth_rad) == (TARGETS_PER_CELL if method.name == "capon" else method.sources):
+            break
+    inverse = np.linalg.pinv(waves)
     power = np.einsum("ta,ab,tb->t", inverse, signals.matrix, inverse.conj(), optimize=True).real
-    if len(at) == 1:
+    if len(azimuth_rad) == 1:
         return azimuth_rad, np.ones(1)
     order = np.argsort(-power, kind="stable")
     order = order[power[order] > power.max() * 10 ** (-DEPTH_DB / 10)]

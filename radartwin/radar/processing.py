@@ -31,9 +31,9 @@ def decibels(power: ArrayLike) -> Real:
 
 
 def hann(size: int) -> Real:
-    """Return a periodic Hann window of unit sum, shape (size,)."""
-    if size == 1:
-        return np.ones(1)  # because the formula of the window would give zero
+    """Return a periodic Hann window of unit sum, shape (size,); up to two samples have equal weights."""
+    if size <= 2:
+        return np.full(size, 1 / size)  # because the formula gives the first sample no weight
     taps = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
     return taps / taps.sum()
 
@@ -110,6 +110,22 @@ def azimuth_row(radar: Radar) -> NDArray[np.intp]:
     height = np.round(radar.virtual_positions[:, 2] / (0.01 * radar.wavelength_m))
     values, counts = np.unique(height, return_counts=True)
     return np.flatnonzero(height == values[np.argmax(counts)])
+
+
+def row_places(radar: Radar) -> NDArray[np.intp]:
+    """Return the place of each channel of `azimuth_row`, which is the rank of its antenna in ascending y, counted from 0.
+
+    Antennas that are at most 1 % of a wavelength apart share a place.
+
+    >>> row_places(Radar.iwr1843()).tolist()
+    [0, 1, 2, 3, 4, 5, 6, 7]
+    """
+    positions = radar.virtual_positions[azimuth_row(radar)]
+    order = np.lexsort((positions[:, 0], positions[:, 1]))
+    apart = np.linalg.norm(np.diff(positions[order], axis=0), axis=1) > 0.01 * radar.wavelength_m
+    places = np.empty(len(order), dtype=np.intp)
+    places[order] = np.concatenate([[0], np.cumsum(apart)])
+    return places
 
 
 def unit_vectors(azimuth_rad: ArrayLike, elevation_rad: ArrayLike = 0.0) -> Real:

@@ -134,7 +134,8 @@ def test_noise_and_rest_of_a_real_room(shared_data):
     made = process(load_capture(shared_data / ROOM))
     assert made.doppler is not None
     # The noise bandwidth is 1.5 / chirps with the Hann window and 1 / chirps without. Most Doppler bins of a static room are noise only.
-    quiet = np.median(made.doppler, axis=1)[0] / 1.5
+    # The chirps of a transmitter are 1.24 ms apart, so that each block of at most 2.1 ms has one chirp.
+    quiet = np.median(made.doppler, axis=1)[0] / 1.5 * made.radar.num_chirps
     level = 10 * np.log10(made.noise_floor.mean() / quiet.mean())
     assert level == pytest.approx(0, abs=0.5)
     # A bin averages one exponential draw of 12 channels.

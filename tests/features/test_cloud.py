@@ -1,5 +1,7 @@
 """Point clouds of made signals: places of detections, sidelobes, noise, and the two measures of agreement on clouds compared by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,12 +10,13 @@ from radartwin.features.processed import Processed
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row, steering
 
+RADAR = Radar.iwr1843()
 RANGE_M = np.arange(0, 6, 0.04)
 
 
-def processed(targets: list[tuple[float, float, float]], noise: float = 1e-3, frames: int = 2) -> Processed:
+def processed(targets: list[tuple[float, float, float]], noise: float = 1e-3, frames: int = 2, radar: Radar = RADAR) -> Processed:
     """Return a recording of plane waves from (range_m, azimuth_deg, amplitude), each with the main lobe of a Hann window, and noise."""
-    radar, rng = Radar.iwr1843(), np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     count = len(azimuth_row(radar))
     channels = noise * (rng.normal(size=(frames, count, len(RANGE_M))) + 1j * rng.normal(size=(frames, count, len(RANGE_M))))
     for range_m, azimuth_deg, amplitude in targets:
@@ -35,6 +38,14 @@ def test_each_target_is_one_detection_at_its_place() -> None:
 def test_two_targets_at_one_range_are_two_detections() -> None:
     (frame,) = cloud.detections(processed([(2.0, -35.0, 1.0), (2.0, 25.0, 0.8)], frames=1))
     assert sorted(np.rad2deg(frame[:, 1])) == pytest.approx([-35, 25], abs=4)
+
+
+@pytest.mark.parametrize("reversed_antennas", ["tx_positions_m", "rx_positions_m"])
+def test_order_of_the_antennas_adds_no_detections(reversed_antennas) -> None:
+    radar = replace(RADAR, **{reversed_antennas: getattr(RADAR, reversed_antennas)[::-1]})
+    (frame,) = cloud.detections(processed([(3.0, -20.0, 1.0)], frames=1, radar=radar))
+    assert frame[:, 0] == pytest.approx([3.0], abs=0.021)
+    assert np.rad2deg(frame[:, 1]) == pytest.approx([-20.0], abs=1.5)
 
 
 def test_noise_has_few_detections() -> None:

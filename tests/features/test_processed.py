@@ -2,6 +2,8 @@
 storage and errors.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from echoes import BIN_M, RADAR, echoes
@@ -52,6 +54,29 @@ def test_noise_estimate_excludes_echoes_at_rest_and_slow_echoes(doppler):
     assert made.power[:, made.range_m > 3].mean() == pytest.approx(expected, rel=0.03)
     strong = process(echoes(3, [(1.0, 1.0), (1.0, lambda t: 2.0 - 0.2 * t)]), doppler)
     assert strong.noise_floor.max() < 1e-6 * strong.power.max()
+
+
+LONG = replace(RADAR, num_chirps=64, chirp_interval=270e-6)  # the frame of the cascade: 64 loops of 0.54 ms
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 0.2, 0.5])
+def test_moving_echo_keeps_its_power_in_a_long_frame(speed_mps):
+    """Three chirps last 1.62 ms and four exceed 2.1 ms, so that a frame has 20 blocks of three chirps and two of two chirps."""
+    middle = 30 * BIN_M - speed_mps * LONG.frame_duration_s / 2
+    made = process(echoes(1, [(2e-3, lambda t: middle + speed_mps * t)], radar=LONG), doppler=False)
+    step = 4 * np.pi * speed_mps * LONG.center_frequency_hz / SPEED_OF_LIGHT * 2 * 270e-6
+    kept = {count: np.abs(np.exp(1j * step * np.arange(count)).mean()) ** 2 for count in (2, 3)}
+    # At 0.5 m/s, the echo drifts by a fifth of a range bin to each side, where the Hann window loses up to 2 %.
+    assert made.power[0, 30] == pytest.approx(4e-6 * (60 * kept[3] + 4 * kept[2]) / 64, rel=0.02)
+    assert np.abs(made.channels[0, :, 30]) == pytest.approx(2e-3 * np.sqrt(kept[3]), rel=0.01)
+
+
+def test_noise_estimate_of_a_long_frame_is_the_power_of_its_blocks():
+    sigma = 1e-3
+    made = process(echoes(2, [(3e-3, 1.0)], noise=sigma, radar=LONG), doppler=False)
+    expected = 1.5 * sigma**2 / LONG.num_samples * 22 / 64
+    assert made.noise_floor.mean() == pytest.approx(expected, rel=0.15)  # 16 exponential samples in each of 138 bins: 5 sigma
+    assert made.power[:, made.range_m > 3].mean() == pytest.approx(expected, rel=0.03)
 
 
 def test_save_and_load_round_trip(tmp_path):

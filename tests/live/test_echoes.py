@@ -76,6 +76,19 @@ def test_two_walls_return_a_path_over_both() -> None:
     assert all({"right", "front"} & set(name.split(" and ")) for name in surfaces_at(both, tracer.scene(setting)))
 
 
+def test_a_symmetric_room_lists_the_echo_of_each_corner_once() -> None:
+    # A room of 4 x 3 m, 2.4 m high, without floor and ceiling, whose axis goes through the radar.
+    turns = [([-2, -1.5], [4, 0]), ([2, -1.5], [0, 3]), ([2, 1.5], [-4, 0]), ([-2, 1.5], [0, -3])]
+    walls = [square([*at, -1.2], [*along, 0], [0, 0, 2.4], f"wall {n}") for n, (at, along) in enumerate(turns)]
+    _, _, found = answer(Scene(walls), pose([0.3, 0, 0]), max_bounces=2)
+    # The image of the radar in two walls at right angles lies behind their corner, so that both reflections are at the corner.
+    for corner, _ in turns:
+        away = np.linalg.norm(np.array(corner) - [0.3, 0])
+        listed = [p for p in found.paths if p.bounces == 2 and np.allclose(p.points[1:-1], [*corner, 0], atol=0.01)]
+        assert len(listed) == 1
+        assert listed[0].length_m == pytest.approx(2 * away, abs=1e-3)  # the elements are within 5 mm
+
+
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_map_shows_a_reflector_on_its_side(side: int) -> None:
     azimuth, distance = side * np.radians(25), 3.0

@@ -258,5 +258,5 @@ features/processed: features/test_features
 process | radar.num_chirps * np.sum(taps**2) | np.sum(taps**2) | the noise floor is that of a single chirp
 
 features/processed: features/test_processed
-process | (np.abs(coherent) ** 2).mean(axis=1, dtype=np.float64) | np.abs(coherent.mean(axis=1)) ** 2 | channels are summed coherently
+process | (np.abs(coherent) ** 2).mean(axis=2, dtype=np.float64) | np.abs(coherent.mean(axis=2)) ** 2 | channels are summed coherently
 """

@@ -12,6 +12,7 @@ from radartwin.radar.boards import IWR1843BOOST
 from radartwin.radar.cell_directions import maxima, standard_method
 from radartwin.radar.chirp import Radar
 from radartwin.radar.detection import Peaks, detect, point_clouds
+from radartwin.radar.named import awr2243_cascade
 from radartwin.radar.processing import range_fft
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
@@ -108,6 +109,45 @@ def test_second_target_of_a_cell_has_its_own_power():
     assert len(peaks) == 2
     np.testing.assert_allclose(np.degrees(peaks.azimuth_rad), [-6.0, 6.0], atol=0.5)
     assert 10 * np.log10(peaks.power[0] / peaks.power[1]) == pytest.approx(6.02, abs=0.5)
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 1.0, 3.0])
+def test_frame_of_two_chirps_measures_speed_and_azimuth(speed_mps):
+    radar = dataclasses.replace(RADAR, num_chirps=2)
+    peaks = detect(noisy(echo(radar, place(3.0, 20.0), speed_mps), 0.01), radar)
+    # The power over the velocity is a cosine squared of the period 14.9 m/s. The parabola in decibels through its bins is not exact.
+    assert peaks.velocity_mps[0] == pytest.approx(speed_mps, abs=0.15)
+    assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(20.0, abs=0.3)
+
+
+@pytest.mark.parametrize("azimuth", [60.0, 75.0, -80.0])
+@pytest.mark.parametrize("method", METHODS)
+def test_point_near_the_plane_of_the_array_keeps_its_power(method, azimuth):
+    """At 78.72 GHz, antennas half a wavelength of 77 GHz apart have equal phases in two directions if |sin(azimuth)| exceeds 0.956."""
+    alias = np.sin(np.radians(azimuth)) - np.sign(azimuth) * 2 * C / RADAR.center_frequency_hz / (C / 77e9)
+    peaks = detect(noisy(echo(RADAR, place(3.0, azimuth)), 0.1), RADAR, angle=method)
+    assert 10 * np.log10(peaks.power[0]) == pytest.approx(0.0, abs=0.5)  # the amplitude is 1
+    same = [np.sin(np.radians(azimuth)), *([alias] if abs(alias) <= 1 else [])]
+    # The wave's curvature at 3 m and the grid of Bartlett move the estimate by less than a tenth of the Rayleigh width.
+    assert min(abs(np.sin(peaks.azimuth_rad[0]) - uy) for uy in same) < 0.025
+
+
+@pytest.mark.parametrize("reversed_antennas", ["tx_positions_m", "rx_positions_m"])
+@pytest.mark.parametrize("method", ["capon", "music"])
+def test_order_of_the_antennas_does_not_matter(method, reversed_antennas):
+    radar = dataclasses.replace(RADAR, **{reversed_antennas: getattr(RADAR, reversed_antennas)[::-1]})
+    # The second point is 0.3 mm farther, which is 57 degrees of its echo's phase. Smoothing restores no rank for equal phases.
+    iq = noisy(echo(radar, place(3.0, -20.0)) + echo(radar, place(3.0003, -8.0)), 1e-2)
+    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-20.0, -8.0], atol=0.5)
+
+
+@pytest.mark.parametrize("method", ["capon", "music"])
+def test_cascade_separates_two_echoes_of_one_cell(method):
+    """Its 144 channels of the azimuth row are at 86 places of a uniform line, with the Rayleigh width of 1.3 degrees."""
+    radar = dataclasses.replace(awr2243_cascade(), num_chirps=2, num_samples=64)
+    # The curvature of the waves at 14 m is 0.2 radian at the ends of the row.
+    iq = noisy(echo(radar, place(14.0, -1.5)) + echo(radar, place(14.0003, 1.5)), 1e-2)
+    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-1.5, 1.5], atol=0.2)
 
 
 def simulated(apart_deg: float, offset_m: float, frames: int = 1, noise: bool = True) -> rt.Recording:
