@@ -87,7 +87,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     for of in (measured, copies):
         of["features"] = scaled(of["features"])  # pictures have levels from 0 to 1
     fitted: dict[str, list[Fitted]] = {}
-    reads = {method: learner(kind).reads for method, (kind, _) in methods().items()}
+    reads: dict[str, Reads] = {method: learner(kind).reads for method, (kind, _) in methods().items()}
     for method in progress.over(list(reads), "learners"):
         fitted[method] = fit_method(config, method, copies, measured)
     truth = measured["features"]

@@ -157,7 +157,7 @@ def problems(folder: Path = FOLDER) -> list[Problem]:
 
 def radar_of(described: Mapping[str, Any]) -> Radar:
     """Return the radar of a problem: one chirp per frame, one transmitter and one receiver, both isotropic."""
-    positions = {name: (tuple(described[name]),) for name in ("tx_positions_m", "rx_positions_m")}
+    positions: dict[str, Any] = {name: (tuple(described[name]),) for name in ("tx_positions_m", "rx_positions_m")}
     rates = {name: described[name] for name in ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "num_samples", "frame_rate_hz")}
     return Radar(name="benchmark", num_chirps=1, chirp_interval=described["chirp_interval"], element="isotropic", **rates, **positions)
 

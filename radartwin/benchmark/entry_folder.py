@@ -118,7 +118,7 @@ def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray]
 def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
     if path.suffix != ".npy":
         return files.read_arrays(path)
-    if len(problem.scenarios) > 1:
+    if len(problem.scenarios) != 1:
         raise InputError(f"{path}: problem {problem.name} has {len(problem.scenarios)} scenarios; put them into one .npz file")
     return {problem.scenarios[0].name: files.read_array(path)}
 

@@ -143,7 +143,7 @@ def _typed(plugin: Plugin, name: str, hint: Any) -> Any:
     if typing.get_origin(kind) is typing.Literal:
         kind = str if all(isinstance(value, str) for value in typing.get_args(kind)) else None
     item = typing.get_args(kind)[0] if typing.get_origin(kind) is list and typing.get_args(kind) else kind
-    if item not in _SCALARS:
+    if kind is None or item not in _SCALARS:
         raise plugins.refusal(plugin, f"the setting '{name}' must be int, float, str, bool, a list of these, or one of these with None")
     return kind if len(options) == 1 else kind | None
 

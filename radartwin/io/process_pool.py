@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
+from multiprocessing.util import Finalize
 from typing import Any
 
 __all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
@@ -97,7 +98,7 @@ def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     # While a worker exits, SIGTERM ends the worker at once; SystemExit inside an exit function would print a traceback.
-    multiprocessing.util.Finalize(None, signal.signal, (signal.SIGTERM, signal.SIG_DFL), exitpriority=0)
+    Finalize(None, signal.signal, (signal.SIGTERM, signal.SIG_DFL), exitpriority=0)
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     if prepare is not None:
         prepare()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class MaterialSource(Protocol):
 class SceneLabels:
     """A material source that keeps the labels that the scene's manifest already holds."""
 
-    name: ClassVar[str] = "scene"
+    name = "scene"
 
     def __call__(self, scene: Scene) -> Scene:
         return scene
@@ -52,7 +52,7 @@ class SceneLabels:
 class Uniform:
     """A material source that gives the same smooth material to every room surface. The paper's ablation uses plasterboard."""
 
-    name: ClassVar[str] = "uniform"
+    name = "uniform"
     material: str | Layered = "plasterboard"
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class Uniform:
 class Void:
     """A material source that removes the room, so that only the target and its stand remain in the scene."""
 
-    name: ClassVar[str] = "void"
+    name = "void"
 
     def __call__(self, scene: Scene) -> Scene:
         remaining = (surface for surface in scene if not belongs_to_room(surface))
@@ -89,7 +89,7 @@ class Truth:
         SceneError: the true material of a room surface is unknown.
     """
 
-    name: ClassVar[str] = "true"
+    name = "true"
     scene: Scene | None = None
 
     def __call__(self, scene: Scene) -> Scene:
@@ -127,7 +127,7 @@ class Random:
         SceneError: a surface has no true MINC category, or the room has only one category to draw from.
     """
 
-    name: ClassVar[str] = "random"
+    name = "random"
     p: float = 0.5
     seed: int = 0
     among: Literal["room", "all"] = "room"
@@ -178,7 +178,7 @@ class Vlm:
         LabelError: some surfaces of the scene have no recorded answer.
     """
 
-    name: ClassVar[str] = VLM
+    name = VLM
     missing: str | Layered | None = None
     model: str | None = None
 
@@ -247,7 +247,7 @@ class _PluggedIn:
         return found
 
 
-def plugged_in(plugin: plugins.Plugin) -> Callable[..., MaterialSource]:
+def plugged_in(plugin: plugins.Plugin) -> type:
     """Return the class of a plug-in's material source.
 
     Raises:

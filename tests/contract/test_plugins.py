@@ -288,7 +288,7 @@ def test_features_of_a_plug_in_match_their_definition(installed: Path) -> None:
 
     axis = np.arange(256) * Radar.iwr1843().range_resolution_m
     echoes = np.fft.ifft(10 ** (-(5.0 * axis) / 20)) * 256
-    seen = process(Recording(np.broadcast_to(echoes, (2, 16, 2, 4, 256)), Radar.iwr1843()))
+    seen = process(Recording(np.broadcast_to(echoes.astype(np.complex64), (2, 16, 2, 4, 256)), Radar.iwr1843()))
     nominal = Nominal(10.0, np.ones(2), np.zeros(2))
     names, values = vector(seen, nominal, "decay")
     assert values[names.index("decay_db_per_m")] == pytest.approx(-5.0, abs=0.1)  # the Hann window rounds the profile

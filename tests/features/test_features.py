@@ -282,7 +282,7 @@ def test_a_drive_there_and_back_has_a_triangular_track_and_both_velocities() -> 
     assert doppler.radial_velocity(made, tracked)[np.arange(49) != 24] == pytest.approx(rate[np.arange(49) != 24], abs=0.02)
     late = process(echoes(49, [(lambda t: 1e-3 / there_and_back(t - 0.5) ** 2, lambda t: there_and_back(t - 0.5))], noise=1e-4))
     both = [envelope.target_energy(one, track.around(one, nominal, RADAR.frame_rate_hz)) for one in (made, late)]
-    assert align.start_offset(*both, 12) == 5
+    assert align.start_offset(*both, max_frames=12) == 5
     names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
     assert np.isfinite(values).all()
     assert dict(zip(names, values, strict=True))["excursion_m"] == pytest.approx(0.48, abs=0.03)

@@ -228,7 +228,7 @@ def test_surfaces_of_a_rescan_match_their_surfaces() -> None:
     assert all(match is not None for match in found)
     assert [lab.surfaces[match[0]].name for match in found if match] == list(scanned.names)
     assert min(match[1] for match in found if match) > 0.6
-    hall, patch = (place_of(rooms.rectangle(at, *np.eye(3)[:2], size)) for at, size in (((0, 0, 0), (14, 10)), ((5, 5, 0), (1, 1))))
+    hall, patch = (place_of(rooms.rectangle(at, *np.eye(3)[:2], size=size)) for at, size in (((0, 0, 0), (14, 10)), ((5, 5, 0), (1, 1))))
     assert overlap(patch, hall) == 1
     elsewhere = place_of(objects.plate(1, 1).apply_translation([50, 0, 0]))
     assert matches([elsewhere], [place_of(s.mesh) for s in lab]) == [None]

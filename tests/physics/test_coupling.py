@@ -1,7 +1,6 @@
 """Compare paths between objects and a room with image sources, geometric optics, exact geometry and finite differences."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +12,10 @@ import radartwin as rt
 from experiments.validation.oracles import stack, traced
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects, rooms
+from radartwin.scene.surface import Role
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.flat import coupling
+from radartwin.simulation.flat.legs import Legs
 
 RADAR = traced.MONOSTATIC
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -22,6 +23,7 @@ K = 2 * np.pi / WAVELENGTH
 RADIUS = 0.05
 SENSOR = np.array([0.0, 0.0, 1.0])
 MIRRORED = SENSOR * (1, 1, -1)
+FREE_SPACE = Legs.of_free_space(1, np.array([RADAR.center_frequency_hz]))
 
 
 def floor(material="metal", half=3.0, height=0.0, name="floor"):
@@ -92,7 +94,7 @@ def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
 
 
 def test_pairs_of_legs_are_limited_with_a_warning():
-    legs = SimpleNamespace(order=np.array([0, 1, 1, 1]), share=np.array([[1.0, 0.5, 0.4, 0.3]]))
+    legs = replace(FREE_SPACE, order=np.array([0, 1, 1, 1]), share=np.array([[1.0, 0.5, 0.4, 0.3]]))
     every = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, np.inf)
     assert len(every[0]) == 10
     # the squared products of the 11 pairs add up to 0.43
@@ -102,7 +104,7 @@ def test_pairs_of_legs_are_limited_with_a_warning():
 
 
 def test_left_out_pairs_below_the_target_error_give_no_warning(recwarn):
-    legs = SimpleNamespace(order=np.array([0, 1, 1]), share=np.array([[1.0, 0.5, 0.0005]]))
+    legs = replace(FREE_SPACE, order=np.array([0, 1, 1]), share=np.array([[1.0, 0.5, 0.0005]]))
     strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 1e-4, 4)
     assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 1, 1)]
     assert not recwarn.list
@@ -408,15 +410,16 @@ def test_box_on_the_floor_is_a_corner_reflector(height):
     seen = height * 1.15 / half
     factor = opening(-0.075, 0.075, half, half) * opening(-seen, seen, half, half)
     exact = db(WAVELENGTH / (8 * np.pi * half) * factor)
-    there = {"box": np.eye(4)[None]}
+    there = np.eye(4)[None]
     moved = np.concatenate([pose, pose])
     moved[1, 0, 3] += 1e-3
-    levels = []
-    for role, poses, motion in (
-        ("room", pose, None), ("object", pose, None), ("object", pose, there), ("object", moved, {"box": np.repeat(np.eye(4)[None], 2, 0)})
-    ):  # fmt: skip
+
+    def level(role: Role, poses, motion=None):
         parts = paths_of(rt.Scene([floor(), rt.Surface(box, "metal", "box", role=role)]), poses, motion)
-        levels.append(field_of([p.frames(0, 1) if p.poses > 1 else p for p in parts], 2.2, 2.9))
+        return field_of([p.frames(0, 1) if p.poses > 1 else p for p in parts], 2.2, 2.9)
+
+    at_rest = [level("room", pose), level("object", pose), level("object", pose, {"box": there})]
+    levels = [*at_rest, level("object", moved, {"box": np.repeat(there, 2, 0)})]
     assert levels == pytest.approx([exact] * 4, abs=0.8)
     assert levels[1:] == pytest.approx([levels[1]] * 3, abs=0.05)
 

@@ -81,7 +81,7 @@ def test_tubes_of_a_hall_keep_the_width_rule_up_to_its_farthest_corner() -> None
 def test_objects_that_need_more_tubes_than_the_limit_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The radar is between two columns, which no plane grid of tubes covers."""
     monkeypatch.setattr(tube_paths, "MAX_AROUND", 10_000)
-    columns = trimesh.util.concatenate([trimesh.creation.cylinder(0.05, 0.2).apply_translation((0.02, y, 0)) for y in (-0.1, 0.1)])
+    columns: Any = trimesh.util.concatenate([trimesh.creation.cylinder(0.05, 0.2).apply_translation((0.02, y, 0)) for y in (-0.1, 0.1)])
     scene = Scene([Surface(columns, "metal", "columns")])
     with pytest.warns(UserWarning, match=r"tubes, over the limit MAX_AROUND of 10,000.*times too wide; lower rays_per_wavelength2"):
         simulate(scene, Radar.iwr1843(), np.eye(4)[None])

@@ -294,7 +294,7 @@ def test_strip_turned_by_45_degrees_echoes_at_its_edges():
 
 
 def test_room_with_too_many_edges_warns_and_has_one_diffraction_a_path(monkeypatch):
-    strip = rooms.rectangle([1.0, -0.02, -1.0], [0.8, 0.6, 0.0], np.eye(3)[2], (0.05, 2.0))
+    strip = rooms.rectangle([1.0, -0.02, -1.0], np.array([0.8, 0.6, 0.0]), np.eye(3)[2], (0.05, 2.0))
     scene = rt.Scene([rt.Surface(strip, "metal", "strip", role="room")])
     twice = sum(len(part) for part in paths_of(scene, looking((0, 0, 0), ROLLED)))
     monkeypatch.setattr(flat_room, "MAX_EDGES", 3)
@@ -434,7 +434,9 @@ def test_no_path_along_a_motion_is_listed_in_both_directions():
     strength, which differs from place to place.
     """
     drives = Drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.6, 0.4), (0.4, 0.6, 0.4), 7), TraceSettings())
-    every = drives._searched.sequences
+    searched = drives._searched
+    assert searched is not None
+    every = searched.sequences
     listed = set()
     for count, edge, chain in zip(every.count, every.edge, every.chain, strict=True):
         faces = chain[: count.sum()].tolist()

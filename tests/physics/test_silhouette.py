@@ -1,5 +1,7 @@
 """Compare the outlines of bodies, and the shadows of movers, with quadrature of Kirchhoff's integral and with geometry."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -122,7 +124,7 @@ def test_shadow_does_not_depend_on_the_facets():
 @pytest.mark.parametrize("name", ["can_211_300", "mustard", "mug"])
 def test_shadow_of_an_object_as_made_is_that_of_its_picture(name):
     """The factor of a line agrees with quadrature over a picture of the object, which holds the object's triangles one by one."""
-    mesh = trimesh.util.concatenate([s.mesh for s in as_made(catalogue()[name], 1.0, np.random.default_rng(3))])
+    mesh: Any = trimesh.util.concatenate([s.mesh for s in as_made(catalogue()[name], 1.0, np.random.default_rng(3))])
     mesh.apply_translation((1.0, 0.0, -mesh.bounds[:, 2].mean()))
     body = skin(mesh)
     pixel = 0.25e-3
@@ -192,7 +194,7 @@ def test_outline_is_whole_if_a_face_is_seen_edge_on():
         size, yaw = rng.uniform(0.05, 0.3, 3), rng.uniform(0, 2 * np.pi)
         box = trimesh.creation.box(size)
         box.apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
-        turn = trimesh.transformations.rotation_matrix(yaw, [0, 0, 1])[:3, :3]
+        turn = np.array(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))[:3, :3]
         viewer = turn @ [-1.5, size[1] / 2, 0.1]
         aside = turn @ [-1.5, size[1] / 2 + 1e-4, 0.1]
         found = [len(outline(skin(box), place)) for place in (viewer, aside)]

@@ -76,7 +76,7 @@ def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, 
     radar = Radar.iwr1843(element="isotropic")
     alone = dataclasses.replace(random_paths(12, 1, rate), departure=(way := np.tile([1.0, 0.0, 0.0], (12, 1))), arrival=way)
     band = radar.start_frequency_hz + np.array([0, radar.slope_hz_per_s * radar.num_samples / radar.sample_rate_hz])
-    frequencies = chebyshev_nodes(*band, nodes)
+    frequencies = chebyshev_nodes(band[0], band[1], nodes)
     delays = 2 * thickness_m * np.arange(6)
     echoes = 0.6 ** np.arange(6) * np.exp(2j * np.pi * frequencies[:, None] * delays / C)
     one = dataclasses.replace(alone, amplitude=alone.amplitude * echoes.sum(axis=1), frequencies_hz=frequencies)

@@ -1,6 +1,7 @@
 """Point clouds as bytes: numpy reads them by the field table, and rosbags carries them in a sensor_msgs/PointCloud2 message."""
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +56,8 @@ def test_bytes_follow_their_field_table():
 
 def test_message_survives_serialisation_by_rosbags():
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    kinds, cloud = store.types, point_cloud2(PEAKS)
+    kinds: dict[str, Any] = store.types
+    cloud = point_cloud2(PEAKS)
     header = kinds["std_msgs/msg/Header"](stamp=kinds["builtin_interfaces/msg/Time"](sec=1, nanosec=5), frame_id="radar")
     field = kinds["sensor_msgs/msg/PointField"]
     message = kinds["sensor_msgs/msg/PointCloud2"](
@@ -70,7 +72,7 @@ def test_message_survives_serialisation_by_rosbags():
         is_dense=cloud.is_dense,
     )
     assert {f.datatype for f in cloud.fields} == {field.FLOAT32}
-    back = store.deserialize_cdr(store.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
+    back: Any = store.deserialize_cdr(store.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
     assert back.header.frame_id == "radar"
     check(read(back))
 

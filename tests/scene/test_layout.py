@@ -208,7 +208,7 @@ def test_a_support_steeper_than_the_sliding_angle_is_refused():
     with pytest.raises(LayoutError, match=r"ramp is tilted by 20\.0 degrees at \(1, 1\) m, .* choose another place$"):
         placed(room(ramp(20)), position_m=[1, 1, 0.51])
     steep = ramp(25).mesh.apply_translation([0.5, 0, 0])
-    landing = Surface(trimesh.util.concatenate([ramp(0).mesh, steep]), "wood", "landing", role="room")
+    landing = Surface(ramp(0).mesh + steep, "wood", "landing", role="room")
     with pytest.raises(LayoutError, match=r"landing is tilted by 25\.0 degrees at \(1\.7, 1\) m"):
         placed(room(landing), on="landing", position_m=[1.7, 1])
 

@@ -31,7 +31,7 @@ def tubes(nodes: int, bistatic: bool) -> Paths:
     frequency = RADAR.start_frequency_hz + steps
     amplitude = rng.rayleigh(size=(shape, 1)) * np.exp(2j * np.pi * (rng.random((shape, 1)) + 0.02 * frequency / SPEED_OF_LIGHT))
     rate = -0.24 * (ways[0][:, 1] + ways[1][:, 1])
-    return Paths(POSES, np.repeat(np.arange(POSES), COUNT), np.ones(shape, int), amplitude, frequency, *lengths, *ways, rate)
+    return Paths(POSES, np.repeat(np.arange(POSES), COUNT), np.ones(shape, int), amplitude, frequency, *lengths, *ways, rate_mps=rate)
 
 
 def gains(paths: Paths) -> np.ndarray:

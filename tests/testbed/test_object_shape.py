@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from radartwin.scene.objects.catalogue import catalogue, entry
 from radartwin.testbed import object_shape
@@ -60,7 +60,7 @@ def test_normals_of_an_oval_can_are_those_of_the_ellipse(name, monkeypatch):
 @pytest.mark.parametrize("name", ["olive_oil", "mouthwash", "mustard", "dressing", "mug"])
 def test_parts_stay_apart(name):
     def closest(parts):
-        return cKDTree(parts[0].mesh.vertices).query(parts[1].mesh.vertices)[0].min()
+        return KDTree(parts[0].mesh.vertices).query(parts[1].mesh.vertices)[0].min()
 
     for seed in range(5):
         assert closest(made(name, 2.0, seed)) > 0.5 * closest(entry(name).surfaces())

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -46,11 +47,10 @@ class Body:
     def of(cls, surfaces: Sequence[Surface], yaw_deg: float) -> Body:
         yaw = np.array(trimesh.transformations.rotation_matrix(np.radians(yaw_deg), [0, 0, 1]))
         rotated = tuple(s.moved(yaw) for s in surfaces)
-        mesh = trimesh.util.concatenate([trimesh.Trimesh(s.mesh.vertices, s.mesh.faces, process=False) for s in rotated])
-        vertices = np.asarray(mesh.vertices)  # type: ignore[union-attr]
+        mesh: Any = trimesh.util.concatenate([trimesh.Trimesh(s.mesh.vertices, s.mesh.faces, process=False) for s in rotated])
+        vertices = np.asarray(mesh.vertices)
         bottom = vertices[:, 2].min()
         base = vertices[vertices[:, 2] < bottom + BASE_M]
-        # type: ignore[arg-type]
         return cls(rotated, mesh, base, _samples_below(mesh, bottom + COVER_M), float(np.linalg.norm(base[:, :2], axis=1).max()))
 
 

@@ -49,7 +49,7 @@ def divided(outline_m: Outline, step_m: float) -> list[tuple[float, float]]:
     >>> len(divided([(0.0, 0.0), (0.01, 0.0)], 0.004))
     4
     """
-    out = [tuple(outline_m[0])]
+    out = [outline_m[0]]
     for start, stop in itertools.pairwise(np.asarray(outline_m, float)):
         parts = max(1, int(np.ceil(np.linalg.norm(stop - start) / step_m)))
         out += [tuple(start + (stop - start) * k / parts) for k in range(1, parts + 1)]

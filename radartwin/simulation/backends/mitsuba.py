@@ -14,7 +14,6 @@ between two groups of surfaces that move differently.
 import atexit
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -65,7 +64,7 @@ class MitsubaBackend:
     """Trace scenes by flat faces with edges and by ray tubes with physical optics, on Mitsuba 3."""
 
     settings: TraceSettings = field(default_factory=TraceSettings)
-    name: ClassVar[str] = "mitsuba"
+    name = "mitsuba"
 
     def paths(
         self,

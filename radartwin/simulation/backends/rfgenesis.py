@@ -32,7 +32,6 @@ the ray's own hit, while the program averages 32 randomly displaced samples. The
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -98,7 +97,7 @@ class RFGenesisBackend:
     """Simulate scenes with the naive tracer, which this module's docstring describes."""
 
     settings: RFGenesisSettings = RFGenesisSettings()
-    name: ClassVar[str] = "rfgenesis"
+    name = "rfgenesis"
 
     def paths(
         self,

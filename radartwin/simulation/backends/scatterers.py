@@ -9,7 +9,6 @@ the amplitude a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is the wall's reflec
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 import trimesh
@@ -68,7 +67,7 @@ class PointBackend:
     """Simulate objects as point scatterers and rooms as single mirror reflections at their walls."""
 
     settings: PointSettings = PointSettings()
-    name: ClassVar[str] = "points"
+    name = "points"
 
     def paths(
         self,

@@ -14,7 +14,6 @@ The rate of change of a path's length is that of the line through its hits, whic
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -81,7 +80,7 @@ class SionnaBackend:
     """Simulate scenes with Sionna RT."""
 
     settings: SionnaSettings = SionnaSettings()
-    name: ClassVar[str] = "sionna"
+    name = "sionna"
 
     def paths(
         self,

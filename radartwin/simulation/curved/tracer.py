@@ -233,12 +233,12 @@ class Tracer:
         walls = [contacts.encounter(self.device, wall, outgoing, reception.across, True, seen)[1]] if self.walls else []
         return reception, walls, seen
 
-    def _read(self, lanes: list, after: list, bounce: int, strongest: np.ndarray) -> Hits:
+    def _read(self, lanes: list, met: list, bounce: int, strongest: np.ndarray) -> Hits:
         """Compute the amplitudes of hits, and return the strong hits as NumPy arrays. The function updates `strongest` as in `_step`."""
-        dr.eval(lanes, after)
+        dr.eval(lanes, met)
         pose, *read, echo, before = lanes
         pose, echo = pose.numpy(), _rows(echo)
-        before, after = (_encounters(some, len(pose)) for some in (before, after))
+        before, after = (_encounters(some, len(pose)) for some in (before, met))
         coefficients, prune = self.coefficients, self.options.prune
         floor = np.zeros(len(strongest)) if self.options.least is None else EARLY * self.options.least
         rough = coefficients.amplitudes(coefficients.few, before, after, echo[2:], echo[:2], np.maximum(floor, prune * strongest)[pose])
@@ -247,8 +247,8 @@ class Tracer:
         keep = np.flatnonzero(level >= np.maximum(floor, prune * strongest)[pose])
         amplitude = np.take(rough, keep, axis=0)
         if len(coefficients.few) < len(coefficients.every):
-            chosen = (part.where(keep) for part in (before, after))
-            amplitude = coefficients.amplitudes(coefficients.every, *chosen, echo[2:, keep], echo[:2, keep], np.zeros(len(keep)))
+            before, after = before.where(keep), after.where(keep)
+            amplitude = coefficients.amplitudes(coefficients.every, before, after, echo[2:, keep], echo[:2, keep], np.zeros(len(keep)))
         length, length_out, departure, outgoing, first, sequence = read
         # A scene has millions of hits, so that each array is copied once, for the strong hits only.
         return Hits(

@@ -109,11 +109,11 @@ class Panes:
             dr.eval(ahead, going, *line, onward)
             clear = dr.compress(~ahead)
             if dr.width(clear):
-                yield dr.gather(mi.UInt32, index, clear), picked(encounters, clear)
+                yield picked(index, clear), picked(encounters, clear)
             more = dr.compress(going)
             if not dr.width(more):
                 return
-            index, line, encounters = dr.gather(mi.UInt32, index, more), Line(*picked(line, more)), picked(onward, more)
+            index, line, encounters = picked(index, more), Line(*picked(line, more)), picked(onward, more)
 
 
 def picked(value: Any, keep: Any) -> Any:

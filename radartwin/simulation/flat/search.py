@@ -593,10 +593,9 @@ class Sequences:
             rows.append(np.concatenate([part.count, part.edge, chain, part.reversible[:, None]], axis=1))
         every, index = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
         bounds = np.cumsum([0] + [len(part) for part in parts])
-        return (
-            Sequences(*(np.ascontiguousarray(part) for part in np.split(every[:, :-1], (3, 5), axis=1)), every[:, -1].astype(bool)),
-            [np.unique(index.ravel()[a:b]) for a, b in pairwise(bounds)],
-        )
+        count, edge, chain = (np.ascontiguousarray(part) for part in np.split(every[:, :-1], (3, 5), axis=1))
+        union = Sequences(count, edge, chain, every[:, -1].astype(bool))
+        return union, [np.unique(index.ravel()[a:b]) for a, b in pairwise(bounds)]
 
 
 @compiled

@@ -25,6 +25,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radartwin.compiled import shared_out
 from radartwin.constants import BOLTZMANN, SPEED_OF_LIGHT
@@ -195,7 +196,7 @@ def _fit(samples: int, cells: int, reach: int) -> np.ndarray:
     return np.linalg.pinv(np.exp(1j * phase), rcond=_FIT)
 
 
-def _copies(nodes_hz: np.ndarray, frequency: np.ndarray, cells: int) -> np.ndarray:
+def _copies(nodes_hz: np.ndarray, frequency: np.ndarray, cells: int) -> NDArray[np.complex128]:
     """Return the weights (Q, D) of D copies of a path, whose sum has the amplitude 1 at one of Q frequency nodes and 0 at the others.
 
     Args:

@@ -1,7 +1,6 @@
 """The material source `by_height`: surfaces on the floor are concrete, all others are of another material."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from radartwin.label.labels import Label, relabelled
 from radartwin.scene.scene import Scene, Surface
@@ -9,7 +8,7 @@ from radartwin.scene.scene import Scene, Surface
 
 @dataclass(frozen=True)
 class ByHeight:
-    name: ClassVar[str] = "by_height"
+    name = "by_height"
     below_m: float = 0.05
     above: str = "plasterboard"
 

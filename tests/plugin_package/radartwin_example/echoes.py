@@ -1,7 +1,6 @@
 """The simulator `echoes`: every surface is a point target at its vertex nearest to the radar."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +17,7 @@ class EchoSettings:
 @dataclass(frozen=True)
 class EchoBackend:
     settings: EchoSettings = EchoSettings()
-    name: ClassVar[str] = "echoes"
+    name = "echoes"
 
     def paths(self, scene, radar, sensor_poses, motion=None, track=None):
         if self.settings.label == "broken":
