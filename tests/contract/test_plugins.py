@@ -187,7 +187,7 @@ def test_worker_process_reads_a_configuration_with_plug_ins(installed: Path) -> 
         (["simulate", "simulator=echoes", "simulator.code=1"], "digest of the plug-in's source code and cannot be set"),
         (["simulate", "scene=plate", "trajectory=static", "simulator=echoes", "simulator.label=broken"],
          "plug-in 'echoes' of package radartwin-example (radartwin.simulators) cannot be used: paths raised RuntimeError: the solver broke "
-         "(echoes.py, line 25)"),
+         "(echoes.py, line 24)"),
         (["run", "experiment=level", "features=decay", "features.without=[window]"], "window is not in features=decay"),
     ],
 )  # fmt: skip
