@@ -108,12 +108,14 @@ def check_target(path: Path, encoding: str = "json") -> ModuleType:
     Raises:
         InputError: the encoding is unknown.
         BackendError: the package mcap or protobuf is missing.
-        OutputError: the path is a folder, or its folder cannot be written.
+        OutputError: the path is a folder or has another suffix than .mcap, or its folder cannot be written.
     """
     if encoding not in _ENCODINGS:
         raise InputError(f"encoding {encoding!r} is unknown; use one of {', '.join(_ENCODINGS)}")
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
+    if path.suffix != ".mcap":
+        raise OutputError(f"{path} does not end with .mcap; give the MCAP file a name such as {path.with_suffix('.mcap').name}")
     files.check_folder(path.parent)
     try:
         import mcap.writer

@@ -396,6 +396,7 @@ MISTAKES = {
     "both uses": (["kept", "--mcap", "a.mcap", "--out", "set"], "--mcap"),
     "absent recording": (["absent", "--mcap", "a.mcap"], "absent.bin"),
     "target is a folder": (["kept", "--mcap", "camera"], "camera is a folder"),
+    "target is the recording": (["kept", "--mcap", "kept.bin"], "kept.bin does not end with .mcap"),
     "target in a file": (["kept", "--mcap", "kept.bin/a.mcap"], "kept.bin"),
     "truncated recording": (["short", "--mcap", "a.mcap"], "truncated"),
     "start is no time": (["kept", "--mcap", "a.mcap", "--start", "noon"], "noon"),
@@ -418,12 +419,12 @@ def test_mistake_is_one_line_and_leaves_no_file(words, word, inside, tmp_path):
     for folder, name, data in (("camera", "front.jpg", JPEG), ("false", "0.1.jpg", b"GIF89a")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / name).write_bytes(data)
-    before = sorted(tmp_path.rglob("*"))
+    before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
     done = inside("export", *words)
     lines = [line for line in done.stderr.splitlines() if not line.startswith("frames: ")]
     assert (done.returncode, len(lines)) == (2, 1)
     assert word in lines[0]
-    assert sorted(tmp_path.rglob("*")) == before
+    assert {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
 
 
 def test_command_writes_the_timeline_of_a_recording(inside, tmp_path):
