@@ -26,7 +26,7 @@ from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings import roverd, studio_log
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.checks import few, zero_filled_frames
-from radartwin.recordings.index import Row, row_of
+from radartwin.recordings.index import Row, describe, row_of
 from radartwin.recordings.mapping import CaptureMap, columns_of
 from radartwin.recordings.recording_set import RecordingSet
 
@@ -52,7 +52,8 @@ def import_captures(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> tuple[RecordingSet, list[Row]]:
-    """Import every capture of a file or folder into a new or existing recording set. Captures that are already in the set are skipped.
+    """Import every capture of a file or folder into a new or existing recording set. Captures whose name and conditions are already in the
+    set are skipped.
 
     Index rows and data card are checked before the first capture is read. A new recording set is created after the first capture is read.
 
@@ -71,7 +72,7 @@ def import_captures(
         The recording set, and the rows that were added to its index.
     Raises:
         MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
-        InputError: an index row is invalid, or the data card is incomplete.
+        InputError: an index row is invalid, the set holds the name of a capture with other conditions, or the data card is incomplete.
         RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
             contains all captures that were imported before the wrong capture.
     """
@@ -80,7 +81,15 @@ def import_captures(
     target = RecordingSet.load(out) if (out / CARD).exists() else None
     plans = plan(source, shared, mapping, say)
     card = _card(out, {**mapping.card, **{key: value for key, value in values.items() if key in KEYS}}, target)
-    missing = [item for item in plans if target is None or item.row.recording not in target]
+    stored = {row.recording: row for row in target or ()}
+    for item in plans:
+        row = stored.get(item.row.recording, item.row)
+        if row.condition != item.row.condition:
+            raise InputError(
+                f"{item.capture}: {out} holds another recording {row.recording} ({describe(row)}); add recording=NAME to the command or to "
+                "a mapping file"
+            )
+    missing = [item for item in plans if item.row.recording not in stored]
     if len(missing) < len(plans):
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")
     added = []

@@ -196,6 +196,25 @@ def test_interrupted_import_continues(campaign: Path) -> None:
     assert import_captures(campaign / "raw", campaign / "set", mapping=mapping)[1] == []
 
 
+def test_second_capture_of_the_same_name_is_refused_unless_its_conditions_are_equal(tmp_path: Path, inside) -> None:
+    def words(folder: str, *more: str) -> list[str]:
+        conditions = {**CARD, **MUG, "distance_m": "2.5" if folder == "b" else "1.5"}
+        return ["import", f"{folder}/adc_data.bin", "--out", "set", *(f"{key}={value}" for key, value in conditions.items()), *more]
+
+    for seed, folder in enumerate("ab"):
+        capture(tmp_path / folder, seed=seed)
+    assert inside(*words("a")).returncode == 0
+    assert inside(*words("a")).stdout == "set: 0 recordings added, 1 in all\n"
+    done = inside(*words("b"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "radartwin: b/adc_data.bin: set holds another recording adc_data (mug, 1.5 m, lab, turntable, repetition 0); add recording=NAME "
+        "to the command or to a mapping file\n"
+    )
+    assert inside(*words("b", "recording=later")).returncode == 0
+    assert [row.distance_m for row in RecordingSet.load(tmp_path / "set")] == [1.5, 2.5]
+
+
 def test_csv_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
     (campaign / "map.csv").write_text(
         "file,object,distance_m,room,motion,trajectory\ncan_1m/run1,can,1,lab,depth,drive.txt\nmug_1m/run*,mug,1,lab,lateral,\n"
