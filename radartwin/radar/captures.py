@@ -43,7 +43,7 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
             this package, the .json file gives the sample order.
     Raises:
         MissingError: the capture or its radar description is missing.
-        RecordingError: the size of the capture does not fit the radar.
+        RecordingError: the size of the capture does not fit the radar, or samples are NaN or infinite.
     """
     path = Path(path)
     if radar is not None and not isinstance(radar, Radar):
@@ -155,7 +155,12 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
         )
     if frames < 1:
         raise RecordingError(f"{path}: it has zero frames; record again")
-    recording = from_counts(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
+    cube = cube.reshape(frames, *shape)
+    with np.errstate(over="ignore"):  # a value beyond the range of complex64 becomes infinite
+        broken = next((frame for frame in range(frames) if not np.isfinite(cube[frame].astype(np.complex64)).all()), None)
+    if broken is not None:
+        raise RecordingError(f"{path}: frame {broken} holds NaN or infinite samples; record or simulate it again")
+    recording = from_counts(path, _signed(cube), radar, iq_swapped)
     return replace(recording, sensor_poses=stored.get("poses"))
 
 

@@ -221,6 +221,19 @@ def test_cube_needs_a_radar_of_its_shape(tmp_path):
         load_capture(tmp_path / "none_left.npy", RADAR)
 
 
+@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300j])
+def test_first_frame_with_a_sample_that_is_not_finite_is_named(tmp_path, inside, value):
+    iq = np.ones(SHAPE, complex)
+    iq[1:, 0, 1, 2, 3] = value
+    np.save(tmp_path / "cube.npy", iq)
+    (tmp_path / "radar.json").write_text(json.dumps(RADAR.to_dict()))
+    for words in (["process", "cube.npy"], ["export", "cube.npy", "--mcap", "a.mcap"]):
+        done = inside(*words, "--radar", "radar.json")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "radartwin: cube.npy: frame 1 holds NaN or infinite samples; record or simulate it again\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cube.npy", "radar.json"]
+
+
 def test_order_of_i_and_q_follows_from_the_receive_filter(tmp_path):
     radar = dataclasses.replace(Radar.iwr1843(), num_chirps=64)
     rng = np.random.default_rng(5)
