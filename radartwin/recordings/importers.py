@@ -164,10 +164,10 @@ def find_captures(source: Path) -> list[Path]:
     if not source.is_dir():
         if not source.is_file():
             raise MissingError(f"{source}: no such capture; give a .bin, .npy or .npz file, or a folder of them")
-        return [studio_log.parts(source)[0]]
+        return [dca1000.parts(source)[0]]
     names = ("*.bin", *(f"*{suffix}" for suffix in CUBES), roverd.CHANNEL)
     files = sorted(path for name in names for path in source.rglob(name) if not _hidden(path.relative_to(source)))
-    captures = list(dict.fromkeys(studio_log.parts(path)[0] for path in files))
+    captures = list(dict.fromkeys(dca1000.parts(path)[0] for path in files))
     if not captures:
         raise MissingError(f"{source}: the folder has no .bin and no .npy, .npz or roverd channel iq; give a folder of captures")
     return captures
@@ -193,7 +193,7 @@ def read_capture(
     if description is not None:
         radar = Radar.from_file(description)
     assert radar is not None
-    data, frame = b"".join(path.read_bytes() for path in studio_log.parts(capture)), dca1000.frame_bytes(radar)
+    data, frame = b"".join(path.read_bytes() for path in dca1000.parts(capture)), dca1000.frame_bytes(radar)
     whole, rest = divmod(len(data), frame)
     if not whole:
         raise RecordingError(f"{capture}: {len(data)} bytes are not one frame of {frame} bytes for radar {radar.name}; record again")
@@ -270,7 +270,7 @@ def _hidden(relative: Path) -> bool:
 
 def _name(capture: Path, root: Path) -> str:
     """Make a valid recording name from the capture's path relative to the folder `root`, or from the path of the roverd trace."""
-    relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
+    relative = capture.relative_to(root).with_name(dca1000.capture_prefix(capture))
     if capture.name == roverd.CHANNEL:
         trace = capture.resolve().parent.parent
         relative = Path(trace.name) if trace in (root.resolve(), *root.resolve().parents) else trace.relative_to(root.resolve())

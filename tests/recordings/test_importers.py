@@ -11,6 +11,7 @@ from made_files import log_text, noise, studio_json
 
 from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.radar import dca1000
+from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.recordings.checks import examine
 from radartwin.recordings.importers import find_captures, import_captures, key_values, read_capture
@@ -121,9 +122,16 @@ def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
     assert notes == []
     assert added[0].recording == "mug"
     assert (tmp_path / "set" / "recordings" / "mug.bin").read_bytes() == whole
+    for n in (0, 3):
+        loaded = load_capture(tmp_path / "raw" / f"mug_Raw_{n}.bin")
+        np.testing.assert_array_equal(loaded.iq, RecordingSet.load(tmp_path / "set").read(added[0]).iq)
     (tmp_path / "raw" / "mug_Raw_4.bin").unlink()
     with pytest.raises(MissingError, match=r"mug_Raw_4\.bin is missing.*up to 10"):
         import_captures(tmp_path / "raw", tmp_path / "again", {**CARD, **MUG})
+    with pytest.raises(MissingError, match=r"mug_Raw_4\.bin is missing.*up to 10"):
+        load_capture(tmp_path / "raw" / "mug_Raw_0.bin")
+    np.save(tmp_path / "raw" / "cube_Raw_0.npy", np.ones(3))
+    assert find_captures(tmp_path / "raw" / "cube_Raw_0.npy") == [tmp_path / "raw" / "cube_Raw_0.npy"]
 
 
 @pytest.mark.parametrize(
