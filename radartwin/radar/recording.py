@@ -138,10 +138,11 @@ class Recording:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
                 stream.write("\n")
                 _flush(stream)
-            # Delete the old .json file first, so that it never describes the new .bin file.
-            json_path.unlink(missing_ok=True)
-            temporary[bin_path].replace(bin_path)
-            temporary[json_path].replace(json_path)
+            with files.lock(bin_path.with_name(f".{bin_path.name}.lock")):  # another process may save the same recording
+                # Delete the old .json file first, so that it never describes the new .bin file.
+                json_path.unlink(missing_ok=True)
+                temporary[bin_path].replace(bin_path)
+                temporary[json_path].replace(json_path)
         except OSError as error:
             raise OutputError(f"cannot write {bin_path}: {error.strerror or error}; choose another output folder") from error
         finally:

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, OutputError, RecordingError
+from radartwin.io import files
 from radartwin.radar.captures import band_edge_db, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -194,6 +196,20 @@ def test_failed_save_leaves_the_older_recording_unchanged(tmp_path):
     with pytest.raises(RecordingError, match="NaN"):
         Recording(broken, RADAR, scale=1e-9).save(tmp_path / "a")
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_files_of_two_processes_that_save_one_recording_are_not_mixed(tmp_path):
+    Recording(np.ones(SHAPE), RADAR, scale=1.0).save(tmp_path / "a")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    saving = threading.Thread(target=Recording(np.full(SHAPE, 2), RADAR, scale=2.0).save, args=[tmp_path / "a"])
+    with files.lock(tmp_path / ".a.bin.lock"):  # as another process that replaces the files
+        saving.start()
+        saving.join(1.0)
+        assert saving.is_alive()
+        assert before.items() <= {p.name: p.read_bytes() for p in tmp_path.iterdir()}.items()
+    saving.join()
+    assert Recording.load(tmp_path / "a").scale == 2.0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bin", "a.json"]
 
 
 def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
