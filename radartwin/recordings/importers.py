@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.io.files import inside
 from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, description_beside, from_counts, load_capture
@@ -29,6 +30,7 @@ from radartwin.recordings.checks import few, zero_filled_frames
 from radartwin.recordings.index import Row, describe, row_of
 from radartwin.recordings.mapping import CaptureMap, columns_of
 from radartwin.recordings.recording_set import RecordingSet
+from radartwin.scene.trajectories.file import read_track
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ def import_captures(
         The recording set, and the rows that were added to its index.
     Raises:
         MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
-        InputError: an index row is invalid, the set holds the name of a capture with other conditions, or the data card is incomplete.
+        PoseError: a trajectory file is unreadable.
+        InputError: an index row is invalid, a trajectory of the mapping file is outside the source folder, the set holds the name of a
+            capture with other conditions, or the data card is incomplete.
         RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
             contains all captures that were imported before the wrong capture.
     """
@@ -150,8 +154,12 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
             if row.recording == other.row.recording or row.condition == other.row.condition:
                 same = "name" if row.recording == other.row.recording else "object, distance, room, motion and repetition"
                 raise InputError(f"{capture}: it has the same {same} as {other.capture}; give different values in a mapping file")
+        if "trajectory" in columns:
+            inside(root, trajectory)
         if trajectory and not (root / trajectory).is_file():
             raise MissingError(f"{root / trajectory}: no such trajectory file; give its path relative to {root}")
+        if trajectory:
+            read_track(root / trajectory)
         plans.append(Plan(capture, row, root / trajectory if trajectory else None))
     return plans
 

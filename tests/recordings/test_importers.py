@@ -251,6 +251,8 @@ MISTAKES = {
     "a column twice in a pattern": ([Entry("{object}_{object}m/run1", MUG)], "object"),
     "two captures with the same conditions": ([Entry("**", {**MUG, "repetition": "0"})], "same object, distance, room, motion"),
     "a distance that is not a number": ([Entry("{object}_{distance_m}/run{repetition}", {**MUG, "distance_m": "near"})], "'near'"),
+    "a trajectory outside the folder": ([Entry("**", {**MUG, "trajectory": "../outside.txt"})], "'../outside.txt', which is not in it"),
+    "a trajectory that is no track": ([Entry("**", {**MUG, "trajectory": "can_1m/run1.bin"})], r"can_1m/run1\.bin"),
     "a missing trajectory": ([Entry("**", {**MUG, "trajectory": "drive.txt"})], "raw/drive.txt: no such trajectory"),
     "an entry without columns": ([Entry("**", {})], "it has no object; it has no room; it has no motion"),
 }
