@@ -5,8 +5,10 @@ The file has no name, so that the operating system removes it when the array is 
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
+import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -23,8 +25,9 @@ class ScratchArray:
         folder: folder on whose disk the file lies.
         shape: shape of the array; the first axis counts the rows.
         dtype: type of the elements.
+        later_bytes: size of the files that the caller writes to the folder while the array exists.
     Raises:
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or its disk lacks the space for the array and the later files.
 
     >>> scratch = ScratchArray(Path(tempfile.gettempdir()), (2, 3), np.float32)
     >>> scratch.write(np.zeros((1, 3), np.float32))
@@ -33,12 +36,17 @@ class ScratchArray:
     [0.0, 3.0]
     """
 
-    def __init__(self, folder: Path, shape: tuple[int, ...], dtype: Any) -> None:
+    def __init__(self, folder: Path, shape: tuple[int, ...], dtype: Any, later_bytes: int = 0) -> None:
         self._folder, self._shape, self._dtype = folder, shape, np.dtype(dtype)
+        self._bytes = math.prod(shape) * self._dtype.itemsize + later_bytes
         try:
+            free = shutil.disk_usage(folder).free
             self._stream: Any = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115, `array` closes it
         except OSError as error:
-            raise self._failed(error) from error
+            raise self._failed(error.strerror or error) from error
+        if self._bytes > free:
+            self.close()
+            raise self._failed(f"{free / 1e9:.3g} GB are free")
 
     def write(self, rows: np.ndarray) -> None:
         """Append rows. Raises OutputError if the disk is full."""
@@ -46,7 +54,7 @@ class ScratchArray:
             self._stream.write(np.ascontiguousarray(rows, self._dtype).data)
             self._stream.flush()
         except OSError as error:
-            raise self._failed(error) from error
+            raise self._failed(error.strerror or error) from error
 
     def array(self) -> np.ndarray:
         """Return the written array, mapped into memory. The caller may change its elements."""
@@ -57,10 +65,9 @@ class ScratchArray:
         """Close the file. After an error, this removes the file; a mapped array stays valid."""
         self._stream.close()
 
-    def _failed(self, error: OSError) -> OutputError:
-        size = int(np.prod(self._shape, dtype=np.int64)) * self._dtype.itemsize
-        reason = f"cannot hold {size / 1e9:.3g} GB of samples ({error.strerror or error})"
-        return OutputError(f"{self._folder}: {reason}; free some space or choose another folder")
+    def _failed(self, reason: object) -> OutputError:
+        held = f"cannot hold {self._bytes / 1e9:.3g} GB of samples ({reason})"
+        return OutputError(f"{self._folder}: {held}; free some space or choose another folder")
 
 
 def release(array: np.ndarray) -> None:

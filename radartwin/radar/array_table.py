@@ -33,6 +33,7 @@ from radartwin.radar.field_checks import check_distinct
 
 UNITS = ("m", "half_wavelength")
 MAX_SPAN_M = 2.0  # no array of a board is wider; a wider table gives other units as metres
+MAX_GAIN_DB = 100.0  # no antenna has a larger gain or loss
 _COMMON = ("design_frequency_hz", "pattern")  # columns whose value is the same in all rows
 _COLUMNS = ("antenna", *_COMMON, "gain_db")
 _POSITION = re.compile(r"([xyz])_(\w+)")
@@ -69,7 +70,10 @@ def read_array(path: str | Path) -> dict[str, Any]:
         if (kind := row.get("antenna")) not in found:
             raise RecordingError(f"{place}: antenna must be tx or rx, not {reprlib.repr(kind)}")
         position = tuple(metres * _number(place, f"{axis}_{unit}", row.get(f"{axis}_{unit}", 0.0)) for axis in "xyz")
-        found[str(kind)].append((position, _number(place, "gain_db", row.get("gain_db", 0.0))))
+        gain_db = _number(place, "gain_db", row.get("gain_db", 0.0))
+        if abs(gain_db) > MAX_GAIN_DB:
+            raise RecordingError(f"{place}: gain_db must be from -{MAX_GAIN_DB:g} to {MAX_GAIN_DB:g} dB, not {gain_db:g}")
+        found[str(kind)].append((position, gain_db))
     _check_array(path, found)
     fields: dict[str, Any] = {f"{kind}_positions_m": tuple(position for position, _ in found[kind]) for kind in found}
     if any(gain for antennas in found.values() for _, gain in antennas):
@@ -97,9 +101,13 @@ def _rows(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
             _check_cells(f"{path}, antenna {number}", row)
     elif path.suffix == ".csv":
         try:
-            table = list(csv.DictReader(io.StringIO(read_text(path)), strict=True))
+            reader = csv.DictReader(io.StringIO(read_text(path)), strict=True)
+            table = list(reader)
         except csv.Error as error:
             raise RecordingError(f"{path}: {error}; write a header line and one antenna per row, separated by commas") from error
+        header = [name.strip() for name in reader.fieldnames or ()]
+        if twice := [name for name in header if header.count(name) > 1]:
+            raise RecordingError(f"{path}: column {twice[0] or 'without a name'} occurs twice; name each column once")
         if any(None in row or None in row.values() for row in table):
             raise RecordingError(f"{path}: a row has more or fewer cells than the header line; write one cell for each column")
         rows = [{key.strip(): value.strip() for key, value in row.items() if value.strip()} for row in table]

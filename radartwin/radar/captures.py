@@ -32,18 +32,18 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
 
     Args:
         path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file with one
-            .mmwave.json in its folder, or of a .npy file. The array in a .npy file has the shape [chirp, sample], [chirp, channel, sample],
-            [frame, chirp, channel, sample] or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. Its samples are
-            complex, or int16 with one more axis of I and Q at the end. A .npz file holds this array as `iq`, and may hold the poses of the
-            radar as `poses` (F, 4, 4). A folder with the files of the cascade's capture board is a capture too
-            (radartwin.radar.cascade_capture).
+            .mmwave.json in its folder, or of a .npy file. Of a capture in several .bin files, any file names the whole capture. The array
+            in a .npy file has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
+            [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. Its samples are complex, or int16 with one more
+            axis of I and Q at the end. A .npz file holds this array as `iq`, and may hold the poses of the radar as `poses` (F, 4, 4). A
+            folder with the files of the cascade's capture board is a capture too (radartwin.radar.cascade_capture).
         radar: a Radar or the path of a radar file. An array and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
             the .mmwave.json.
         iq_swapped: whether Q comes before I in a capture of another tool. None detects the sample order from the noise. For a recording of
             this package, the .json file gives the sample order.
     Raises:
         MissingError: the capture or its radar description is missing.
-        RecordingError: the size of the capture does not fit the radar.
+        RecordingError: the size of the capture does not fit the radar, or samples are NaN or infinite.
     """
     path = Path(path)
     if radar is not None and not isinstance(radar, Radar):
@@ -59,9 +59,10 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
         return Recording.load(path)
     if not bin_path.is_file():
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
+    bin_path, *others = dca1000.parts(bin_path)
     if radar is None:
         radar = Radar.from_file(description_beside(bin_path))
-    return from_counts(bin_path, read_counts(bin_path, radar), radar, iq_swapped)
+    return from_counts(bin_path, read_counts(bin_path, radar, others=others), radar, iq_swapped)
 
 
 def capture_name(path: str | Path) -> str:
@@ -155,7 +156,12 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
         )
     if frames < 1:
         raise RecordingError(f"{path}: it has zero frames; record again")
-    recording = from_counts(path, _signed(cube).reshape(frames, *shape), radar, iq_swapped)
+    cube = cube.reshape(frames, *shape)
+    with np.errstate(over="ignore"):  # a value beyond the range of complex64 becomes infinite
+        broken = next((frame for frame in range(frames) if not np.isfinite(cube[frame].astype(np.complex64)).all()), None)
+    if broken is not None:
+        raise RecordingError(f"{path}: frame {broken} holds NaN or infinite samples; record or simulate it again")
+    recording = from_counts(path, _signed(cube), radar, iq_swapped)
     return replace(recording, sensor_poses=stored.get("poses"))
 
 

@@ -10,14 +10,18 @@ Reference: Mmwave Radar Device ADC Raw Data Capture (TI SWRA581B), sections on t
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import RecordingError
+from radartwin.errors import MissingError, RecordingError
 from radartwin.radar.chirp import Radar
 
 FULL_SCALE = 32767
 _SAMPLE = np.dtype("<i2")
+_PART = re.compile(r"(.+)_Raw_(\d+)")
 
 
 def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
@@ -29,6 +33,31 @@ def frame_bytes(radar: Radar) -> int:
     """Return the size of one frame on disk in bytes."""
     samples = radar.num_chirps * radar.num_tx * radar.num_rx * radar.num_samples
     return samples * _SAMPLE.itemsize * (1 if radar.real_sampling else 2)
+
+
+def capture_prefix(capture: Path) -> str:
+    """Return a capture's name without the part number _Raw_0, _Raw_1, ... The capture card starts a new file after at most 1 GB.
+
+    >>> capture_prefix(Path("mug_Raw_0.bin"))
+    'mug'
+    """
+    return match.group(1) if (match := _PART.fullmatch(capture.stem)) else capture.stem
+
+
+def parts(capture: Path) -> list[Path]:
+    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without part number is one file.
+
+    Raises:
+        MissingError: a file of the capture is missing.
+    """
+    if capture.suffix != ".bin" or not (part := _PART.fullmatch(capture.stem)):
+        return [capture]
+    prefix, paths = part[1], capture.parent.glob("*.bin")
+    found = {int(match[2]): path for path in paths if (match := _PART.fullmatch(path.stem)) and match[1] == prefix}
+    for number in range(max(found) + 1):
+        if number not in found:
+            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing; the capture has parts up to {max(found)}")
+    return [found[number] for number in sorted(found)]
 
 
 def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:

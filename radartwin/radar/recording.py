@@ -13,10 +13,10 @@ import json
 import math
 import os
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,10 +138,11 @@ class Recording:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
                 stream.write("\n")
                 _flush(stream)
-            # Delete the old .json file first, so that it never describes the new .bin file.
-            json_path.unlink(missing_ok=True)
-            temporary[bin_path].replace(bin_path)
-            temporary[json_path].replace(json_path)
+            with files.lock(bin_path.with_name(f".{bin_path.name}.lock")):  # another process may save the same recording
+                # Delete the old .json file first, so that it never describes the new .bin file.
+                json_path.unlink(missing_ok=True)
+                temporary[bin_path].replace(bin_path)
+                temporary[json_path].replace(json_path)
         except OSError as error:
             raise OutputError(f"cannot write {bin_path}: {error.strerror or error}; choose another output folder") from error
         finally:
@@ -230,17 +231,24 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
 
 
 def read_counts(
-    path: Path, radar: Radar, *, iq_swapped: bool = False, scale: float = 1.0, frames: range | None = None
+    path: Path,
+    radar: Radar,
+    *,
+    iq_swapped: bool = False,
+    scale: float = 1.0,
+    frames: range | None = None,
+    others: Sequence[Path] = (),
 ) -> NDArray[np.complex64]:
     """Read the counts of a .bin times `scale`, [frame, chirp, tx, rx, sample]. More than MAPPED_BYTES of samples are mapped into memory.
 
-    The argument `frames` names the consecutive frames to read. None reads all frames and refuses an incomplete last frame.
+    The argument `frames` names the consecutive frames to read. None reads all frames and refuses an incomplete last frame. The content of
+    the files `others` follows that of `path`.
 
     Raises:
         RecordingError: the file is empty or does not fit the radar.
         OutputError: the samples of a large recording fit neither on the disk of the file nor on that of the temporary files.
     """
-    size, frame = path.stat().st_size, dca1000.frame_bytes(radar)
+    size, frame = sum(file.stat().st_size for file in (path, *others)), dca1000.frame_bytes(radar)
     if size == 0:
         raise RecordingError(f"{path}: it is empty, zero frames; record again")
     if frames is None and size % frame:
@@ -254,11 +262,12 @@ def read_counts(
     mapped = scratch.ScratchArray(scratch.folder_for(path), shape, np.complex64) if shape[0] * frame_samples > MAPPED_BYTES else None
     counts = np.empty((0 if mapped else shape[0], *shape[1:]), np.complex64)
     step = max(1, _SAVED_BYTES // frame_samples)
-    with path.open("rb") as stream:
-        stream.seek(frames.start * frame)
+    with contextlib.ExitStack() as stack:
+        streams = [stack.enter_context(file.open("rb")) for file in (path, *others)]
         for start in range(0, shape[0], step):
+            data = _read(streams, (frames.start + start) * frame, min(step, shape[0] - start) * frame)
             try:
-                block = dca1000.decode(stream.read(min(step, shape[0] - start) * frame), radar, iq_swapped=iq_swapped)
+                block = dca1000.decode(data, radar, iq_swapped=iq_swapped)
             except RecordingError as error:
                 raise RecordingError(f"{path}: {error}") from error
             block *= np.float32(scale) if np.float32(scale) == scale else scale
@@ -267,6 +276,18 @@ def read_counts(
             else:
                 counts[start : start + step] = block
     return mapped.array() if mapped else counts
+
+
+def _read(streams: Sequence[BinaryIO], start: int, size: int) -> bytes:
+    """Read `size` bytes from the byte `start` of the joined streams."""
+    data = b""
+    for stream in streams:
+        length = stream.seek(0, os.SEEK_END)
+        if start < length and len(data) < size:
+            stream.seek(start)
+            data += stream.read(size - len(data))
+        start = max(0, start - length)
+    return data
 
 
 def _check_scale(scale: Any, where: str) -> float:

@@ -20,7 +20,7 @@ from trimesh.exchange.ply import export_ply
 from radartwin.errors import OutputError, ScanError
 from radartwin.io import files
 from radartwin.io.progress import Progress
-from radartwin.label.photos import save_photos
+from radartwin.label.photos import FOLDER, INDEX, save_photos
 from radartwin.materials import Layered, check_name
 from radartwin.reconstruct.distance import farthest_points
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
@@ -34,6 +34,7 @@ from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras
 from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.scene import Scene
+from radartwin.scene.storage import GEOMETRY, MANIFEST, is_scene
 
 MESH_FILE, FACE_SURFACES_FILE = "scan.ply", "scan_surfaces.npy"
 PHOTOS = 40  # largest number of colour pictures saved in the scene folder
@@ -92,17 +93,18 @@ def reconstruct(
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
         out: folder into which the scene is written; with None, no file is written.
         material: material assigned to every surface; the user can later assign a different material to each surface.
-        progress: function that receives each progress message as a line of text; by default no messages are printed.
+        progress: display that shows the steps and the lines of the scan report; None shows nothing.
     Returns:
         The scene. The scene's provenance holds the scan report and the distances by which flattening moved the scanned faces.
     Raises:
         MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid.
-        MaterialError, OutputError: the material is unknown, or `out` cannot be written.
+        MaterialError: the material is unknown.
+        OutputError: `out` cannot be written, contains the scan, or holds files of these names that RadarTwin did not write.
     """
     if isinstance(material, str):
         check_name(material)
     if out is not None:
-        files.check_folder(Path(out))
+        _check_out(Path(out), Path(path))
     progress = progress or Progress(quiet=True)
     scan = (_from_frames if Path(path).is_dir() else _from_mesh_file)(Path(path), options, progress)
     for line in scan.lines:
@@ -117,6 +119,17 @@ def reconstruct(
     if out is not None:
         _save(scene, Path(out), scan, surface_of_face, progress)
     return scene
+
+
+def _check_out(out: Path, scan: Path) -> None:
+    """Raise OutputError if the scene cannot be written to `out`, or if it would replace the scan or files that RadarTwin did not write."""
+    files.check_folder(out)
+    held = [out / name for name in (GEOMETRY, MANIFEST, INDEX, FOLDER, MESH_FILE, FACE_SURFACES_FILE) if (out / name).exists()]
+    if scan.exists() and (scan.resolve().is_relative_to(out.resolve()) or any(path.samefile(scan) for path in held)):
+        raise OutputError(f"{out}: the folder contains the scan {scan}; choose another folder for --out")
+    # An interrupted reconstruction leaves no manifest, but a file of face surfaces, which `_save` writes first.
+    if held and out / FACE_SURFACES_FILE not in held and not is_scene(out):
+        raise OutputError(f"{held[0]}: RadarTwin did not write this file; choose a new or empty folder for --out")
 
 
 def _from_mesh_file(path: Path, options: ScanOptions, progress: Progress) -> Scan:
@@ -180,12 +193,12 @@ def _save(scene: Scene, folder: Path, scan: Scan, surface_of_face: np.ndarray, p
     stream = io.BytesIO()
     np.save(stream, surface_of_face)
     try:
-        (folder / "manifest.json").unlink(missing_ok=True)
-        (folder / "photos.json").unlink(missing_ok=True)
+        (folder / MANIFEST).unlink(missing_ok=True)
+        (folder / INDEX).unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot replace the scene in it ({error.strerror}); choose another folder") from error
-    files.write_atomically(folder / MESH_FILE, mesh)
     files.write_atomically(folder / FACE_SURFACES_FILE, stream.getvalue())
+    files.write_atomically(folder / MESH_FILE, mesh)
     if scan.frames is not None:
         save_photos(folder, _photos(scan.frames, progress))
     scene.save(folder)

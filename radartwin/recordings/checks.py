@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from radartwin.errors import InputError, MissingError, RecordingError, UserError
+from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.radar.captures import EDGE_DB, band_edge_db
 from radartwin.radar.chirp import Radar
@@ -84,6 +85,8 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
             continue
         report.bytes += sum(path.stat().st_size for path in pair)
         try:
+            for path in pair:
+                files.inside(folder, f"{RECORDINGS}/{path.name}")
             recording = Recording.load(folder / RECORDINGS / row.recording)
         except (UserError, OSError) as error:
             report.problems.append(Problem(where, str(error).replace(f"{folder / RECORDINGS}/", "")))
@@ -92,7 +95,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
         radars.append((where, recording.radar))
         problems, notes = check_samples(recording, row, report.card)
         if row.trajectory:
-            problems += _trajectory(folder / TRAJECTORIES / row.trajectory, row, recording)
+            problems += _trajectory(folder, row, recording)
         report.problems += [Problem(where, line) for line in problems]
         report.notes += [Problem(where, line) for line in notes]
     if radars:
@@ -180,8 +183,10 @@ def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.n
     return track.at(times.clip(begin, end))
 
 
-def _trajectory(path: Path, row: Row, recording: Recording) -> Iterator[str]:
+def _trajectory(folder: Path, row: Row, recording: Recording) -> Iterator[str]:
+    path = folder / TRAJECTORIES / row.trajectory
     try:
+        files.inside(folder, f"{TRAJECTORIES}/{row.trajectory}")
         frame_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
     except (InputError, MissingError, OSError) as error:
         yield str(error).removeprefix("trajectory ").replace(str(path), f"trajectory {row.trajectory}")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.io.files import inside
 from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, description_beside, from_counts, load_capture
@@ -26,9 +27,10 @@ from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings import roverd, studio_log
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.checks import few, zero_filled_frames
-from radartwin.recordings.index import Row, row_of
+from radartwin.recordings.index import Row, describe, row_of
 from radartwin.recordings.mapping import CaptureMap, columns_of
 from radartwin.recordings.recording_set import RecordingSet
+from radartwin.scene.trajectories.file import read_track
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,8 @@ def import_captures(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> tuple[RecordingSet, list[Row]]:
-    """Import every capture of a file or folder into a new or existing recording set. Captures that are already in the set are skipped.
+    """Import every capture of a file or folder into a new or existing recording set. Captures whose name and conditions are already in the
+    set are skipped.
 
     Index rows and data card are checked before the first capture is read. A new recording set is created after the first capture is read.
 
@@ -71,7 +74,9 @@ def import_captures(
         The recording set, and the rows that were added to its index.
     Raises:
         MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
-        InputError: an index row is invalid, or the data card is incomplete.
+        PoseError: a trajectory file is unreadable.
+        InputError: an index row is invalid, a trajectory of the mapping file is outside the source folder, the set holds the name of a
+            capture with other conditions, or the data card is incomplete.
         RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
             contains all captures that were imported before the wrong capture.
     """
@@ -80,7 +85,15 @@ def import_captures(
     target = RecordingSet.load(out) if (out / CARD).exists() else None
     plans = plan(source, shared, mapping, say)
     card = _card(out, {**mapping.card, **{key: value for key, value in values.items() if key in KEYS}}, target)
-    missing = [item for item in plans if target is None or item.row.recording not in target]
+    stored = {row.recording: row for row in target or ()}
+    for item in plans:
+        row = stored.get(item.row.recording, item.row)
+        if row.condition != item.row.condition:
+            raise InputError(
+                f"{item.capture}: {out} holds another recording {row.recording} ({describe(row)}); add recording=NAME to the command or to "
+                "a mapping file"
+            )
+    missing = [item for item in plans if item.row.recording not in stored]
     if len(missing) < len(plans):
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")
     added = []
@@ -141,8 +154,12 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
             if row.recording == other.row.recording or row.condition == other.row.condition:
                 same = "name" if row.recording == other.row.recording else "object, distance, room, motion and repetition"
                 raise InputError(f"{capture}: it has the same {same} as {other.capture}; give different values in a mapping file")
+        if "trajectory" in columns:
+            inside(root, trajectory)
         if trajectory and not (root / trajectory).is_file():
             raise MissingError(f"{root / trajectory}: no such trajectory file; give its path relative to {root}")
+        if trajectory:
+            read_track(root / trajectory)
         plans.append(Plan(capture, row, root / trajectory if trajectory else None))
     return plans
 
@@ -155,10 +172,10 @@ def find_captures(source: Path) -> list[Path]:
     if not source.is_dir():
         if not source.is_file():
             raise MissingError(f"{source}: no such capture; give a .bin, .npy or .npz file, or a folder of them")
-        return [studio_log.parts(source)[0]]
+        return [dca1000.parts(source)[0]]
     names = ("*.bin", *(f"*{suffix}" for suffix in CUBES), roverd.CHANNEL)
     files = sorted(path for name in names for path in source.rglob(name) if not _hidden(path.relative_to(source)))
-    captures = list(dict.fromkeys(studio_log.parts(path)[0] for path in files))
+    captures = list(dict.fromkeys(dca1000.parts(path)[0] for path in files))
     if not captures:
         raise MissingError(f"{source}: the folder has no .bin and no .npy, .npz or roverd channel iq; give a folder of captures")
     return captures
@@ -184,7 +201,7 @@ def read_capture(
     if description is not None:
         radar = Radar.from_file(description)
     assert radar is not None
-    data, frame = b"".join(path.read_bytes() for path in studio_log.parts(capture)), dca1000.frame_bytes(radar)
+    data, frame = b"".join(path.read_bytes() for path in dca1000.parts(capture)), dca1000.frame_bytes(radar)
     whole, rest = divmod(len(data), frame)
     if not whole:
         raise RecordingError(f"{capture}: {len(data)} bytes are not one frame of {frame} bytes for radar {radar.name}; record again")
@@ -261,7 +278,7 @@ def _hidden(relative: Path) -> bool:
 
 def _name(capture: Path, root: Path) -> str:
     """Make a valid recording name from the capture's path relative to the folder `root`, or from the path of the roverd trace."""
-    relative = capture.relative_to(root).with_name(studio_log.capture_prefix(capture))
+    relative = capture.relative_to(root).with_name(dca1000.capture_prefix(capture))
     if capture.name == roverd.CHANNEL:
         trace = capture.resolve().parent.parent
         relative = Path(trace.name) if trace in (root.resolve(), *root.resolve().parents) else trace.relative_to(root.resolve())

@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.errors import InputError, MissingError
+from radartwin.radar.dca1000 import capture_prefix
 from radartwin.radar.description_files import read_yaml
-from radartwin.recordings.studio_log import capture_prefix
 
 _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
 

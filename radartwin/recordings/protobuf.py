@@ -44,7 +44,7 @@ _OPTIONAL, _REPEATED = 1, 3  # of FieldDescriptorProto.Label
 
 
 def schema(name: str) -> bytes:
-    """Return the serialised FileDescriptorSet that defines the message `name` and all messages in it."""
+    """Return the serialised FileDescriptorSet that defines all messages of a timeline, also the message `name`."""
     return _definitions()[0]
 
 

@@ -34,6 +34,7 @@ from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
 from radartwin.recordings.checks import difference, frame_poses, same_radar
 from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES, Row, describe, index_text, read_index
+from radartwin.scene.trajectories.file import read_track
 
 LOCK = "index.lock"
 _SAME_DISTANCE_M = 1e-4  # two distances count as equal if they differ by at most this, because the index stores rounded distances
@@ -117,7 +118,11 @@ class RecordingSet:
         return read_radar_of(self.path(self.rows[0]))
 
     def path(self, row: Row) -> Path:
-        """Return the path of the files of a row's recording, without the suffix .bin or .json."""
+        """Return the path of the files of a row's recording, without the suffix .bin or .json. Raise InputError if a file is a link that
+        leads out of the set.
+        """
+        for suffix in (".bin", ".json"):
+            files.inside(self.folder, f"{RECORDINGS}/{row.recording}{suffix}")
         return self.folder / RECORDINGS / row.recording
 
     def select(self, **conditions: Any) -> list[Row]:
@@ -153,7 +158,7 @@ class RecordingSet:
         """
         recording = Recording.load(self.path(row))
         if recording.sensor_poses is None and row.trajectory:
-            path = self.folder / TRAJECTORIES / row.trajectory
+            path = files.inside(self.folder, f"{TRAJECTORIES}/{row.trajectory}")
             recording.sensor_poses = frame_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
         return recording
 
@@ -179,7 +184,8 @@ class RecordingSet:
         frames = samples.stat().st_size // frame_bytes(radar)
         poses = read_json(described).get("sensor_poses")
         if poses is None and row.trajectory:
-            return radar, frames, frame_poses(self.folder / TRAJECTORIES / row.trajectory, row.start_s, frames, radar.frame_rate_hz)
+            path = files.inside(self.folder, f"{TRAJECTORIES}/{row.trajectory}")
+            return radar, frames, frame_poses(path, row.start_s, frames, radar.frame_rate_hz)
         return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
 
     def add(self, recording: Recording, row: Row, trajectory: str | Path | None = None) -> Row:
@@ -195,6 +201,7 @@ class RecordingSet:
             The index row of the recording as index.csv stores it.
         Raises:
             InputError: the row is invalid, another recording of the set has the same name or conditions, or the radar differs.
+            MissingError, PoseError: the trajectory file is missing or unreadable.
             OutputError: the recording set cannot be written.
         """
         if trajectory is not None:
@@ -217,6 +224,7 @@ class RecordingSet:
             if trajectory is not None:
                 if not trajectory.is_file():
                     raise MissingError(f"{trajectory}: no such trajectory file")
+                read_track(trajectory)
                 files.write_atomically(self.folder / TRAJECTORIES / row.trajectory, trajectory.read_bytes())
             recording.save(self.path(row))
             files.sync(self.folder / RECORDINGS, deep=False)

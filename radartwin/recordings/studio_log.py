@@ -16,10 +16,10 @@ from datetime import datetime
 from pathlib import Path
 
 from radartwin.errors import MissingError, RecordingError
+from radartwin.radar.dca1000 import capture_prefix
 
 PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
-_PART = re.compile(r"(.+)_Raw_(\d+)")
 
 
 @dataclass(frozen=True)
@@ -94,37 +94,6 @@ def find_log(capture: Path) -> Path | None:
     logs = sorted(capture.parent.glob("*LogFile.csv"))
     captures = {capture_prefix(path) for path in capture.parent.glob("*.bin")}
     return logs[0] if len(logs) == 1 and len(captures) == 1 else None
-
-
-def capture_prefix(capture: Path) -> str:
-    """Return a capture's name without the part number _Raw_0, _Raw_1, ... The capture card starts a new file after at most 1 GB.
-
-    >>> capture_prefix(Path("mug_Raw_0.bin"))
-    'mug'
-    """
-    return match.group(1) if (match := _PART.fullmatch(capture.stem)) else capture.stem
-
-
-def is_part(capture: Path) -> bool:
-    """Return whether the file name of a capture ends with a part number from the capture card."""
-    return _PART.fullmatch(capture.stem) is not None
-
-
-def parts(capture: Path) -> list[Path]:
-    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without part number is one file.
-
-    Raises:
-        MissingError: a file of the capture is missing.
-    """
-    if not is_part(capture):
-        return [capture]
-    prefix = capture_prefix(capture)
-    same = (path for path in capture.parent.glob("*.bin") if is_part(path) and capture_prefix(path) == prefix)
-    found = {int(path.stem.rpartition("_")[2]): path for path in same}
-    for number in range(max(found) + 1):
-        if number not in found:
-            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing; the capture has parts up to {max(found)}")
-    return [found[number] for number in sorted(found)]
 
 
 def _number(path: Path, values: dict[str, str], key: str, default: int | None) -> int | None:

@@ -25,10 +25,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from radartwin.constants import __version__
-from radartwin.errors import BackendError, InputError, OutputError, RecordingError
+from radartwin.errors import BackendError, InputError, OutputError
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
@@ -85,7 +83,6 @@ def write_timeline(
         range-Doppler map, and a recording without poses has no transform.
     Raises:
         BackendError: the package mcap or protobuf is missing.
-        RecordingError: samples are NaN or infinite.
         InputError: a picture cannot be read or is not of the kind of its suffix.
         OutputError: the file cannot be written. No temporary file remains, and an existing file keeps its content.
     """
@@ -108,12 +105,14 @@ def check_target(path: Path, encoding: str = "json") -> ModuleType:
     Raises:
         InputError: the encoding is unknown.
         BackendError: the package mcap or protobuf is missing.
-        OutputError: the path is a folder, or its folder cannot be written.
+        OutputError: the path is a folder or has another suffix than .mcap, or its folder cannot be written.
     """
     if encoding not in _ENCODINGS:
         raise InputError(f"encoding {encoding!r} is unknown; use one of {', '.join(_ENCODINGS)}")
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
+    if path.suffix != ".mcap":
+        raise OutputError(f"{path} does not end with .mcap; give the MCAP file a name such as {path.with_suffix('.mcap').name}")
     files.check_folder(path.parent)
     try:
         import mcap.writer
@@ -171,8 +170,6 @@ def _picture(picture: Picture) -> tuple[int, str, foxglove.Message]:
 def _frame(recording: Recording, frame: int, time_ns: int, floor_db: float) -> dict[str, foxglove.Message]:
     """Return the messages of one frame by topic."""
     radar, iq = recording.radar, recording.iq[frame : frame + 1]
-    if not np.isfinite(iq).all():
-        raise RecordingError(f"frame {frame} of the recording holds NaN or infinite samples; simulate or record it again")
     maps = power_maps(iq, radar)
     out: dict[str, foxglove.Message] = {}
     if recording.sensor_poses is not None:

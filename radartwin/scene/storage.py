@@ -7,6 +7,7 @@ of `scene.glb`. The manifest is written last, so that the checksum reveals an in
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -75,6 +76,13 @@ def scene_folder(path: Path) -> Path | None:
     if path.name == MANIFEST or (path.name == GEOMETRY and (path.parent / MANIFEST).exists()):
         return path.parent
     return path if path.is_dir() else None
+
+
+def is_scene(folder: Path) -> bool:
+    """Return whether RadarTwin wrote the manifest in the folder."""
+    with contextlib.suppress(SceneError, OSError):
+        return bool(_manifest(folder / MANIFEST))
+    return False
 
 
 def read_scene(path: Path, material: str | Layered | None = None) -> tuple[list[Surface], dict[str, Any]]:

@@ -17,7 +17,7 @@ from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.io.scratch import ScratchArray
 from radartwin.radar.chirp import Radar
-from radartwin.radar.dca1000 import frame_shape
+from radartwin.radar.dca1000 import frame_bytes, frame_shape
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
@@ -106,7 +106,7 @@ def simulate(
             iq[start : start + len(block)] = block
             start += len(block)
     else:
-        with contextlib.closing(ScratchArray(folder, shape, np.complex64)) as scratch:
+        with contextlib.closing(ScratchArray(folder, shape, np.complex64, shape[0] * frame_bytes(radar))) as scratch:
             for block in blocks:
                 scratch.write(block)
             iq = scratch.array()

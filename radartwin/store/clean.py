@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 import shutil
 from pathlib import Path
 
-from radartwin.errors import OutputError
+from radartwin.errors import MissingError, OutputError
 from radartwin.io import files
+from radartwin.store.products import KEY_LENGTH, META
 
-CACHE = "cache"  # in the output folder; everything in it can be computed again
+CACHE = "cache"  # in the output folder; everything that RadarTwin wrote in it can be computed again
+_PRODUCT = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}({re.escape(files.TEMPORARY)})?")
+_ARRAYS = re.compile(r"[0-9a-f]{64}\.npz")  # radartwin/store/array_cache.py, whose key is the whole digest
 
 
 def cache_bytes(output: Path) -> dict[str, int]:
     """Return {kind of stored result: size in bytes} for the folder OUTPUT/cache, largest size first."""
-    folder = Path(output) / CACHE
-    kinds = [path for path in sorted(folder.iterdir()) if path.is_dir() and not path.is_symlink()] if folder.is_dir() else []
-    sizes = {kind.name: files.folder_bytes(kind) for kind in kinds}
+    sizes = {
+        kind: sum(files.folder_bytes(path) if path.is_dir() else path.stat().st_size for path in paths)
+        for kind, paths in _stored(output).items()
+    }
     return dict(sorted(sizes.items(), key=lambda entry: -entry[1]))
 
 
@@ -23,8 +29,11 @@ def clean(output: Path, cache: bool) -> int:
     """Print the size of each kind of stored result. If `cache` is True, also delete all stored results. Returns the exit status.
 
     Raises:
-        OutputError: a stored result cannot be deleted.
+        MissingError: the output folder does not exist.
+        OutputError: a running process computes a stored result, or a stored result cannot be deleted.
     """
+    if not Path(output).is_dir():
+        raise MissingError(f"{output}: no such folder; give the output folder of a run with --output")
     sizes = cache_bytes(output)
     folder = Path(output) / CACHE
     for kind, size in sizes.items():
@@ -33,12 +42,36 @@ def clean(output: Path, cache: bool) -> int:
     if not cache:
         print(f"clean: {total} in {folder}; radartwin clean --cache deletes them, and the next run computes them again")
         return 0
-    for kind in sizes:
+    stored = _stored(output)
+    for path in (path for paths in stored.values() for path in paths if path.suffix == files.TEMPORARY):
+        files.drop_stale(path / files.LOCK)
+        if (path / files.LOCK).exists():
+            raise OutputError(f"{path}: a running process computes this result; end the process, then try again")
+    for kind, paths in stored.items():
         try:
-            shutil.rmtree(folder / kind)
+            for path in paths:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
         except OSError as error:
             raise OutputError(
                 f"{error.filename}: cannot be deleted ({error.strerror}); end the runs that use it, then try again"
             ) from error
+        with contextlib.suppress(OSError):  # files that RadarTwin did not write remain
+            (folder / kind).rmdir()
     print(f"clean: deleted {total} in {folder}")
     return 0
+
+
+def _stored(output: Path) -> dict[str, list[Path]]:
+    """Return the stored results in OUTPUT/cache by kind. Files and folders that RadarTwin did not write do not count."""
+    folder = Path(output) / CACHE
+    kinds = [path for path in sorted(folder.iterdir()) if path.is_dir() and not path.is_symlink()] if folder.is_dir() else []
+    stored = {kind.name: [path for path in sorted(kind.iterdir()) if _is_stored(path)] for kind in kinds}
+    return {kind: paths for kind, paths in stored.items() if paths}
+
+
+def _is_stored(path: Path) -> bool:
+    if path.is_symlink():
+        return False
+    if found := _PRODUCT.fullmatch(path.name):
+        return path.is_dir() and (found[1] is not None or (path / META).is_file())
+    return _ARRAYS.fullmatch(path.name) is not None and path.is_file()

@@ -82,8 +82,10 @@ def test_half_wavelengths_are_those_of_the_design_frequency(tmp_path):
         ("spacing: 1\nelements: []", "a.yaml", ("spacing",)),
         ("elements: [{antenna: tx, y_m: true}, {antenna: rx, y_m: 0}]", "a.yaml", ("antenna 1", "True")),
         ("antenna,y_m", "a.txt", (".csv",)),
+        ("antenna,y_m, y_m\ntx,0,0\nrx,0,0\nrx,0.002,0.003\n", "a.csv", ("column y_m occurs twice",)),
+        ("antenna,y_m,gain_db\ntx,0,1e9\nrx,0,0\nrx,0.002,0\n", "a.csv", ("antenna 1: gain_db", "-100 to 100 dB, not 1e+09")),
     ],
-    ids=range(22),
+    ids=range(24),
 )
 def test_wrong_table_is_refused_in_one_line(tmp_path, text, name, words, inside):
     path = write(tmp_path, text, name)

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, OutputError, RecordingError
+from radartwin.io import files
 from radartwin.radar.captures import band_edge_db, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -196,6 +198,20 @@ def test_failed_save_leaves_the_older_recording_unchanged(tmp_path):
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
 
 
+def test_files_of_two_processes_that_save_one_recording_are_not_mixed(tmp_path):
+    Recording(np.ones(SHAPE), RADAR, scale=1.0).save(tmp_path / "a")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    saving = threading.Thread(target=Recording(np.full(SHAPE, 2), RADAR, scale=2.0).save, args=[tmp_path / "a"])
+    with files.lock(tmp_path / ".a.bin.lock"):  # as another process that replaces the files
+        saving.start()
+        saving.join(1.0)
+        assert saving.is_alive()
+        assert before.items() <= {p.name: p.read_bytes() for p in tmp_path.iterdir()}.items()
+    saving.join()
+    assert Recording.load(tmp_path / "a").scale == 2.0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bin", "a.json"]
+
+
 def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
     rng = np.random.default_rng(3)
     counts = rng.integers(-500, 500, size=(2, *SHAPE[1:]))
@@ -219,6 +235,19 @@ def test_cube_needs_a_radar_of_its_shape(tmp_path):
     np.save(tmp_path / "none_left.npy", np.zeros((0, 8, 2, 4, 64), complex))
     with pytest.raises(InputError, match="zero frames"):
         load_capture(tmp_path / "none_left.npy", RADAR)
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300j])
+def test_first_frame_with_a_sample_that_is_not_finite_is_named(tmp_path, inside, value):
+    iq = np.ones(SHAPE, complex)
+    iq[1:, 0, 1, 2, 3] = value
+    np.save(tmp_path / "cube.npy", iq)
+    (tmp_path / "radar.json").write_text(json.dumps(RADAR.to_dict()))
+    for words in (["process", "cube.npy"], ["export", "cube.npy", "--mcap", "a.mcap"]):
+        done = inside(*words, "--radar", "radar.json")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == "radartwin: cube.npy: frame 1 holds NaN or infinite samples; record or simulate it again\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cube.npy", "radar.json"]
 
 
 def test_order_of_i_and_q_follows_from_the_receive_filter(tmp_path):

@@ -8,7 +8,7 @@ import trimesh
 from built_rooms import WINDOW, H, L, coloured, saved, scan, shell, truth, with_door
 from trimesh.visual import ColorVisuals, TextureVisuals
 
-from radartwin.errors import MissingError, ScanError
+from radartwin.errors import MissingError, OutputError, ScanError
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, distinct_views, reconstruct, summary
 from radartwin.reconstruct.mesh_file import load_scan
 from radartwin.reconstruct.segmentation.colour import face_colours
@@ -112,3 +112,37 @@ def test_bad_scan_is_refused_in_one_line_and_writes_nothing(tmp_path):
         reconstruct(tmp_path / "bad.obj", tmp_path / "out")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["scan.ply", "scene.glb", "sub/room.ply"])
+def test_scan_in_the_output_folder_is_refused_and_kept(tmp_path, name, inside):
+    path = tmp_path / "s" / name
+    path.parent.mkdir(parents=True)
+    trimesh.creation.box((5, 4, 2.4)).export(path)
+    content = path.read_bytes()
+    done = inside("reconstruct", path, "--out", "s", "--up", "z")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"radartwin: s: the folder contains the scan {path}; choose another folder for --out\n"
+    assert [file for file in (tmp_path / "s").rglob("*") if file.is_file()] == [path]
+    assert path.read_bytes() == content
+
+
+def test_only_a_scene_that_radartwin_wrote_is_replaced(tmp_path):
+    path, out = saved(trimesh.creation.box((5, 4, 2.4)), tmp_path), tmp_path / "out"
+    out.mkdir()
+    (out / "scan.ply").symlink_to(path)
+    with pytest.raises(OutputError, match="the folder contains the scan"):
+        reconstruct(path, out)
+    (out / "scan.ply").unlink()
+    for name in ("scan.ply", "manifest.json", "photos"):
+        (out / name).write_text("{}")
+        with pytest.raises(OutputError, match=f"{name}: RadarTwin did not write this file"):
+            reconstruct(path, out)
+        assert (out / name).read_text() == "{}"
+        (out / name).unlink()
+    (out / "notes.txt").write_text("a room")
+    reconstruct(path, out)
+    reconstruct(path, out)
+    (out / "manifest.json").unlink()  # as an interrupted reconstruction leaves the folder
+    reconstruct(path, out)
+    assert Scene.load(out).names

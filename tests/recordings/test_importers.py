@@ -11,6 +11,7 @@ from made_files import log_text, noise, studio_json
 
 from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.radar import dca1000
+from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.recordings.checks import examine
 from radartwin.recordings.importers import find_captures, import_captures, key_values, read_capture
@@ -121,9 +122,16 @@ def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
     assert notes == []
     assert added[0].recording == "mug"
     assert (tmp_path / "set" / "recordings" / "mug.bin").read_bytes() == whole
+    for n in (0, 3):
+        loaded = load_capture(tmp_path / "raw" / f"mug_Raw_{n}.bin")
+        np.testing.assert_array_equal(loaded.iq, RecordingSet.load(tmp_path / "set").read(added[0]).iq)
     (tmp_path / "raw" / "mug_Raw_4.bin").unlink()
     with pytest.raises(MissingError, match=r"mug_Raw_4\.bin is missing.*up to 10"):
         import_captures(tmp_path / "raw", tmp_path / "again", {**CARD, **MUG})
+    with pytest.raises(MissingError, match=r"mug_Raw_4\.bin is missing.*up to 10"):
+        load_capture(tmp_path / "raw" / "mug_Raw_0.bin")
+    np.save(tmp_path / "raw" / "cube_Raw_0.npy", np.ones(3))
+    assert find_captures(tmp_path / "raw" / "cube_Raw_0.npy") == [tmp_path / "raw" / "cube_Raw_0.npy"]
 
 
 @pytest.mark.parametrize(
@@ -196,6 +204,25 @@ def test_interrupted_import_continues(campaign: Path) -> None:
     assert import_captures(campaign / "raw", campaign / "set", mapping=mapping)[1] == []
 
 
+def test_second_capture_of_the_same_name_is_refused_unless_its_conditions_are_equal(tmp_path: Path, inside) -> None:
+    def words(folder: str, *more: str) -> list[str]:
+        conditions = {**CARD, **MUG, "distance_m": "2.5" if folder == "b" else "1.5"}
+        return ["import", f"{folder}/adc_data.bin", "--out", "set", *(f"{key}={value}" for key, value in conditions.items()), *more]
+
+    for seed, folder in enumerate("ab"):
+        capture(tmp_path / folder, seed=seed)
+    assert inside(*words("a")).returncode == 0
+    assert inside(*words("a")).stdout == "set: 0 recordings added, 1 in all\n"
+    done = inside(*words("b"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "radartwin: b/adc_data.bin: set holds another recording adc_data (mug, 1.5 m, lab, turntable, repetition 0); add recording=NAME "
+        "to the command or to a mapping file\n"
+    )
+    assert inside(*words("b", "recording=later")).returncode == 0
+    assert [row.distance_m for row in RecordingSet.load(tmp_path / "set")] == [1.5, 2.5]
+
+
 def test_csv_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
     (campaign / "map.csv").write_text(
         "file,object,distance_m,room,motion,trajectory\ncan_1m/run1,can,1,lab,depth,drive.txt\nmug_1m/run*,mug,1,lab,lateral,\n"
@@ -224,6 +251,8 @@ MISTAKES = {
     "a column twice in a pattern": ([Entry("{object}_{object}m/run1", MUG)], "object"),
     "two captures with the same conditions": ([Entry("**", {**MUG, "repetition": "0"})], "same object, distance, room, motion"),
     "a distance that is not a number": ([Entry("{object}_{distance_m}/run{repetition}", {**MUG, "distance_m": "near"})], "'near'"),
+    "a trajectory outside the folder": ([Entry("**", {**MUG, "trajectory": "../outside.txt"})], "'../outside.txt', which is not in it"),
+    "a trajectory that is no track": ([Entry("**", {**MUG, "trajectory": "can_1m/run1.bin"})], r"can_1m/run1\.bin"),
     "a missing trajectory": ([Entry("**", {**MUG, "trajectory": "drive.txt"})], "raw/drive.txt: no such trajectory"),
     "an entry without columns": ([Entry("**", {})], "it has no object; it has no room; it has no motion"),
 }

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from made_files import CARD, noise
 
-from radartwin.errors import InputError, MissingError, OutputError, RecordingError
+from radartwin.errors import InputError, MissingError, OutputError, PoseError, RecordingError
 from radartwin.radar.chirp import Radar
 from radartwin.recordings.checks import examine
 from radartwin.recordings.index import Row, index_text, read_index
@@ -90,6 +90,7 @@ def test_recordings_are_read_on_demand(bench: RecordingSet) -> None:
         (row("a", repetition=-1), ("repetition -1",)),
         (row("a", repetition=7, split="eval"), ("'eval'", "train, validation, test")),
         (row("a", repetition=7, trajectory="../x.csv"), ("../x.csv", "trajectories/")),
+        (row("a", repetition=7, trajectory="sub/x.csv"), ("sub/x.csv", "trajectories/")),
         (row("a", repetition=7, extra={"start_s": "noon"}), ("start_s 'noon'",)),
         (row("a", repetition=7, extra={"object": "x"}), ("column object",)),
     ],
@@ -169,6 +170,17 @@ def test_recording_without_poses_uses_those_of_its_trajectory(tmp_path: Path) ->
     np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3, 0.4], atol=1e-9)  # 1 m/s at 10 Hz, 0.1 s after the start of the file
     np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45, 60], atol=1e-4)
     assert examine(drive.folder).problems == []
+    copied = drive.folder / "trajectories" / "a.txt"
+    copied.unlink()
+    copied.symlink_to(path)
+    for read in (drive.read, drive.course):
+        with pytest.raises(InputError, match=r"'trajectories/a\.txt', which is not in it"):
+            read(stored)
+    path.write_text("no track\n")
+    with pytest.raises(PoseError, match=r"drive\.txt"):
+        drive.add(noise(RADAR), row("b", repetition=1), path)
+    assert [file.name for file in copied.parent.iterdir()] == ["a.txt"]
+    assert not list((drive.folder / "recordings").glob("b.*"))
 
 
 # In a process of its own, because an audit hook cannot be removed. First, two children add to one set at the same time. Then, for every

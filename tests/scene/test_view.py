@@ -190,3 +190,7 @@ def test_the_verb_draws_track_and_layout(tmp_path, capsys):
     assert not [s for s in Scene.load(folder) if s.name == "mug"]
     assert cli.main(["view", str(folder), "--trajectory", str(tmp_path / "none.txt")]) == 2
     assert "none.txt" in capsys.readouterr().err
+    manifest = (folder / "manifest.json").read_bytes()
+    assert cli.main(["view", str(folder), "--out", str(folder / "manifest.json")]) == 2
+    assert "manifest.json does not end with .html; give the page a name such as manifest.html\n" in capsys.readouterr().err
+    assert (folder / "manifest.json").read_bytes() == manifest

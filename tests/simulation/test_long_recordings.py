@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -114,6 +116,21 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="file"):
         rt.simulate(scene(), RADAR, drive(2), out=tmp_path / "file" / "name")
+
+
+def test_a_recording_that_does_not_fit_on_the_disk_is_refused_before_the_first_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needed = FRAMES * 2 * 2 * 4 * 64 * (8 + 4)  # samples in memory-mapped form and in the .bin file
+    (tmp_path / "long.bin").write_bytes(b"an older recording")
+    monkeypatch.setattr(simulate_module, "received", lambda *args: pytest.fail("a frame was simulated"))
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=needed - 1))
+    with pytest.raises(OutputError, match=r"cannot hold 0\.000369 GB of samples \(0\.000369 GB are free\); free some space"):
+        rt.simulate(scene(), RADAR, drive(), max_bounces=2, out=tmp_path / "long")
+    assert (tmp_path / "long.bin").read_bytes() == b"an older recording"
+    monkeypatch.undo()
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=needed))
+    rt.simulate(rt.Scene([]), RADAR, drive(), out=tmp_path / "long")
 
 
 def test_a_killed_simulation_leaves_no_file(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from radartwin.io import files
 from radartwin.runs.doctor import examine
 from radartwin.store.clean import cache_bytes, clean
 from radartwin.store.products import Store, save_arrays
@@ -41,6 +42,35 @@ def test_doctor_says_how_large_the_cache_is(output: Path) -> None:
     assert finding.text.startswith(f"1 MB in {output / 'cache'}; radartwin clean --cache deletes it")
 
 
-def test_an_output_folder_without_a_cache_is_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert clean(tmp_path / "none", cache=True) == 0
-    assert "0.0 MB" in capsys.readouterr().out
+def test_an_output_folder_without_a_cache_is_fine_and_an_absent_one_is_refused(tmp_path: Path, inside) -> None:
+    (tmp_path / "out").mkdir()
+    assert inside("clean", "--cache", "--output", "out").stdout == f"clean: deleted 0.0 MB in {Path('out') / 'cache'}\n"
+    done = inside("clean", "--cache", "--output", "none")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "radartwin: none: no such folder; give the output folder of a run with --output\n"
+
+
+def test_only_stored_results_are_deleted(output: Path) -> None:
+    cache = output / "cache"
+    foreign = ["photos/a.jpg", "clean/notes.txt", f"clean/{'a' * 32}/a.txt", "clean/sub/meta.json", "paths/a.npz", f"paths/{'b' * 32}"]
+    mine = [f"clean/{'c' * 32}.tmp/lock", f"paths/{'d' * 64}.npz"]
+    for name in (*foreign, *mine):
+        (cache / name).parent.mkdir(parents=True, exist_ok=True)
+        (cache / name).write_text("x")
+    (cache / "clean" / ("e" * 32)).symlink_to(output / "tables")
+    assert list(cache_bytes(output)) == ["clean", "scan", "paths"]
+    assert clean(output, cache=True) == 0
+    left = sorted(path.relative_to(cache).as_posix() for path in cache.rglob("*") if path.is_file())
+    assert left == sorted(foreign)
+    assert (output / "tables" / "gaps.csv").exists()
+
+
+def test_nothing_is_deleted_while_a_process_computes_a_result(output: Path, inside) -> None:
+    work = output / "cache" / "scan" / f"{'a' * 32}.tmp"
+    work.mkdir()
+    with files.lock(work / "lock"):
+        before = sorted(output.rglob("*"))
+        done = inside("clean", "--cache", "--output", output)
+        assert done.returncode == 2
+        assert done.stderr == f"radartwin: {work}: a running process computes this result; end the process, then try again\n"
+        assert sorted(output.rglob("*")) == before

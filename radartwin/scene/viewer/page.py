@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from radartwin.errors import PoseError, SceneError
+from radartwin.errors import OutputError, PoseError, SceneError
 from radartwin.io.files import write_atomically
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene
@@ -48,9 +48,12 @@ def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title:
     Raises:
         SceneError: the scene has no surfaces, `by` is unknown, or `by` is "colour" and the scene has no scanned colours.
         PoseError: the array `poses` does not have the shape (F, 4, 4) or (4, 4).
-        OutputError: the HTML file cannot be written.
+        OutputError: the path does not end with .html, or the HTML file cannot be written.
     """
-    return write_atomically(Path(path), _page(*describe(scene, poses, title, by)))
+    path = Path(path)
+    if path.suffix != ".html":
+        raise OutputError(f"{path} does not end with .html; give the page a name such as {path.with_suffix('.html').name}")
+    return write_atomically(path, _page(*describe(scene, poses, title, by)))
 
 
 def describe(
