@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import multiprocessing
 import os
 import sys
 import threading
@@ -29,6 +30,7 @@ from radartwin.scene.scene import Scene
 
 USUAL_PORT = 8080
 ANSWERS_WITHIN_S = 30
+ENDS_WITHIN_S = 5.0
 
 
 def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
@@ -43,18 +45,33 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         SceneError: the scene has no surfaces.
     """
     sessions: list[Session] = []
-    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
-        sessions.append(live.session)
-        try:
-            _announce(live.port)
-            live.finished.wait()
-        finally:
-            ignore_signals()
-        raise live.crash[0]
+    killer = threading.Timer(ENDS_WITHIN_S, _kill)
+    killer.daemon = True
+    try:
+        with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
+            sessions.append(live.session)
+            try:
+                _announce(live.port)
+                live.finished.wait()
+            finally:
+                ignore_signals()
+                if not live.crash:
+                    killer.start()
+            raise live.crash[0]
+    finally:
+        killer.cancel()
     if not all(session.end() for session in sessions):
         sys.stdout.flush()
         os._exit(0)  # the thread still computes an answer in compiled code, and Python would unload this code under it
     return 0
+
+
+def _kill() -> None:
+    """End this process and its worker at once, because their regular end hangs."""
+    for child in multiprocessing.active_children():
+        child.kill()
+    sys.stdout.flush()
+    os._exit(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +100,9 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
 
     with contextlib.ExitStack() as ends:
         searcher = Searcher(room, radar) if len(room) else None
-        session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+        session = Session(
+            tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed, lambda: page.lose_search()
+        )
         if searcher:
             ends.callback(searcher.end)
         ends.callback(session.end)  # before the end of the searcher, which the session uses
