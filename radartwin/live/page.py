@@ -158,8 +158,10 @@ class Page:
         self.choose(None if self._chosen == number else number)
 
     def choose(self, number: int | None) -> None:
-        if number != self._chosen:
-            with self._lock:
+        """Choose a path, or none. A click on a path that the present answer lacks comes late and has no effect."""
+        with self._lock:
+            count = len(self._answer.paths) if self._answer else 0
+            if number != self._chosen and (number is None or number < count):
                 self._chosen = number
                 self._draw()
 

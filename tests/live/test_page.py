@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -45,3 +46,15 @@ def test_an_object_with_the_name_of_the_radar_does_not_replace_it(server: Any) -
     page.move_radar(pose([0.5, 0, 0]))
     assert page.setting.radar_pose[0, 3] == 0.5
     assert page.setting.object_poses["radar 3"][0, 3] > 1.5
+
+
+def test_a_click_on_a_path_of_an_older_answer_has_no_effect(server: Any) -> None:
+    page, tracer = opened(server, reflectors("target"))
+    answer = tracer.answer(page.setting)
+    page.show(replace(answer, paths=[answer.paths[0]] * 8))
+    page.show(few := replace(answer, paths=answer.paths[:1]))
+    page._clicked(5)
+    page.show(few)
+    page._clicked(0)
+    page.show(few)
+    assert page._chosen == 0
