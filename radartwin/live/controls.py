@@ -197,18 +197,22 @@ class Controls:
             self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
         self._frame.on_update(lambda _: self._actions.show_frame(self.frame))
         self._which.on_update(lambda _: self._actions.draw())
-        self._plays.on_update(lambda _: self._play(playback) if self._plays.value else None)
+        self._turn = object()  # belongs to the newest start or stop of the playback
+        self._plays.on_update(lambda _: self._play(playback))
 
     def _play(self, playback: Playback) -> None:
         """Advance the frame at the frame rate until the last frame, or until the user stops."""
-        threading.Thread(target=self._advance, args=(playback,), name="playback", daemon=True).start()
+        turn = self._turn = object()
+        if self._plays.value:
+            threading.Thread(target=self._advance, args=(playback, turn), name="playback", daemon=True).start()
 
-    def _advance(self, playback: Playback) -> None:
-        while self._plays.value and self.frame < playback.frames - 1:
+    def _advance(self, playback: Playback, turn: object) -> None:
+        while self._turn is turn and self.frame < playback.frames - 1:
             started = time.monotonic()
             self._frame.value = self.frame + 1  # viser then calls the function of the slider
             time.sleep(max(0.0, 1 / playback.recording.radar.frame_rate_hz - (time.monotonic() - started)))
-        self._plays.value = False
+        if self._turn is turn:
+            self._plays.value = False
 
 
 def _empty(farthest_m: float) -> Spectra:

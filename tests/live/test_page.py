@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -10,9 +11,12 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import viser
+from processes import wait_until
 
 import radartwin as rt
+from radartwin.live.controls import Controls
 from radartwin.live.page import Page
+from radartwin.live.playback import Playback
 from radartwin.live.setting import split
 from radartwin.live.tracing import Tracer
 from radartwin.scene import objects
@@ -58,3 +62,16 @@ def test_a_click_on_a_path_of_an_older_answer_has_no_effect(server: Any) -> None
     page._clicked(0)
     page.show(few)
     assert page._chosen == 0
+
+
+def test_a_recording_that_is_stopped_and_started_again_plays_at_its_frame_rate(server: Any) -> None:
+    radar = replace(RADAR, frame_rate_hz=10.0, num_chirps=1)
+    recording = rt.Recording(np.zeros((400, 1, 2, 4, 256), np.complex64), radar)
+    controls = Controls(server, Mock(), Playback(recording, "capture"), 5.0)
+    for plays in (True, False, True, False, True, False, True):
+        controls._plays.value = plays
+    wait_until(lambda: controls.frame > 0, 10)
+    before = controls.frame
+    time.sleep(1.0)
+    controls._plays.value = False
+    assert controls.frame - before <= 11
