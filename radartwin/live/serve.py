@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import multiprocessing
 import os
@@ -127,8 +126,11 @@ def _server(port: int) -> Any:
         def request_share_url(self, verbose: bool = True) -> str | None:
             return None
 
-    with _only_own_pages(port), contextlib.redirect_stdout(io.StringIO()):
-        server = Loopback(host=HOST, port=port, verbose=False)
+    with _only_own_pages(port) as checked, contextlib.redirect_stdout(io.StringIO()):
+        server = Loopback(host=HOST, port=port, verbose=False)  # returns after its web server has started
+    if not checked:
+        _quietly(server.stop)
+        raise BackendError("view --live cannot check which pages connect to this version of viser: pip install 'radartwin[live]'")
     if server.get_port() != port:  # viser takes the next port if another program has just taken this one
         _quietly(server.stop)
         raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
@@ -136,8 +138,9 @@ def _server(port: int) -> Any:
 
 
 @contextlib.contextmanager
-def _only_own_pages(port: int) -> Iterator[None]:
-    """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens.
+def _only_own_pages(port: int) -> Iterator[list[int]]:
+    """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens. Yields a list, which gets
+    the port when the web server starts with this check.
 
     A browser lets any page open a web socket to this machine, and tells the server the origin of the page. Viser does not check it.
     """
@@ -145,9 +148,15 @@ def _only_own_pages(port: int) -> Iterator[None]:
 
     before = module.serve
     own = [f"http://{HOST}:{port}", f"http://localhost:{port}", None]  # None: a program that is not a browser
-    module.serve = functools.partial(before, origins=own)  # type: ignore[assignment]
+    checked: list[int] = []
+
+    def serve_own(*arguments: Any, **options: Any) -> Any:
+        checked.append(port)
+        return before(*arguments, **options, origins=own)
+
+    module.serve = serve_own  # type: ignore[assignment, misc]
     try:
-        yield
+        yield checked
     finally:
         module.serve = before  # type: ignore[misc]
 

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,19 @@ def test_a_search_ends_with_the_page(tmp_path: Path) -> None:
         assert process.wait(30) == 0
         assert listening(port) == set()
         wait_until(lambda: not any(runs(pid) for pid in begun), 10)
+
+
+def test_a_viser_that_starts_its_web_server_in_another_way_is_refused(inside, plate_scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import viser.infra._infra
+    import websockets.asyncio.server
+
+    module = SimpleNamespace(**vars(websockets.asyncio.server))
+    unwrapped = SimpleNamespace(**{**vars(websockets), "asyncio": SimpleNamespace(server=module)})
+    monkeypatch.setattr(viser.infra._infra, "websockets", unwrapped)
+    done = inside("view", plate_scene, "--live", "--port", "0")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("radartwin: view --live cannot check which pages connect")
+    assert done.stderr.count("\n") == 1
 
 
 HANGS = """
