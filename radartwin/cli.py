@@ -12,24 +12,24 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any
 
 from radartwin.commands.arguments import parse
 from radartwin.errors import UserError
-from radartwin.io import secret
+from radartwin.io.secret import one_line, show_warning
+from radartwin.io.serving import interrupted_by_signals
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command with these arguments, by default sys.argv[1:]. Returns the exit status."""
     options = parse(sys.argv[1:] if arguments is None else arguments)
     try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _show_warning
+        with interrupted_by_signals(), warnings.catch_warnings():
+            warnings.showwarning = show_warning
             return options.verb(options)
     except UserError as error:
-        return _fail(_line(error), 2)
+        return _fail(one_line(error), 2)
     except MemoryError as error:
-        detail = f" ({_line(error)})" if str(error) else ""
+        detail = f" ({one_line(error)})" if str(error) else ""
         return _fail(f"out of memory{detail}; finished results are stored; ask for less, such as fewer frames or jobs=1", 1)
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # a second Ctrl-C ends the process without clean-up
@@ -40,20 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         if error.filename is None:  # an error about no user path is a defect of the program, so the traceback is shown
             raise
-        return _fail(f"{_line(error.filename)}: {error.strerror}; choose another path", 2)
+        return _fail(f"{one_line(error.filename)}: {error.strerror}; choose another path", 2)
 
 
 def _fail(message: str, status: int) -> int:
     print(f"radartwin: {message}", file=sys.stderr)
     return status
-
-
-def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    print(f"radartwin: warning: {_line(message)}", file=sys.stderr)
-
-
-def _line(message: object) -> str:
-    """Return a message as one line, without secrets from environment variables and without control characters, which a file name may
-    contain.
-    """
-    return "".join(sign if sign.isprintable() else "?" for sign in " ".join(secret.hidden(str(message)).split()))

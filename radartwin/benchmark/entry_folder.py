@@ -46,9 +46,11 @@ def write(
         signals: by problem and scenario, complex samples (S, N) in amplitude units.
         seconds_per_frame: by problem, wall seconds per frame of the method.
     Raises:
-        InputError: a problem or scenario is unknown or absent, or has a wrong shape, or a problem has no seconds per frame above 0.
+        InputError: a problem or scenario is unknown or absent, or has a wrong shape, or a problem has no seconds per frame above 0, or the
+            name of the method or machine has other than printable characters.
         OutputError: the folder cannot be written.
     """
+    _check_names(method, machine, str(folder))
     folder, checked, seconds, entries = Path(folder), {}, {}, {}
     for name, given in signals.items():
         where = f"{method}: problem {name}"
@@ -80,8 +82,7 @@ def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.nda
     """
     path = folder / DESCRIPTION
     described = answers.described(path, FORMAT, REMEDY)
-    if not isinstance(described.get("method"), str) or not described["method"]:
-        raise InputError(f"{path}: 'method' must be the name of the method; {REMEDY}")
+    _check_names(described.get("method"), described.get("machine") or "", str(path))
     if described.get("answers_version") != answers.version():
         raise InputError(
             f"{path}: answers_version is {described.get('answers_version')!r}, but this benchmark has version {answers.version()!r}; "
@@ -91,6 +92,15 @@ def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.nda
     if not isinstance(problems, dict) or not problems:
         raise InputError(f"{path}: 'problems' must list at least one of {', '.join(answers.names())}")
     return described, {name: _problem(folder, name, entry) for name, entry in problems.items()}
+
+
+def _check_names(method: Any, machine: Any, where: str) -> None:
+    """Check that the names of a method and of its machine may stand in a table on a terminal."""
+    for key, text in (("method", method), ("machine", machine)):
+        if not isinstance(text, str) or not text.isprintable():
+            raise InputError(f"{where}: '{key}' must be a text of printable characters on one line")
+    if not method.strip():
+        raise InputError(f"{where}: 'method' must be the name of the method")
 
 
 def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray], float]:

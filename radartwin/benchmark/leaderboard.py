@@ -64,10 +64,10 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
     lock = path.with_name(f".{NAME}.lock")
     files.drop_stale(lock)
     kept = _read(path)  # refuses a foreign file before the first run
-    problems = [answers.problem(name) for name in chosen or answers.names()]
-    entered = [_entered(name) for name in methods or [one.name for one in entrants.METHODS]]
+    problems = [answers.problem(name) for name in dict.fromkeys(chosen or answers.names())]
+    entered = [_entered(name, problems) for name in dict.fromkeys(methods or [one.name for one in entrants.METHODS])]
     for one in entered:
-        rows = one(problems, say)
+        rows = one(say)
         replaced = {(new["method"], new["problem"]) for new in rows}
         with files.lock(lock):
             found = _read(path)  # again, because another run may have added rows while the method ran
@@ -90,8 +90,8 @@ def processor() -> str:
     return named[0] if named else platform.processor() or platform.machine()
 
 
-def _entered(name: str) -> Callable[[Sequence[Problem], Callable[[str], None]], list[Row]]:
-    """Check a method and return the function that scores it on problems."""
+def _entered(name: str, problems: Sequence[Problem]) -> Callable[[Callable[[str], None]], list[Row]]:
+    """Check a method and return the function that scores it on the problems."""
     folder, known = Path(name), {one.name for one in entrants.METHODS} | set(simulator_names())
     if name not in known and (folder.is_dir() or "/" in name):
         described, entries = entry_folder.read(folder)
@@ -101,16 +101,13 @@ def _entered(name: str) -> Callable[[Sequence[Problem], Callable[[str], None]], 
                 "simulator; give your method another name"
             )
 
-        def from_folder(problems: Sequence[Problem], say: Callable[[str], None]) -> list[Row]:
-            found = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]
-            if not found:
-                raise InputError(f"{folder} has none of the chosen problems; it has {', '.join(entries)}")
-            return [row(described["method"], *one, str(described.get("machine") or "")) for one in found]
-
-        return from_folder
+        found = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]
+        if not found:
+            raise InputError(f"{folder} has none of the chosen problems; it has {', '.join(entries)}")
+        return lambda _: [row(described["method"], *one, described.get("machine") or "") for one in found]
     method = entrants.method(name)
 
-    def simulated(problems: Sequence[Problem], say: Callable[[str], None]) -> list[Row]:
+    def simulated(say: Callable[[str], None]) -> list[Row]:
         out = []
         for problem in problems:
             out.append(row(name, problem, *entrants.solve(method, problem), machine()))

@@ -11,12 +11,15 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 from multiprocessing.util import Finalize
 from typing import Any
+
+from radartwin.io.secret import show_warning
 
 __all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
 
@@ -95,6 +98,7 @@ def _without_main() -> Iterator[None]:
 def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
     global _in_worker
     _in_worker = True
+    warnings.showwarning = show_warning
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     # While a worker exits, SIGTERM ends the worker at once; SystemExit inside an exit function would print a traceback.

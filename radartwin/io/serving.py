@@ -16,12 +16,12 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 @contextlib.contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt."""
+    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. With `nohup`, SIGHUP stays ignored."""
 
     def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in ENDING}
+    before = {number: signal.signal(number, interrupt) for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN}
     try:
         yield
     finally:

@@ -23,6 +23,8 @@ PROFILE_PX = 230
 PROFILE_DYNAMIC_DB = 70.0  # range of levels in the profile
 SIMULATED, MEASURED = "#0072B2", "#D55E00"
 NO_PATH = "none"
+FOLLOWS = "the complete answer follows at rest"
+LOST = "no complete answer follows, because the search process ended, perhaps because memory ran out; start the command again"
 STYLE = (
     "<style>.rt{font:12px/1.45 system-ui,sans-serif;margin:0 .6em}.rt th{text-align:left;padding-right:1em;font-weight:600;"
     "vertical-align:top}.rt i{display:inline-block;width:.9em;height:.9em;margin:0 .35em -.1em 0;border:1px solid #8888}"
@@ -55,6 +57,7 @@ class Controls:
         from viser import uplot
 
         self._gui, self._actions, self._playback = server.gui, actions, playback
+        self.searches = True  # whether the complete answer follows a draft
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.set_panel_label("RadarTwin live")
@@ -112,7 +115,7 @@ class Controls:
         self._status.content = _html("<b class='draft'>computing the first answer</b>; the first one of a process takes some seconds")
 
     def show_status(self, answer: Answer, count: int) -> None:
-        kind = "<b class='done'>complete</b>" if answer.complete else "<b class='draft'>draft</b>, the complete answer follows at rest"
+        kind = "<b class='done'>complete</b>" if answer.complete else f"<b class='draft'>draft</b>, {FOLLOWS if self.searches else LOST}"
         self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}")
 
     def fail(self, message: str) -> None:
@@ -194,18 +197,22 @@ class Controls:
             self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
         self._frame.on_update(lambda _: self._actions.show_frame(self.frame))
         self._which.on_update(lambda _: self._actions.draw())
-        self._plays.on_update(lambda _: self._play(playback) if self._plays.value else None)
+        self._turn = object()  # belongs to the newest start or stop of the playback
+        self._plays.on_update(lambda _: self._play(playback))
 
     def _play(self, playback: Playback) -> None:
         """Advance the frame at the frame rate until the last frame, or until the user stops."""
-        threading.Thread(target=self._advance, args=(playback,), name="playback", daemon=True).start()
+        turn = self._turn = object()
+        if self._plays.value:
+            threading.Thread(target=self._advance, args=(playback, turn), name="playback", daemon=True).start()
 
-    def _advance(self, playback: Playback) -> None:
-        while self._plays.value and self.frame < playback.frames - 1:
+    def _advance(self, playback: Playback, turn: object) -> None:
+        while self._turn is turn and self.frame < playback.frames - 1:
             started = time.monotonic()
             self._frame.value = self.frame + 1  # viser then calls the function of the slider
             time.sleep(max(0.0, 1 / playback.recording.radar.frame_rate_hz - (time.monotonic() - started)))
-        self._plays.value = False
+        if self._turn is turn:
+            self._plays.value = False
 
 
 def _empty(farthest_m: float) -> Spectra:

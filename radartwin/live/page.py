@@ -141,6 +141,11 @@ class Page:
         """Show why a setting cannot be simulated. The last answer stays on the page."""
         self.controls.fail(message)
 
+    def lose_search(self) -> None:
+        """Show from now on that drafts get no complete answer, because the search process has ended."""
+        self.controls.searches = False
+        self.draw()
+
     def draw(self) -> None:
         with self._lock:
             self._draw()
@@ -153,8 +158,10 @@ class Page:
         self.choose(None if self._chosen == number else number)
 
     def choose(self, number: int | None) -> None:
-        if number != self._chosen:
-            with self._lock:
+        """Choose a path, or none. A click on a path that the present answer lacks comes late and has no effect."""
+        with self._lock:
+            count = len(self._answer.paths) if self._answer else 0
+            if number != self._chosen and (number is None or number < count):
                 self._chosen = number
                 self._draw()
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
+import multiprocessing
 import os
 import sys
 import threading
@@ -29,6 +29,7 @@ from radartwin.scene.scene import Scene
 
 USUAL_PORT = 8080
 ANSWERS_WITHIN_S = 30
+ENDS_WITHIN_S = 5.0
 
 
 def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
@@ -43,18 +44,33 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         SceneError: the scene has no surfaces.
     """
     sessions: list[Session] = []
-    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
-        sessions.append(live.session)
-        try:
-            _announce(live.port)
-            live.finished.wait()
-        finally:
-            ignore_signals()
-        raise live.crash[0]
+    killer = threading.Timer(ENDS_WITHIN_S, _kill)
+    killer.daemon = True
+    try:
+        with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
+            sessions.append(live.session)
+            try:
+                _announce(live.port)
+                live.finished.wait()
+            finally:
+                ignore_signals()
+                if not live.crash:
+                    killer.start()
+            raise live.crash[0]
+    finally:
+        killer.cancel()
     if not all(session.end() for session in sessions):
         sys.stdout.flush()
         os._exit(0)  # the thread still computes an answer in compiled code, and Python would unload this code under it
     return 0
+
+
+def _kill() -> None:
+    """End this process and its worker at once, because their regular end hangs."""
+    for child in multiprocessing.active_children():
+        child.kill()
+    sys.stdout.flush()
+    os._exit(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +99,9 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
 
     with contextlib.ExitStack() as ends:
         searcher = Searcher(room, radar) if len(room) else None
-        session = Session(tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+        session = Session(
+            tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed, lambda: page.lose_search()
+        )
         if searcher:
             ends.callback(searcher.end)
         ends.callback(session.end)  # before the end of the searcher, which the session uses
@@ -108,8 +126,11 @@ def _server(port: int) -> Any:
         def request_share_url(self, verbose: bool = True) -> str | None:
             return None
 
-    with _only_own_pages(port), contextlib.redirect_stdout(io.StringIO()):
-        server = Loopback(host=HOST, port=port, verbose=False)
+    with _only_own_pages(port) as checked, contextlib.redirect_stdout(io.StringIO()):
+        server = Loopback(host=HOST, port=port, verbose=False)  # returns after its web server has started
+    if not checked:
+        _quietly(server.stop)
+        raise BackendError("view --live cannot check which pages connect to this version of viser: pip install 'radartwin[live]'")
     if server.get_port() != port:  # viser takes the next port if another program has just taken this one
         _quietly(server.stop)
         raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
@@ -117,8 +138,9 @@ def _server(port: int) -> Any:
 
 
 @contextlib.contextmanager
-def _only_own_pages(port: int) -> Iterator[None]:
-    """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens.
+def _only_own_pages(port: int) -> Iterator[list[int]]:
+    """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens. Yields a list, which gets
+    the port when the web server starts with this check.
 
     A browser lets any page open a web socket to this machine, and tells the server the origin of the page. Viser does not check it.
     """
@@ -126,9 +148,15 @@ def _only_own_pages(port: int) -> Iterator[None]:
 
     before = module.serve
     own = [f"http://{HOST}:{port}", f"http://localhost:{port}", None]  # None: a program that is not a browser
-    module.serve = functools.partial(before, origins=own)  # type: ignore[assignment]
+    checked: list[int] = []
+
+    def serve_own(*arguments: Any, **options: Any) -> Any:
+        checked.append(port)
+        return before(*arguments, **options, origins=own)
+
+    module.serve = serve_own  # type: ignore[assignment, misc]
     try:
-        yield
+        yield checked
     finally:
         module.serve = before  # type: ignore[misc]
 

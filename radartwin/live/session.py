@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable
 
 from radartwin.errors import UserError
+from radartwin.io.process_pool import BrokenProcessPool
 from radartwin.live.setting import Setting
 from radartwin.live.tracing import Answer, Tracer
 from radartwin.live.worker import Found, Searcher
@@ -25,6 +26,7 @@ class Session:
         searcher: worker that searches for complete answers; None computes drafts only.
         answered: function that receives each answer. failed: function that receives the message of a setting that cannot be simulated.
         crashed: function that receives an exception that is a defect of the program; the thread ends after it.
+        lost: function that is called when the worker has died. The session then gives drafts, and no new complete answers.
     """
 
     def __init__(
@@ -34,9 +36,10 @@ class Session:
         answered: Callable[[Answer], object],
         failed: Callable[[str], object],
         crashed: Callable[[BaseException], object],
+        lost: Callable[[], object],
     ) -> None:
         self._tracer, self._searcher = tracer, searcher
-        self._answered, self._failed, self._crashed = answered, failed, crashed
+        self._answered, self._failed, self._crashed, self._lost = answered, failed, crashed, lost
         self._changed = threading.Condition()
         self._wanted: Setting | None = None  # newest setting
         self._pending = False  # whether the newest setting has not been answered
@@ -80,6 +83,9 @@ class Session:
         if self._ended:
             return
         for place, result in found:
+            if isinstance(result, BrokenProcessPool):
+                self._lose_searcher()
+                continue
             if isinstance(result, BaseException):
                 raise result
             self._tracer.learn(place, *result)
@@ -107,15 +113,23 @@ class Session:
 
     def _complete(self, setting: Setting) -> bool:
         """Start the search for a setting that rests. Returns whether the search could not start, because the worker is busy."""
-        if self._searcher is None:
-            return False
         if not self._tracer.needs_search(setting):
             self._draft = self._answer(setting, complete=True)
             return False
+        if self._searcher is None:
+            return False
         if self._searcher.busy:
             return True
-        self._searcher.submit(setting, self._finished)
+        try:
+            self._searcher.submit(setting, self._finished)
+        except BrokenProcessPool:
+            self._lose_searcher()
         return False
+
+    def _lose_searcher(self) -> None:
+        if self._searcher is not None and not self._ended:
+            self._searcher = None
+            self._lost()
 
     def _finished(self, setting: Setting, found: Found | BaseException) -> None:
         with self._changed:

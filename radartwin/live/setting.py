@@ -14,6 +14,7 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
 MATERIALS = {"labelled": SceneLabels(), "uniform": Uniform(), "void": Void()}
+RADAR = "radar"  # name of the radar in the page, which no object may have
 MAX_BOUNCES = 4  # the default of `radartwin.simulate`
 
 
@@ -53,15 +54,16 @@ def split(scene: Scene) -> tuple[Scene, list[Movable]]:
     """Split a scene into the room and the objects that the user can move.
 
     An object is the set of all surfaces with one name that do not belong to the room or to its scan. The frame of an object has the axes
-    of the world, and its origin is the centre of the object's bounding box.
+    of the world, and its origin is the centre of the object's bounding box. An object with the name "radar" gets another name.
     """
     room, groups = [], dict[str, list[Surface]]()
-    taken = set(scene.names)
+    taken = {RADAR, *scene.names}
+    radar = free_name(RADAR, list(taken))
     for surface in scene:
         if belongs_to_room(surface):
             room.append(surface)
         elif surface.name:
-            groups.setdefault(surface.name, []).append(surface)
+            groups.setdefault(radar if surface.name == RADAR else surface.name, []).append(surface)
         else:
             groups[free_name("object", [*taken, *groups])] = [surface]
     return Scene(room, scene.provenance), [_movable(name, surfaces) for name, surfaces in groups.items()]

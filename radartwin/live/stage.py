@@ -129,7 +129,7 @@ class Stage:
         )
 
     def _gizmo(self, name: str, pose: np.ndarray, scale: float) -> Any:
-        # the number keeps apart an object that is called "radar", and names that viser would read as paths
+        # a number, because viser would read some names as paths
         gizmo = self._server.scene.add_transform_controls(
             f"/moved/{len(self._gizmos)}", scale=scale, line_width=2.5, depth_test=False, opacity=0.7,
             wxyz=quaternion(pose[:3, :3]), position=pose[:3, 3],

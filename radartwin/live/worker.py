@@ -29,13 +29,17 @@ class Searcher:
     """
 
     def __init__(self, room: Scene, radar: Radar) -> None:
-        self._pool = ProcessPool(1, partial(_prepare, room, radar), import_main=False)
+        self._pool = ProcessPool(1, import_main=False)
+        self._room: tuple[Scene, Radar] | None = (room, radar)  # until the first call sends it to the worker
         self.busy = False
 
     def submit(self, setting: Setting, done: Callable[[Setting, Found | BaseException], object]) -> None:
         """Search for one setting: first for paths of at most one diffraction, then completely. One setting is searched at a time.
 
         Another thread calls `done` with each of the two results, or with an exception.
+
+        Raises:
+            BrokenProcessPool: the worker has died.
         """
         self.busy = True
         # The objects do not change the search, and their poses need not be sent.
@@ -47,8 +51,10 @@ class Searcher:
             if not future.cancelled():
                 done(setting, future.exception() or future.result())
 
-        for function, last in ((_sketch, False), (_search, True)):
-            self._pool.submit(function, bare).add_done_callback(partial(finish, last=last))
+        # The room is an argument of a call. As an argument of the start, it would block this thread until the worker reads it.
+        room, self._room = self._room, None
+        self._pool.submit(_sketch, bare, room).add_done_callback(partial(finish, last=False))
+        self._pool.submit(_search, bare).add_done_callback(partial(finish, last=True))
 
     def end(self) -> None:
         """End the worker process, even if it searches."""
@@ -61,7 +67,9 @@ def _prepare(room: Scene, radar: Radar) -> None:
     _tracer = Tracer(room, radar)
 
 
-def _sketch(setting: Setting) -> Found:
+def _sketch(setting: Setting, room: tuple[Scene, Radar] | None) -> Found:
+    if room is not None:
+        _prepare(*room)
     assert _tracer is not None
     return None, _tracer.sketch(setting)
 

@@ -15,8 +15,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from radartwin import plugins
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
+from radartwin.config.study import ExperimentConfig
 from radartwin.io.progress import Progress
 from radartwin.runs.artifacts import Record
 from radartwin.runs.experiment import VERDICTS, Result, load, module_name, read, save
@@ -55,9 +57,11 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
 
         def build(folder: Path) -> None:
             track()
-            with array_cache.in_folder(store.root / "paths"):
+            with array_cache.in_folder(store.root / "paths"), _calling(config.experiment, "run"):
                 computed = experiment.run(config, store, progress)
-            save(computed, folder)
+                if not isinstance(computed, Result):
+                    raise TypeError(f"the experiment returned {type(computed).__name__} and not radartwin.runs.experiment.Result")
+                save(computed, folder)
             (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
 
         product = store.fetch(RUN, spec, entries, build)
@@ -68,6 +72,14 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
             record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
             record.rows, record.inputs = result.rows, _keys_by_kind(store, result.keys)
     return result, counts
+
+
+def _calling(experiment: ExperimentConfig, what: str) -> contextlib.AbstractContextManager[None]:
+    """Return a context manager that converts exceptions to one line if the experiment is a plug-in, see `plugins.calling`."""
+    plugin = plugins.find(plugins.EXPERIMENTS, experiment.name) if experiment.name else None
+    if plugin is None or plugin.module != experiment.module:
+        return contextlib.nullcontext()
+    return plugins.calling(plugin, what)
 
 
 def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
@@ -93,7 +105,9 @@ def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
 
     The values are the configuration and additions of the experiment module, such as the machine name in a timing experiment.
     """
-    own = getattr(load(config.experiment), "identity", dict)()
+    identity = getattr(load(config.experiment), "identity", dict)
+    with _calling(config.experiment, "identity"):
+        own = identity()
     return {"config": semantic(config), **own}, [module_name(config.experiment)]
 
 
@@ -116,7 +130,8 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     result, counts = run_experiment(config, overrides)
     page = getattr(load(config.experiment), "page", None)
     if callable(page):  # the experiment module may define a function that prints its rows
-        print(page(result.rows))
+        with _calling(config.experiment, "page"):
+            print(page(result.rows))
     print(summary(result))
     print(f"run: {counts}")
     return 0

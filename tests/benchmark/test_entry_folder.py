@@ -112,6 +112,9 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "escape": (lambda f: change(f, lambda near: near.update(file="../near.npz")), "which is not in it"),
     "json": (lambda f: (f / "method.json").write_text("{"), "is no JSON"),
     "absent": (lambda f: (f / "method.json").unlink(), "method.json: no such file"),
+    "method of two lines": (lambda f: named(f, "my\nsolver"), "'method' must be a text of printable characters on one line"),
+    "method with escape": (lambda f: named(f, "my \x1b[31msolver"), "'method' must be a text of printable characters on one line"),
+    "method without name": (lambda f: named(f, " "), "'method' must be the name of the method"),
     "format": (lambda f: (f / "method.json").write_text("[]"), "'format' must be"),
     "version": (
         lambda f: (f / "method.json").write_text((f / "method.json").read_text().replace('"answers_version": "', '"answers_version": "0')),
@@ -159,6 +162,8 @@ def test_a_foreign_leaderboard_is_kept(tmp_path: Path, inside: Callable) -> None
 def test_write_refuses_a_wrong_array(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has the shape"):
         entry_folder.write(tmp_path, "mine", {"near": {"trihedral 15 cm": np.zeros(3, complex)}}, {"near": 1.0})
+    with pytest.raises(InputError, match="'machine' must be a text of printable characters"):
+        entry_folder.write(tmp_path, "mine", {}, {}, "a\ndesk")
     assert not (tmp_path / entry_folder.DESCRIPTION).exists()
 
 
@@ -196,6 +201,21 @@ def test_a_known_name_wins_over_a_folder_of_this_name(folder: Path, tmp_path: Pa
     done = inside("benchmark", "--method", "points", "--method", "./points", "--problem", "near")
     assert done.returncode == 0, done.stderr
     assert [row["method"] for row in rows(tmp_path / "outputs")] == ["points", "my solver"]
+
+
+def test_a_repeated_problem_is_scored_once(folder: Path, tmp_path: Path, inside: Callable) -> None:
+    done = inside("benchmark", "--method", folder, "--method", folder, "--problem", "near", "--problem", "near")
+    assert done.returncode == 0, done.stderr
+    assert [row["problem"] for row in rows(tmp_path / "outputs")] == ["near"]
+
+
+def test_a_folder_without_a_chosen_problem_is_refused_before_any_method_runs(
+    folder: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(entrants, "solve", lambda *_: pytest.fail("a method ran"))
+    done = inside("benchmark", "--method", "points", "--method", folder, "--problem", "canonical")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "has none of the chosen problems; it has near" in done.stderr
 
 
 def test_two_runs_on_one_leaderboard_keep_the_rows_of_both(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

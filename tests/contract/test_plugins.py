@@ -242,6 +242,7 @@ BACKEND = (
 )
 SETTINGS = "@dataclasses.dataclass(frozen=True)\nclass S:\n    "
 SIMULATE, STATIC = ["simulate", "simulator=broken"], ["simulate", "scene=plate", "trajectory=static", "simulator=broken"]
+RUN = ["run", "experiment=broken", "tracking=off"]
 SIMULATORS = plugins.SIMULATORS
 BROKEN = {  # command, group, code of the module, words of the message
     "import": (SIMULATE, SIMULATORS, "raise ValueError('first\\nsecond')", "its import raised ValueError: first;"),
@@ -261,6 +262,10 @@ BROKEN = {  # command, group, code of the module, words of the message
     "family": (["simulate", "features=broken"], plugins.FEATURES,
                "from radartwin.features.families import FeatureSet\nThing = FeatureSet(('speed',))", "family 'speed' is unknown"),
     "experiment": (["run", "experiment=broken"], plugins.EXPERIMENTS, "Thing = 1", "is no module with a function run"),
+    "run": (RUN, plugins.EXPERIMENTS, "def run(*_):\n    1 / 0",
+            "run raised ZeroDivisionError: division by zero (other_package.py, line 2)"),
+    "result": (RUN, plugins.EXPERIMENTS, "def run(*_):\n    return 3", "the experiment returned int and not"),
+    "identity": (RUN, plugins.EXPERIMENTS, "def run(*_): ...\ndef identity():\n    1 / 0", "identity raised ZeroDivisionError"),
 }  # fmt: skip
 
 
@@ -269,7 +274,8 @@ def test_broken_plug_in_is_one_line_that_names_the_package(
     fault: str, installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words, group, code, message = BROKEN[fault]
-    distribution(tmp_path / "site", "other-package", group, "broken = other_package:Thing", code)
+    value = "other_package" if words is RUN else "other_package:Thing"
+    distribution(tmp_path / "site", "other-package", group, f"broken = {value}", code)
     monkeypatch.syspath_prepend(tmp_path / "site")
     done = inside(*words)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import signal
 import sqlite3
+import sys
+import time
 from contextlib import closing
 from pathlib import Path
 
 import own_experiment
 import pytest
+from processes import descendants, runs, started, wait_until
 
 # SQLAlchemy warns about a loader that mlflow uses.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
@@ -101,6 +105,40 @@ def test_an_interrupted_sweep_is_recorded_as_killed(inside, own: list[str], here
     done = inside(*own, "-m", "seed=14,15")
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith("radartwin: interrupted")
+    assert query(here, "SELECT DISTINCT status FROM runs") == [("KILLED",)]
+
+
+WORKING = """
+import time, warnings
+from pathlib import Path
+from radartwin.runs import workers
+
+
+def run(config, store, progress):
+    workers.each(work, [(number,) for number in range(4)], 2)
+
+
+def work(number):
+    warnings.warn("glass stands in\\nfor ice")
+    Path(f"{number}.started").touch()
+    time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_a_run_and_its_workers_as_ctrl_c_does(own: list[str], here: Path, number: signal.Signals) -> None:
+    next(here.glob("*/my_experiment.py")).write_text(WORKING)
+    process = started([sys.executable, "-m", "radartwin", *own], here)
+    wait_until(lambda: len(list(here.glob("*.started"))) == 2 or process.poll() is not None)
+    begun = descendants(process.pid)
+    process.send_signal(number)
+    start = time.monotonic()
+    said, complained = process.communicate(timeout=60)
+    assert time.monotonic() - start < 30
+    assert (process.returncode, said) == (1, "")
+    warned, interrupted = "radartwin: warning: glass stands in for ice", "radartwin: interrupted; the same command resumes where it stopped"
+    assert complained.splitlines() == [warned, warned, interrupted]
+    assert not any(map(runs, begun))
     assert query(here, "SELECT DISTINCT status FROM runs") == [("KILLED",)]
 
 

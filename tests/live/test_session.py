@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from radartwin.errors import SceneError
+from radartwin.io.process_pool import BrokenProcessPool
 from radartwin.live import session as module
 from radartwin.live.session import Session
 from radartwin.live.setting import Setting
@@ -28,6 +29,7 @@ class Fake:
         self.shown: list[Any] = []
         self.messages: list[str] = []
         self.crashes: list[BaseException] = []
+        self.losses = 0
         self.error, self.busy = error, False
         self.hold = threading.Event()
         self.hold.set()
@@ -62,8 +64,12 @@ class Fake:
         self.crashes.append(error)
         self.news.release()
 
+    def lose(self) -> None:
+        self.losses += 1
+        self.news.release()
+
     def session(self) -> Session:
-        session = Session(self, self, self.show, self.fail, self.crash)  # type: ignore[arg-type]
+        session = Session(self, self, self.show, self.fail, self.crash, self.lose)  # type: ignore[arg-type]
         session.start()
         return session
 
@@ -143,3 +149,24 @@ def test_a_defect_ends_the_session_with_its_exception() -> None:
     fake.wait()
     assert isinstance(fake.crashes[0], ZeroDivisionError)
     assert session.end()
+
+
+@pytest.mark.parametrize("dies", ["during a search", "before a search"])
+def test_drafts_go_on_when_the_search_worker_has_died(dies: str) -> None:
+    class Dead(Fake):
+        def submit(self, setting: Setting, done: Any) -> None:
+            if dies == "before a search":
+                raise BrokenProcessPool
+            for _ in range(2):
+                done(setting, BrokenProcessPool())
+
+    fake = Dead()
+    session = fake.session()
+    session.request(PLACE)
+    fake.wait(2)
+    again = replace(PLACE)
+    session.request(again)
+    fake.wait()
+    assert session.end()
+    assert (fake.losses, fake.crashes) == (1, [])
+    assert [(a.setting, a.complete) for a in fake.shown] == [(PLACE, False), (again, False)]
