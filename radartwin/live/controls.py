@@ -90,10 +90,6 @@ class Controls:
     def materials(self) -> str:
         return self._materials.value
 
-    def choose_materials(self, name: str) -> None:
-        """Choose a key of MATERIALS, as the user does."""
-        self._materials.value = name
-
     @property
     def bounces(self) -> int:
         return int(self._bounces.value)

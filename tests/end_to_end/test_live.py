@@ -228,17 +228,17 @@ def test_a_drag_moves_the_radar_and_its_echo(opened, live: Live) -> None:
 def test_materials_and_objects_change_the_answer(opened, live: Live) -> None:
     page, _ = opened
     complete(page)
-    live.page.controls.choose_materials("void")
+    live.page.controls._materials.value = "void"
     wait_until(lambda: answer(live).setting.materials == "void", 60)
     assert {p.owner for p in answer(live).paths} == {"target"}
-    live.page.controls.choose_materials("uniform")
+    live.page.controls._materials.value = "uniform"
     wait_until(lambda: answer(live).setting.materials == "uniform", 60)
     live.page.add_object("mug")
     wait_until(lambda: "mug" in answer(live).setting.object_poses, 60)
     assert "mug" in {p.owner for p in answer(live).paths}
     complete(page)
     page.screenshot("live-objects")
-    live.page.controls.choose_materials("labelled")
+    live.page.controls._materials.value = "labelled"
     live.page.reset()
 
 
