@@ -24,7 +24,7 @@ from radartwin.builders.scene import build_target
 from radartwin.config.scene import RoomScene
 from radartwin.live.playback import Playback
 from radartwin.live.serve import Live, running
-from radartwin.live.tracing import Answer
+from radartwin.live.tracing import LiveAnswer
 from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
@@ -174,7 +174,7 @@ def opened(chromium, live: Live) -> tuple[Any, Any]:
     return page, next(iter(live.server.get_clients().values())).camera
 
 
-def answer(live: Live) -> Answer:
+def answer(live: Live) -> LiveAnswer:
     """Return the newest answer of the page."""
     found = live.page.answer
     assert found is not None
