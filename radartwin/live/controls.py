@@ -10,11 +10,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from radartwin.live.echoes import SHOWN_PATHS, Path, Spectra
+from radartwin.live.echoes import SHOWN_PATHS, LivePath, Spectra
 from radartwin.live.pictures import map_limits, map_picture
 from radartwin.live.playback import Playback
 from radartwin.live.setting import MATERIALS, MAX_BOUNCES
-from radartwin.live.tracing import Answer
+from radartwin.live.tracing import LiveAnswer
 from radartwin.scene import objects
 from radartwin.scene.viewer.colouring import RGB
 
@@ -90,10 +90,6 @@ class Controls:
     def materials(self) -> str:
         return self._materials.value
 
-    def choose_materials(self, name: str) -> None:
-        """Choose a key of MATERIALS, as the user does."""
-        self._materials.value = name
-
     @property
     def bounces(self) -> int:
         return int(self._bounces.value)
@@ -114,7 +110,7 @@ class Controls:
     def show_working(self) -> None:
         self._status.content = _html("<b class='draft'>computing the first answer</b>; the first one of a process takes some seconds")
 
-    def show_status(self, answer: Answer, count: int) -> None:
+    def show_status(self, answer: LiveAnswer, count: int) -> None:
         kind = "<b class='done'>complete</b>" if answer.complete else f"<b class='draft'>draft</b>, {FOLLOWS if self.searches else LOST}"
         self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}")
 
@@ -144,7 +140,7 @@ class Controls:
             f"map from above, 0 dB is {top:.0f} dB received over transmitted power; paths in the room: same colours, 0 dB is the strongest"
         )
 
-    def show_paths(self, paths: Sequence[Path], chosen: int | None, card: str) -> None:
+    def show_paths(self, paths: Sequence[LivePath], chosen: int | None, card: str) -> None:
         self._options = [f"{k + 1}: {p.level_db:.1f} dB, {p.range_m:.2f} m, {p.owner or 'room'}" for k, p in enumerate(paths)]
         self._path.options = (NO_PATH, *self._options)
         self._path.value = NO_PATH if chosen is None else self._options[chosen]

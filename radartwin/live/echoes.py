@@ -44,7 +44,7 @@ class Spectra:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class LivePath:
     """Hold one propagation path, or the coherent sum of the paths of an object that the radar cannot resolve.
 
     Attributes:
@@ -80,7 +80,7 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
     return Spectra(maps.range_m, maps.azimuth_rad, profile_db, map_db)
 
 
-def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[Path]:
+def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[LivePath]:
     """Return the strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
 
     The paths of a room come one by one. A path and its reverse, which have equal lengths, levels and corners, are listed once.
@@ -92,7 +92,7 @@ def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count
     return found[:count]
 
 
-def surfaces_at(path: Path, scene: Scene) -> list[str]:
+def surfaces_at(path: LivePath, scene: Scene) -> list[str]:
     """Return the names of the surfaces at the corners of a path, in the order of the path; two surfaces that meet at an edge share a name.
 
     Args:
@@ -111,7 +111,7 @@ def surfaces_at(path: Path, scene: Scene) -> list[str]:
     return out
 
 
-def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list[Path]:
+def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list[LivePath]:
     levels = np.abs(_field(part, radar))
     order = np.argsort(-levels, kind="stable")[: 2 * count]
     seen, out = set[tuple](), []
@@ -127,11 +127,11 @@ def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list
         if levels[n] <= 0 or (key in seen and part.bounces[n] > 1):
             continue
         seen.add(key)
-        out.append(Path(_db(float(levels[n])), length, int(part.bounces[n]), _closed(points, pose), partial=partial))
+        out.append(LivePath(_db(float(levels[n])), length, int(part.bounces[n]), _closed(points, pose), partial=partial))
     return out
 
 
-def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[Path]:
+def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[LivePath]:
     """Return one path for each number of bounces and each interval of two range bins.
 
     The path has the coherent sum of its tubes and the course of the strongest tube.
@@ -146,7 +146,9 @@ def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> lis
         some = np.flatnonzero((part.bounces == bounces) & (bins == near))
         n = some[np.argmax(levels[some])]
         points, partial = _corners(part, n, pose)
-        out.append(Path(_db(float(np.abs(field[some].sum()))), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial))
+        out.append(
+            LivePath(_db(float(np.abs(field[some].sum()))), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial)
+        )
     return out
 
 

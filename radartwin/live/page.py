@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from radartwin.live.controls import PROFILE_DYNAMIC_DB, Controls
-from radartwin.live.echoes import Path, span_db, surfaces_at
+from radartwin.live.echoes import LivePath, span_db, surfaces_at
 from radartwin.live.playback import Playback, shifted_db
-from radartwin.live.setting import Movable, Rooms, Setting, free_name, split
+from radartwin.live.setting import LiveSetting, Movable, Rooms, free_name, split
 from radartwin.live.stage import Stage
-from radartwin.live.tracing import Answer, Tracer
+from radartwin.live.tracing import LiveAnswer, LiveTracer
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import pose
@@ -39,14 +39,14 @@ class Page:
         server: Any,
         scene: Scene,
         start: np.ndarray,
-        tracer: Tracer,
-        request: Callable[[Setting], object],
+        tracer: LiveTracer,
+        request: Callable[[LiveSetting], object],
         playback: Playback | None = None,
     ) -> None:
         self._server, self._tracer, self._request, self._playback = server, tracer, request, playback
         room, movables = split(scene)
         self._rooms, self._start, self._movables = Rooms(room), start, {m.name: m for m in movables}
-        self._answer: Answer | None = None
+        self._answer: LiveAnswer | None = None
         self._chosen: int | None = None
         self._count = 0
         self._lock = threading.RLock()
@@ -63,14 +63,14 @@ class Page:
         self.controls.show_pose(start)
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> LiveSetting:
         """Return what the page asks for now."""
         controls = self.controls
         poses = {name: self._stage.pose(name) for name in self._movables}
-        return Setting(self._stage.pose("radar"), poses, controls.materials, controls.bounces)
+        return LiveSetting(self._stage.pose("radar"), poses, controls.materials, controls.bounces)
 
     @property
-    def answer(self) -> Answer | None:
+    def answer(self) -> LiveAnswer | None:
         """Return the newest answer."""
         return self._answer
 
@@ -128,7 +128,7 @@ class Page:
         with self._lock:
             self._draw()
 
-    def show(self, answer: Answer) -> None:
+    def show(self, answer: LiveAnswer) -> None:
         """Show an answer. The chosen path stays chosen if the answer has a similar one."""
         with self._lock:
             before, self._answer = self._answer, answer
@@ -191,7 +191,7 @@ class Page:
             self.controls.show_status(answer, self._count)
         self._server.flush()
 
-    def _card(self, paths: list[Path], chosen: int | None, answer: Answer) -> str:
+    def _card(self, paths: list[LivePath], chosen: int | None, answer: LiveAnswer) -> str:
         if chosen is None:
             return ""
         path = paths[chosen]
@@ -207,7 +207,7 @@ class Page:
         return "".join(f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in rows.items())
 
 
-def _same_path(path: Path, paths: list[Path]) -> int | None:
+def _same_path(path: LivePath, paths: list[LivePath]) -> int | None:
     """Return the number of the path with the same owner and bounces whose length is nearest, or None if it differs by over SIMILAR_M."""
     away = [abs(p.length_m - path.length_m) if (p.owner, p.bounces) == (path.owner, path.bounces) else np.inf for p in paths]
     nearest = int(np.argmin(away)) if away else 0

@@ -22,7 +22,7 @@ from radartwin.live.page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.session import Session
 from radartwin.live.setting import split
-from radartwin.live.tracing import Tracer
+from radartwin.live.tracing import LiveTracer
 from radartwin.live.worker import Searcher
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
@@ -91,7 +91,7 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
     if not len(scene):
         raise SceneError("the scene has no surfaces, so there is nothing to view")
     room, movables = split(scene)
-    tracer, crash, finished = Tracer(room, radar, movables), [], threading.Event()
+    tracer, crash, finished = LiveTracer(room, radar, movables), [], threading.Event()
 
     def crashed(error: BaseException) -> None:
         crash.append(error)

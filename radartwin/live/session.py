@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 from radartwin.errors import UserError
 from radartwin.io.process_pool import BrokenProcessPool
-from radartwin.live.setting import Setting
-from radartwin.live.tracing import Answer, Tracer
+from radartwin.live.setting import LiveSetting
+from radartwin.live.tracing import LiveAnswer, LiveTracer
 from radartwin.live.worker import Found, Searcher
 
 ENDS_WITHIN_S = 1.0
@@ -31,9 +31,9 @@ class Session:
 
     def __init__(
         self,
-        tracer: Tracer,
+        tracer: LiveTracer,
         searcher: Searcher | None,
-        answered: Callable[[Answer], object],
+        answered: Callable[[LiveAnswer], object],
         failed: Callable[[str], object],
         crashed: Callable[[BaseException], object],
         lost: Callable[[], object],
@@ -41,9 +41,9 @@ class Session:
         self._tracer, self._searcher = tracer, searcher
         self._answered, self._failed, self._crashed, self._lost = answered, failed, crashed, lost
         self._changed = threading.Condition()
-        self._wanted: Setting | None = None  # newest setting
+        self._wanted: LiveSetting | None = None  # newest setting
         self._pending = False  # whether the newest setting has not been answered
-        self._found: list[tuple[Setting, Found | BaseException]] = []  # finished searches that the thread has not used
+        self._found: list[tuple[LiveSetting, Found | BaseException]] = []  # finished searches that the thread has not used
         self._draft = False  # whether the last answer was a draft
         self._open = False  # whether to complete the last answer as soon as its setting rests
         self._ended = False
@@ -52,7 +52,7 @@ class Session:
     def start(self) -> None:
         self._thread.start()
 
-    def request(self, setting: Setting) -> None:
+    def request(self, setting: LiveSetting) -> None:
         """Answer this setting next."""
         with self._changed:
             self._wanted, self._pending = setting, True
@@ -99,7 +99,7 @@ class Session:
         else:
             self._open = self._complete(setting)
 
-    def _answer(self, setting: Setting, complete: bool = False) -> bool:
+    def _answer(self, setting: LiveSetting, complete: bool = False) -> bool:
         """Answer a setting. Returns whether the answer is a draft."""
         try:
             answer = self._tracer.answer(setting, complete)
@@ -111,7 +111,7 @@ class Session:
         self._answered(answer)
         return not answer.complete
 
-    def _complete(self, setting: Setting) -> bool:
+    def _complete(self, setting: LiveSetting) -> bool:
         """Start the search for a setting that rests. Returns whether the search could not start, because the worker is busy."""
         if not self._tracer.needs_search(setting):
             self._draft = self._answer(setting, complete=True)
@@ -131,7 +131,7 @@ class Session:
             self._searcher = None
             self._lost()
 
-    def _finished(self, setting: Setting, found: Found | BaseException) -> None:
+    def _finished(self, setting: LiveSetting, found: Found | BaseException) -> None:
         with self._changed:
             self._found.append((setting, found))
             self._changed.notify()

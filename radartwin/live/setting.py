@@ -19,7 +19,7 @@ MAX_BOUNCES = 4  # the default of `radartwin.simulate`
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class LiveSetting:
     """Hold what the live page simulates.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from radartwin.live.echoes import Path, span_db
+from radartwin.live.echoes import LivePath, span_db
 from radartwin.live.pictures import level_colours
 from radartwin.live.setting import Movable
 from radartwin.scene import objects
@@ -103,7 +103,7 @@ class Stage:
         gizmo = self._gizmos[name]
         gizmo.wxyz, gizmo.position = quaternion(pose[:3, :3]), pose[:3, 3]
 
-    def show_paths(self, paths: Sequence[Path], chosen: int | None) -> None:
+    def show_paths(self, paths: Sequence[LivePath], chosen: int | None) -> None:
         """Draw the paths coloured by level; the chosen one is red and thicker."""
         low, high = span_db([path.level_db for path in paths], PATHS_DYNAMIC_DB)
         colours = level_colours(np.array([path.level_db for path in paths]), low, high)

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from radartwin.errors import SceneError
-from radartwin.live.echoes import Path, Spectra, spectra, strongest_paths
-from radartwin.live.setting import Movable, Rooms, Setting
+from radartwin.live.echoes import LivePath, Spectra, spectra, strongest_paths
+from radartwin.live.setting import LiveSetting, Movable, Rooms
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.simulation import pruning, variant
@@ -36,7 +36,7 @@ KEPT = 8  # number of complete searches that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class LiveAnswer:
     """Hold the radar's answer to a setting.
 
     Attributes:
@@ -46,15 +46,15 @@ class Answer:
         seconds: time of the computation.
     """
 
-    setting: Setting
+    setting: LiveSetting
     iq: np.ndarray
     spectra: Spectra
-    paths: list[Path]
+    paths: list[LivePath]
     complete: bool
     seconds: float
 
 
-class Tracer:
+class LiveTracer:
     """Trace one room with movable objects.
 
     Args:
@@ -73,12 +73,12 @@ class Tracer:
     def add(self, movable: Movable) -> None:
         self._movables = {**self._movables, movable.name: movable}  # another thread may be reading the old dictionary
 
-    def scene(self, setting: Setting) -> Scene:
+    def scene(self, setting: LiveSetting) -> Scene:
         """Return the room with the materials of the setting, and the objects at their places."""
         placed = [s.moved(setting.object_poses[m.name]) for m in self._present(setting) for s in m.surfaces]
         return Scene([*self._rooms.with_materials(setting.materials), *placed])
 
-    def check(self, setting: Setting) -> None:
+    def check(self, setting: LiveSetting) -> None:
         """Check that the radar can stand at its pose.
 
         Raises:
@@ -91,12 +91,12 @@ class Tracer:
             local = inverse(check_poses(setting.object_poses[movable.name], movable.name)) @ pose
             Scene(movable.surfaces).check_sensor(local[:, :3, 3])
 
-    def needs_search(self, setting: Setting) -> bool:
+    def needs_search(self, setting: LiveSetting) -> bool:
         """Return whether a complete answer needs a search that has not been made. A room that is not flat needs no search."""
         static = self._static(setting)
         return static is not None and static.is_flat and self._key(setting) not in self._searches
 
-    def search(self, setting: Setting) -> tuple[Searched, Sequences]:
+    def search(self, setting: LiveSetting) -> tuple[Searched, Sequences]:
         """Search the sequences of faces and edges at the pose of a setting.
 
         Returns:
@@ -109,20 +109,20 @@ class Tracer:
         searched = static.searched(pose[None], self.radar, setting.max_bounces, pruning.PRUNE)
         return searched, self._strongest(static, searched.sequences, pose)
 
-    def sketch(self, setting: Setting) -> Sequences:
+    def sketch(self, setting: LiveSetting) -> Sequences:
         """Search the strongest sequences with at most one diffraction at the pose of a setting in a flat room, for drafts."""
         static = self._static(setting)
         assert static is not None
         return self._strongest(static, self._single_diffractions(static, setting, setting.max_bounces), setting.radar_pose)
 
-    def _single_diffractions(self, static: StaticScene, setting: Setting, max_bounces: int) -> Sequences:
+    def _single_diffractions(self, static: StaticScene, setting: LiveSetting, max_bounces: int) -> Sequences:
         return static.room.single_diffractions(setting.radar_pose, self.radar, max_bounces, pruning.PRUNE)
 
     def _strongest(self, static: StaticScene, sequences: Sequences, pose: np.ndarray) -> Sequences:
         levels = static.room.levels(sequences, pose, self.radar)
         return sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
 
-    def learn(self, setting: Setting, searched: Searched | None, strong: Sequences) -> None:
+    def learn(self, setting: LiveSetting, searched: Searched | None, strong: Sequences) -> None:
         """Use the result of `search` for this setting from now on, and `strong` for drafts at other poses.
 
         If `searched` is None, the sequences `strong` come from `sketch` and are added to those that are known.
@@ -137,7 +137,7 @@ class Tracer:
         while len(self._searches) > KEPT:
             self._searches.popitem(last=False)
 
-    def answer(self, setting: Setting, complete: bool = False) -> Answer:
+    def answer(self, setting: LiveSetting, complete: bool = False) -> LiveAnswer:
         """Compute the radar's answer. A draft that needs no search is complete.
 
         Args:
@@ -168,24 +168,24 @@ class Tracer:
         traced = MitsubaBackend(settings).traced(scene, self.radar, pose, motion, searched=searched)
         iq = received(traced.parts(), self.radar, 1)[0]
         paths = strongest_paths(traced, self.radar, setting.radar_pose)
-        return Answer(setting, iq, spectra(iq, self.radar), paths, not draft, time.perf_counter() - start)
+        return LiveAnswer(setting, iq, spectra(iq, self.radar), paths, not draft, time.perf_counter() - start)
 
-    def _draft_sequences(self, static: StaticScene, setting: Setting) -> Sequences:
+    def _draft_sequences(self, static: StaticScene, setting: LiveSetting) -> Sequences:
         bounces = setting.max_bounces
         if bounces not in self._strong:
             self._strong[bounces] = self.sketch(setting)
             return self._strong[bounces]
         return Sequences.union([self._strong[bounces], self._single_diffractions(static, setting, min(DRAFT_BOUNCES, bounces))])[0]
 
-    def _present(self, setting: Setting) -> list[Movable]:
+    def _present(self, setting: LiveSetting) -> list[Movable]:
         return [movable for name, movable in self._movables.items() if name in setting.object_poses]
 
-    def _static(self, setting: Setting) -> StaticScene | None:
+    def _static(self, setting: LiveSetting) -> StaticScene | None:
         room = self._rooms.with_materials(setting.materials)
         if not len(room):
             return None
         variant.activate("auto")
         return static_scene(list(room.surfaces), self.radar)
 
-    def _key(self, setting: Setting) -> tuple:
+    def _key(self, setting: LiveSetting) -> tuple:
         return setting.materials, setting.max_bounces, setting.radar_pose.tobytes()

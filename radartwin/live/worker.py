@@ -8,8 +8,8 @@ from concurrent.futures import Future
 from functools import partial
 
 from radartwin.io.process_pool import ProcessPool
-from radartwin.live.setting import Setting
-from radartwin.live.tracing import Tracer
+from radartwin.live.setting import LiveSetting
+from radartwin.live.tracing import LiveTracer
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.simulation.flat.room import Searched
@@ -18,7 +18,7 @@ from radartwin.simulation.flat.search import Sequences
 NICENESS = 4  # the search gives way to the drafts; with 10, other programs at full load would starve it
 
 Found = tuple[Searched | None, Sequences]  # complete search, or None after a first search; strongest sequences for drafts
-_tracer: Tracer | None = None
+_tracer: LiveTracer | None = None
 
 
 class Searcher:
@@ -33,7 +33,7 @@ class Searcher:
         self._room: tuple[Scene, Radar] | None = (room, radar)  # until the first call sends it to the worker
         self.busy = False
 
-    def submit(self, setting: Setting, done: Callable[[Setting, Found | BaseException], object]) -> None:
+    def submit(self, setting: LiveSetting, done: Callable[[LiveSetting, Found | BaseException], object]) -> None:
         """Search for one setting: first for paths of at most one diffraction, then completely. One setting is searched at a time.
 
         Another thread calls `done` with each of the two results, or with an exception.
@@ -43,7 +43,7 @@ class Searcher:
         """
         self.busy = True
         # The objects do not change the search, and their poses need not be sent.
-        bare = Setting(setting.radar_pose, {}, setting.materials, setting.max_bounces)
+        bare = LiveSetting(setting.radar_pose, {}, setting.materials, setting.max_bounces)
 
         def finish(future: Future[Found], last: bool) -> None:
             if last:
@@ -64,16 +64,16 @@ class Searcher:
 def _prepare(room: Scene, radar: Radar) -> None:
     global _tracer
     os.nice(NICENESS)
-    _tracer = Tracer(room, radar)
+    _tracer = LiveTracer(room, radar)
 
 
-def _sketch(setting: Setting, room: tuple[Scene, Radar] | None) -> Found:
+def _sketch(setting: LiveSetting, room: tuple[Scene, Radar] | None) -> Found:
     if room is not None:
         _prepare(*room)
     assert _tracer is not None
     return None, _tracer.sketch(setting)
 
 
-def _search(setting: Setting) -> Found:
+def _search(setting: LiveSetting) -> Found:
     assert _tracer is not None
     return _tracer.search(setting)

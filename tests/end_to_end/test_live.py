@@ -24,7 +24,7 @@ from radartwin.builders.scene import build_target
 from radartwin.config.scene import RoomScene
 from radartwin.live.playback import Playback
 from radartwin.live.serve import Live, running
-from radartwin.live.tracing import Answer
+from radartwin.live.tracing import LiveAnswer
 from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
@@ -174,7 +174,7 @@ def opened(chromium, live: Live) -> tuple[Any, Any]:
     return page, next(iter(live.server.get_clients().values())).camera
 
 
-def answer(live: Live) -> Answer:
+def answer(live: Live) -> LiveAnswer:
     """Return the newest answer of the page."""
     found = live.page.answer
     assert found is not None
@@ -228,17 +228,17 @@ def test_a_drag_moves_the_radar_and_its_echo(opened, live: Live) -> None:
 def test_materials_and_objects_change_the_answer(opened, live: Live) -> None:
     page, _ = opened
     complete(page)
-    live.page.controls.choose_materials("void")
+    live.page.controls._materials.value = "void"
     wait_until(lambda: answer(live).setting.materials == "void", 60)
     assert {p.owner for p in answer(live).paths} == {"target"}
-    live.page.controls.choose_materials("uniform")
+    live.page.controls._materials.value = "uniform"
     wait_until(lambda: answer(live).setting.materials == "uniform", 60)
     live.page.add_object("mug")
     wait_until(lambda: "mug" in answer(live).setting.object_poses, 60)
     assert "mug" in {p.owner for p in answer(live).paths}
     complete(page)
     page.screenshot("live-objects")
-    live.page.controls.choose_materials("labelled")
+    live.page.controls._materials.value = "labelled"
     live.page.reset()
 
 

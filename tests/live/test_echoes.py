@@ -11,8 +11,8 @@ import trimesh
 import radartwin as rt
 from radartwin.errors import PoseError, SceneError
 from radartwin.live.echoes import surfaces_at
-from radartwin.live.setting import Setting, free_name, split
-from radartwin.live.tracing import Tracer
+from radartwin.live.setting import LiveSetting, free_name, split
+from radartwin.live.tracing import LiveTracer
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import look_at, pose
@@ -44,8 +44,8 @@ def reflector(at: list[float], leg_m: float = 0.1) -> Surface:
 
 def answer(scene: Scene, radar_pose: np.ndarray, radar: rt.Radar = RADAR, **choices):
     room, movables = split(scene)
-    tracer = Tracer(room, radar, movables)
-    setting = Setting(radar_pose, {m.name: m.pose for m in movables}, **choices)
+    tracer = LiveTracer(room, radar, movables)
+    setting = LiveSetting(radar_pose, {m.name: m.pose for m in movables}, **choices)
     return tracer, setting, tracer.answer(setting, complete=True)
 
 
@@ -126,11 +126,11 @@ def test_a_path_of_two_bounces_without_stored_points_gets_both_corners() -> None
 def shell():
     """Return the empty laboratory with a reflector, a tracer of it, and a setting with two bounces."""
     room, movables = split(rooms.lab(detail="shell") + Scene([reflector([3.0, 0.4, 1.0])]))
-    tracer = Tracer(room, rt.Radar.iwr1843(), movables)
-    return room, movables[0], tracer, Setting(rooms.lab_bench().sensor_pose, {"reflector": movables[0].pose}, max_bounces=2)
+    tracer = LiveTracer(room, rt.Radar.iwr1843(), movables)
+    return room, movables[0], tracer, LiveSetting(rooms.lab_bench().sensor_pose, {"reflector": movables[0].pose}, max_bounces=2)
 
 
-def simulated(room: Scene, movable, setting: Setting) -> np.ndarray:
+def simulated(room: Scene, movable, setting: LiveSetting) -> np.ndarray:
     scene = room + Scene(movable.surfaces)
     motion = {movable.name: setting.object_poses[movable.name]}
     return rt.simulate(scene, rt.Radar.iwr1843(), setting.radar_pose, motion=motion, max_bounces=setting.max_bounces).iq[0]
@@ -187,7 +187,7 @@ def test_a_radar_in_a_solid_and_a_broken_pose_are_refused(shell) -> None:
     _, _, tracer, setting = shell
     block = Scene([Surface(objects.box([0, 0, 0], [1, 1, 1]), "concrete", "block", role="room")])
     with pytest.raises(SceneError, match="inside surface 'block'"):
-        Tracer(block, RADAR).check(Setting(pose([0.5, 0.5, 0.5])))
+        LiveTracer(block, RADAR).check(LiveSetting(pose([0.5, 0.5, 0.5])))
     with pytest.raises(PoseError, match="radar_pose"):
         tracer.answer(replace(setting, radar_pose=2 * np.eye(4)))
 

@@ -18,7 +18,7 @@ from radartwin.live.controls import Controls
 from radartwin.live.page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.setting import split
-from radartwin.live.tracing import Tracer
+from radartwin.live.tracing import LiveTracer
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
@@ -39,8 +39,8 @@ def reflectors(*names: str) -> Scene:
     return Scene([Surface(mesh.copy().apply_translation([0, k, 0]), "metal", name, role="object") for k, name in enumerate(names)])
 
 
-def opened(server: Any, scene: Scene) -> tuple[Page, Tracer]:
-    tracer = Tracer(Scene([]), RADAR, split(scene)[1])
+def opened(server: Any, scene: Scene) -> tuple[Page, LiveTracer]:
+    tracer = LiveTracer(Scene([]), RADAR, split(scene)[1])
     return Page(server, scene, pose([0.0, 0, 0]), tracer, Mock()), tracer
 
 

@@ -14,17 +14,17 @@ from radartwin.errors import SceneError
 from radartwin.io.process_pool import BrokenProcessPool
 from radartwin.live import session as module
 from radartwin.live.session import Session
-from radartwin.live.setting import Setting
+from radartwin.live.setting import LiveSetting
 
-PLACE = Setting(np.eye(4))
+PLACE = LiveSetting(np.eye(4))
 
 
 class Fake:
     """Stand for tracer and searcher, and record what the session asks of them."""
 
     def __init__(self, error: Exception | None = None) -> None:
-        self.asked: list[tuple[Setting, bool]] = []
-        self.searched: list[Setting] = []
+        self.asked: list[tuple[LiveSetting, bool]] = []
+        self.searched: list[LiveSetting] = []
         self.known: set[int] = set()
         self.shown: list[Any] = []
         self.messages: list[str] = []
@@ -35,20 +35,20 @@ class Fake:
         self.hold.set()
         self.news = threading.Semaphore(0)
 
-    def answer(self, setting: Setting, complete: bool = False) -> Any:
+    def answer(self, setting: LiveSetting, complete: bool = False) -> Any:
         self.asked.append((setting, complete))
         assert self.hold.wait(10)
         if self.error:
             raise self.error
         return SimpleNamespace(setting=setting, complete=complete or id(setting) in self.known)
 
-    def needs_search(self, setting: Setting) -> bool:
+    def needs_search(self, setting: LiveSetting) -> bool:
         return id(setting) not in self.known
 
-    def learn(self, setting: Setting, *found: object) -> None:
+    def learn(self, setting: LiveSetting, *found: object) -> None:
         self.known.add(id(setting))
 
-    def submit(self, setting: Setting, done: Any) -> None:
+    def submit(self, setting: LiveSetting, done: Any) -> None:
         self.searched.append(setting)
         threading.Thread(target=done, args=(setting, ("searched", "strong"))).start()
 
@@ -97,7 +97,7 @@ def test_a_search_also_completes_an_equal_setting_that_came_while_it_ran() -> No
     again = replace(PLACE)
 
     class Interrupted(Fake):
-        def submit(self, setting: Setting, done: Any) -> None:
+        def submit(self, setting: LiveSetting, done: Any) -> None:
             session.request(again)
             self.known.add(id(again))
             super().submit(setting, done)
@@ -154,7 +154,7 @@ def test_a_defect_ends_the_session_with_its_exception() -> None:
 @pytest.mark.parametrize("dies", ["during a search", "before a search"])
 def test_drafts_go_on_when_the_search_worker_has_died(dies: str) -> None:
     class Dead(Fake):
-        def submit(self, setting: Setting, done: Any) -> None:
+        def submit(self, setting: LiveSetting, done: Any) -> None:
             if dies == "before a search":
                 raise BrokenProcessPool
             for _ in range(2):

@@ -8,7 +8,6 @@ import numpy as np
 from radartwin.simulation.geometry import Geometry
 
 LABEL_BITS = 12  # number of bits for the face label of one bounce, so that the labels of five bounces fit in 64 bits
-OTHER_LABEL = (1 << LABEL_BITS) - 2  # largest face label, which all faces without an individual label share
 
 
 def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
