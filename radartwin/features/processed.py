@@ -126,6 +126,8 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
     Args:
         recording: IQ samples with their radar.
         doppler: whether to compute the Doppler spectra, which need C times the memory of `power` for C chirps per frame.
+    Raises:
+        RecordingError: samples are NaN or infinite.
     """
     radar, row, blocks = recording.radar, azimuth_row(recording.radar), _blocks(recording.radar)
     weights = np.array([block.stop - block.start for block in blocks]) / radar.num_chirps
@@ -139,6 +141,8 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
             np.stack([*(iq[:, block].mean(axis=1) for block in blocks), np.tensordot(iq, fastest, (1, 0))], axis=1), radar
         )
         coherent = sums[:, :-1].reshape(len(iq), len(blocks), -1, len(range_m))
+        if not np.isfinite(coherent).all():
+            raise RecordingError("the recording holds NaN or infinite samples; simulate or record it again")
         by_block = (np.abs(coherent) ** 2).mean(axis=2, dtype=np.float64)
         power.append(np.einsum("k,fkb->fb", weights, by_block).astype(np.float32))
         channels.append(coherent[:, len(blocks) // 2, row].astype(np.complex64))

@@ -102,8 +102,11 @@ def test_damaged_and_missing_files_are_named(tmp_path):
         Processed.load(tmp_path)
 
 
-def test_wrong_shapes_are_refused():
+def test_wrong_shapes_and_nan_samples_are_refused():
     recording = echoes(2, [(1.0, 1.0)])
     made = process(recording)
     with pytest.raises(InputError, match="channels"):
         Processed(RADAR, made.range_m, made.power, made.channels[:, :4], None, made.velocity_mps)
+    recording.iq[1, 0, 0, 0, 0] = np.nan
+    with pytest.raises(RecordingError, match="NaN"):
+        process(recording)
