@@ -155,9 +155,17 @@ class RowList(list[Row]):
         self.append(Row(case, metric, found, frozenset(keys), claim, self.config, count))
         return self[-1]
 
-    def add_mean(self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE) -> Row:
-        """Append one row with the mean of the samples and its confidence interval from a bootstrap over the samples."""
-        return self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed), keys, claim)
+    def add_mean(
+        self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE,
+        limits: tuple[float, float] = statistics.ANY,
+    ) -> Row:  # fmt: skip
+        """Append one row with the mean of the samples and its confidence interval from a bootstrap over the samples.
+
+        Args:
+            limits: smallest and largest value that the quantity can have.
+        """
+        found = statistics.mean(samples, self.config.profile.resamples, self.config.seed)
+        return self.add(case, metric, replace(found, limits=limits), keys, claim)
 
 
 def corrected(rows: Sequence[Row]) -> list[Row]:

@@ -5,6 +5,7 @@ Every random draw uses the seed that the caller gives. All intervals are 95 % co
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -16,6 +17,7 @@ from radartwin.errors import InputError
 from radartwin.recognize import score
 
 Alternative = Literal["greater", "less", "two-sided"]
+ANY, SHARE, CORRELATION = (-math.inf, math.inf), (0.0, 1.0), (-1.0, 1.0)  # limits of a quantity
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Estimate:
     Attributes:
         p: p value against the hypothesis of no effect, and NaN if no test was made.
         drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
+        limits: smallest and largest value that the quantity can have, such as -1 and 1 of a correlation.
     """
 
     value: float
@@ -33,6 +36,7 @@ class Estimate:
     n: int
     p: float = float("nan")
     drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
+    limits: tuple[float, float] = ANY
 
 
 def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
@@ -72,10 +76,10 @@ def exact(value: float, n: int) -> Estimate:
     return Estimate(float(value), float(value), float(value), n)
 
 
-def resampled(value: float, drawn: ArrayLike, n: int) -> Estimate:
+def resampled(value: float, drawn: ArrayLike, n: int, limits: tuple[float, float] = ANY) -> Estimate:
     """Return an estimate of n items whose interval is the percentile interval of the resampled values `drawn`."""
     drawn = np.asarray(drawn, float)
-    return Estimate(value, *_interval(drawn, value), n, drawn=drawn)
+    return Estimate(value, *_interval(drawn, value), n, limits=limits, drawn=drawn)
 
 
 def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
@@ -95,7 +99,7 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
     ranks = rankdata(second)
     value = float(_r(rankdata(first), ranks))
     chosen = rng.integers(len(first), size=(resamples, len(first)))
-    found = resampled(value, _r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), len(first))
+    found = resampled(value, _r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), len(first), CORRELATION)
     if alternative is None:
         return found
     tested: Any = permutation_test(
@@ -136,7 +140,7 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         a, b = chosen[upper[0]], chosen[upper[1]]
         if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    return replace(resampled(value, drawn, count), p=(as_good + 1) / (permutations + 1))
+    return replace(resampled(value, drawn, count, CORRELATION), p=(as_good + 1) / (permutations + 1))
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
@@ -150,7 +154,7 @@ def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
     if not 0 <= successes <= trials or trials < 1:
         raise InputError(f"a share needs one trial or more: {successes} of {trials}")
     low, value, high = score.exact_interval(successes / trials, trials)
-    return Estimate(value, low, high, trials, score.binomial_p(successes, trials, chance))
+    return Estimate(value, low, high, trials, score.binomial_p(successes, trials, chance), limits=SHARE)
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
@@ -185,7 +189,7 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     their mean are multiplied by sqrt(k/(k-1)) for k draws, and by the ratio of Student's t to the normal quantile, so that few draws do not
     give too narrow an interval. The p value is twice the median of the p values, which is valid for any dependence between the draws
     (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). n is the number of items of a draw, or the number of draws if every
-    draw has a single item. Draws without items are left out.
+    draw has a single item. Draws without items are left out. The bootstrap samples are clipped to the limits of the quantity.
     """
     from scipy.stats import t
 
@@ -204,8 +208,9 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     widened = np.sqrt(draws / (draws - 1)) * t.ppf(0.975, draws - 1) / 1.96
     between = widened * (values[chosen].mean(axis=0) - value)
     items = min(one.n for one in found)
-    joined = resampled(value, value + inner + between, draws if all(one.n == 1 for one in found) else items)
-    return replace(joined, p=float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p))))
+    samples = np.clip(value + inner + between, *first.limits)
+    joined = resampled(value, samples, draws if all(one.n == 1 for one in found) else items)
+    return replace(joined, p=float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p))), limits=first.limits)
 
 
 def _samples(found: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:

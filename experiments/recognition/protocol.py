@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.claims import LEVEL, NONE, Claim, Row, RowList
-from experiments.statistics import Estimate, clustered
+from experiments.statistics import SHARE, Estimate, clustered
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
@@ -105,7 +105,7 @@ class RecognitionRows(RowList):
             balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
         """
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
-        found = self._clustered(hits, recordings, classes)
+        found = replace(self._clustered(hits, recordings, classes), limits=SHARE)
         if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
             found = interval(found.value, found.n)
         if not balanced:
@@ -124,7 +124,7 @@ class RecognitionRows(RowList):
         recording correctly.
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
-        found = self._clustered(ours - theirs, recordings)
+        found = replace(self._clustered(ours - theirs, recordings), limits=(-1.0, 1.0))
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
         claim = replace(claim, above=LEAST_GAIN, untestable=ceiling)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -163,7 +163,7 @@ def over_shuffles(shares: NDArray) -> Estimate:
 
     mean, count = float(np.mean(shares)), len(shares)
     half = float(t.ppf(0.975, count - 1) * np.std(shares, ddof=1) / np.sqrt(count)) if count > 1 else 0.0
-    return Estimate(mean, mean - half, mean + half, count)
+    return Estimate(mean, mean - half, mean + half, count, limits=SHARE)
 
 
 def sign_p(differences: NDArray, groups: NDArray) -> float:

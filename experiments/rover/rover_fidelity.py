@@ -149,10 +149,10 @@ def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None
                     velocities[domain].append(float(np.sqrt(np.mean(error**2))))
     keys = drive_features.keys(drives, names, [place])
     if place[1] == "depth":
-        rows.add_mean(_at(place, "all objects"), "track correlation", tracks, keys, OVERLAYS)
+        rows.add_mean(_at(place, "all objects"), "track correlation", tracks, keys, OVERLAYS, statistics.CORRELATION)
     for kind, values in profiles.items():
         claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
-        rows.add_mean(_at(place, kind), "range-profile correlation", values, keys, claim)
+        rows.add_mean(_at(place, kind), "range-profile correlation", values, keys, claim, statistics.CORRELATION)
     for domain, values in velocities.items():
         rows.add_mean(_at(place, "all objects", LABELS[domain]), "velocity error, rms (m/s)", values, keys)
 
@@ -199,7 +199,7 @@ def share_alike(drives: dict[str, Drives], where: Sequence[Place], resamples: in
     drawn = [share(some, some) for some in rng.integers(len(names), size=(min(resamples, MOST_DRAWN), len(names)))]
     shuffled = [share(own, rng.permutation(own)) for _ in range(MOST_DRAWN - 1)]
     p = (1 + sum(one >= value - 1e-12 for one in shuffled)) / MOST_DRAWN
-    return replace(statistics.resampled(value, drawn, len(names)), p=p)
+    return replace(statistics.resampled(value, drawn, len(names), statistics.SHARE), p=p)
 
 
 def _positive(measured: NDArray, simulated: NDArray, place: NDArray, first: NDArray, second: NDArray) -> NDArray[np.bool_]:

@@ -21,6 +21,7 @@ from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
+from experiments.statistics import CORRELATION, SHARE
 from experiments.turntable import operating_points
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -122,7 +123,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
             shares = [beyond_target_share(one.mean, one.range_m, distance) for one in recordings[side, distance]]
             claim = BEYOND if distance == PAPER_DISTANCE_M and side == "measured" else NONE
             case = {"distance_m": distance, "case": label, "scale": "power"}
-            rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim)
+            rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim, SHARE)
     _add_gain_changes(rows, recordings, labels, gains)
     figures: dict[str, Callable[[], Figure]] = {
         "environment_range_time": lambda: _range_time_figure(
@@ -213,7 +214,9 @@ def _add_correlations(
                 ])  # fmt: skip
                 case = {"distance_m": distance, "case": labels[side], "scale": scale}
                 claim = claim if distance == PAPER_DISTANCE_M else NONE
-                rows.add_mean(case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim)
+                rows.add_mean(
+                    case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim, CORRELATION
+                )
         for side, claim in (("room", CLOSER), ("uniform", NONE)):
             if side in labels:
                 gain = correlations[side] - correlations["void"]

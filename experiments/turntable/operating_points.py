@@ -162,9 +162,15 @@ def add_rows(rows: RowList, points: Sequence[Point]) -> None:
         case = {"distance_m": DISTANCE_M, "target_to_room_db": one.ratio_db}
         if one.scale == "amplitude":
             share = {**case, "case": f"measured, {one.name}", "scale": "power"}
-            rows.add_mean(share, "energy share beyond the target", one.values["share"], one.keys)
+            rows.add_mean(share, "energy share beyond the target", one.values["share"], one.keys, limits=statistics.SHARE)
         for name in (VOID, "room"):
-            rows.add_mean({**case, "case": f"{name}, {one.name}", "scale": one.scale}, "profile correlation", one.values[name], one.keys)
+            rows.add_mean(
+                {**case, "case": f"{name}, {one.name}", "scale": one.scale},
+                "profile correlation",
+                one.values[name],
+                one.keys,
+                limits=statistics.CORRELATION,
+            )
     chosen, count = best(points), sum(one.accepted for one in points)
     shown = chosen or min(points, key=lambda one: one.departure)
     means = ", ".join(f"{np.mean(shown.values[name]):+.2f}" for name in FIGURES)

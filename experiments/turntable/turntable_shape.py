@@ -135,7 +135,7 @@ def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]
         return min(drawn[name].mean() for name in peaked) / max(drawn[name].mean() for name in cans)
 
     drawn = [separation({name: rng.choice(some, len(some)) for name, some in values.items()}) for _ in range(config.profile.resamples)]
-    return statistics.resampled(separation(values), drawn, sum(len(some) for some in values.values()))
+    return statistics.resampled(separation(values), drawn, sum(len(some) for some in values.values()), (0.0, np.inf))
 
 
 def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:

@@ -71,6 +71,13 @@ def test_few_draws_of_a_single_item_have_wide_intervals(count: int) -> None:
     assert inside / 400 > 0.9
 
 
+def test_an_interval_over_draws_stays_within_the_limits_of_the_quantity() -> None:
+    some = [replace(statistics.mean([at, at + 0.1], 100, 0), limits=statistics.CORRELATION) for at in (0.1, 0.5, 0.9)]
+    joined = statistics.over_draws(some, 500, 0)
+    assert joined.high == 1.0
+    assert joined.limits == statistics.CORRELATION
+
+
 def test_draws_without_items_are_left_out() -> None:
     nothing = Estimate(0.5, 0.0, 1.0, 0)
     assert statistics.over_draws([nothing] * 3, 50, 0) == nothing
