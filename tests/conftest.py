@@ -12,6 +12,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
+# Processes that a test starts inherit ignored signals. A suite that runs under `nohup` tests the end by SIGHUP too.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
 # No telemetry and no look-up leaves a test, whichever module imports mlflow first.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 

@@ -21,7 +21,8 @@ def interrupted_by_signals() -> Iterator[None]:
     def interrupt(*_: object) -> NoReturn:
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN}
+    nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    before = {number: signal.signal(number, interrupt) for number in ENDING if not (nohup and number == signal.SIGHUP)}
     try:
         yield
     finally:

@@ -138,7 +138,7 @@ def test_a_signal_ends_a_run_and_its_workers_as_ctrl_c_does(own: list[str], here
     assert (process.returncode, said) == (1, "")
     warned, interrupted = "radartwin: warning: glass stands in for ice", "radartwin: interrupted; the same command resumes where it stopped"
     assert complained.splitlines() == [warned, warned, interrupted]
-    assert not any(map(runs, begun))
+    wait_until(lambda: not any(map(runs, begun)), 10)
     assert query(here, "SELECT DISTINCT status FROM runs") == [("KILLED",)]
 
 
