@@ -199,9 +199,9 @@ def test_failed_save_leaves_the_older_recording_unchanged(tmp_path):
 
 
 def test_files_of_two_processes_that_save_one_recording_are_not_mixed(tmp_path):
-    Recording(np.ones(SHAPE), RADAR, scale=1.0).save(tmp_path / "a")
+    Recording(np.ones(SHAPE, np.complex64), RADAR, scale=1.0).save(tmp_path / "a")
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
-    saving = threading.Thread(target=Recording(np.full(SHAPE, 2), RADAR, scale=2.0).save, args=[tmp_path / "a"])
+    saving = threading.Thread(target=Recording(np.full(SHAPE, 2, np.complex64), RADAR, scale=2.0).save, args=[tmp_path / "a"])
     with files.lock(tmp_path / ".a.bin.lock"):  # as another process that replaces the files
         saving.start()
         saving.join(1.0)
