@@ -57,27 +57,28 @@ class Claim:
             return "untestable", f"{found.n} of at least {self.least} items"
         if found.drawn is not None and found.low == found.high:
             return "untestable", NO_WIDTH
-        if (refuted := self._effect(found)) is not None:
-            return ("untestable", TOO_WIDE) if refuted == TOO_WIDE else (refuted, "")
+        if self.contains is not None or self.reaches is not None:
+            return self._judge_no_effect(found)
         true = (self.above == -math.inf or self.above < found.low) and (self.below == math.inf or found.high < self.below)
         true &= self.p_below is None or found.p < self.p_below
         return "holds" if true else "fails", ""
 
-    def _effect(self, found: Estimate) -> str | None:
-        """Judge a claim of no effect: "holds" if the whole interval is within the margin, "fails" if it excludes the stated value, and else
-        TOO_WIDE. None for other claims.
-        """
-        if self.contains is not None:
-            within = self.contains - self.margin <= found.low and found.high <= self.contains + self.margin
-            excluded = not found.low <= self.contains <= found.high
-        elif self.reaches is not None:
-            within, excluded = found.high <= self.reaches + self.margin, found.low > self.reaches
-        else:
-            return None
-        return "holds" if within else "fails" if excluded else TOO_WIDE
+    def _judge_no_effect(self, found: Estimate) -> tuple[str, str]:
+        """Judge a claim of no effect. It holds if the whole interval is within the margin, and fails if the interval excludes the value."""
+        both_sides = self.contains is not None
+        value = self.contains if self.contains is not None else self.reaches
+        assert value is not None
+        if found.high <= value + self.margin and (not both_sides or value - self.margin <= found.low):
+            return "holds", ""
+        if found.low > value or (both_sides and found.high < value):
+            return "fails", ""
+        return "untestable", TOO_WIDE
 
     def p_of(self, found: Estimate) -> float:
-        """Return the p value of the claim: that of the claim's own test, or else the share of bootstrap samples outside the bounds."""
+        """Return the p value of the claim: that of the claim's own test, or else the share of bootstrap samples outside the bounds.
+
+        NaN if the claim states no effect and has no test.
+        """
         if self.p_below is not None:
             return found.p
         if found.drawn is None or not self.bounds_an_effect:
@@ -171,19 +172,19 @@ class RowList(list[Row]):
 def corrected(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with verdicts from p values that are corrected for the number of tests.
 
-    The rows whose claim states an effect or bounds its p value are one family of tests, if they have a p value (`Claim.p_of`). A claim of
-    the family holds only if its corrected p value is also below LEVEL. Column p_holm shows the p value after Holm's correction (S. Holm,
+    The rows whose claim has a p value (`Claim.p_of`) are one family of tests. A claim of the family holds only if its corrected p value is
+    also below LEVEL. Column p_holm shows the p value after Holm's correction (S. Holm,
     Scandinavian Journal of Statistics 6 (1979) 65), and column p the p value of the single test.
     """
     single = {id(one): one.claim.p_of(one.found) for one in rows if one["verdict"] != "untestable"}
-    family = [one for one in rows if not math.isnan(single.get(id(one), math.nan)) and (one.claim.p_below or one.claim.bounds_an_effect)]
-    adjusted = dict(zip(map(id, family), statistics.holm([single[id(one)] for one in family]), strict=True))
+    single = {key: p for key, p in single.items() if not math.isnan(p)}
+    adjusted = dict(zip(single, statistics.holm(list(single.values())), strict=True))
     out = []
     for one in rows:
-        p = adjusted.get(id(one))
-        claim = replace(one.claim, p_below=one.claim.p_below or LEVEL)
-        judged = one if p is None else replace(one, found=replace(one.found, p=p), claim=claim)
-        raw = single.get(id(one), math.nan)
-        judged |= {"p": one["p"] if math.isnan(raw) else raw, "p_holm": p}
+        judged = one
+        if (p := adjusted.get(id(one))) is not None:
+            claim = replace(one.claim, p_below=one.claim.p_below or LEVEL)
+            judged = replace(one, found=replace(one.found, p=p), claim=claim)
+        judged |= {"p": single.get(id(one), one["p"]), "p_holm": p}
         out.append(judged)
     return out

@@ -17,7 +17,7 @@ from radartwin.errors import InputError
 from radartwin.recognize import score
 
 Alternative = Literal["greater", "less", "two-sided"]
-ANY, SHARE, CORRELATION = (-math.inf, math.inf), (0.0, 1.0), (-1.0, 1.0)  # limits of a quantity
+ANY, SHARE, SIGNED = (-math.inf, math.inf), (0.0, 1.0), (-1.0, 1.0)  # limits; SIGNED is for correlations and differences of shares
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
     ranks = rankdata(second)
     value = float(_r(rankdata(first), ranks))
     chosen = rng.integers(len(first), size=(resamples, len(first)))
-    found = resampled(value, _r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), len(first), CORRELATION)
+    found = resampled(value, _r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), len(first), SIGNED)
     if alternative is None:
         return found
     tested: Any = permutation_test(
@@ -140,7 +140,7 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         a, b = chosen[upper[0]], chosen[upper[1]]
         if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    return replace(resampled(value, drawn, count, CORRELATION), p=(as_good + 1) / (permutations + 1))
+    return replace(resampled(value, drawn, count, SIGNED), p=(as_good + 1) / (permutations + 1))
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from radartwin.commands.arguments import parse
 from radartwin.errors import UserError
-from radartwin.io.secret import one_line, show_warning
+from radartwin.io.one_line import one_line, show_warning
 from radartwin.io.serving import interrupted_by_signals
 
 

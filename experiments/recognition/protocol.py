@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.claims import LEVEL, NONE, Claim, Row, RowList
-from experiments.statistics import SHARE, Estimate, clustered
+from experiments.statistics import SHARE, SIGNED, Estimate, clustered
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
@@ -124,7 +124,7 @@ class RecognitionRows(RowList):
         recording correctly.
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
-        found = replace(self._clustered(ours - theirs, recordings), limits=(-1.0, 1.0))
+        found = replace(self._clustered(ours - theirs, recordings), limits=SIGNED)
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
         claim = replace(claim, above=LEAST_GAIN, untestable=ceiling)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -149,7 +149,7 @@ class RecognitionRows(RowList):
 def interval(value: float, n: int) -> Estimate:
     """Return a share of successes in n independent trials as an estimate with its exact interval."""
     low, value, high = exact_interval(value, n)
-    return Estimate(value, low, high, n)
+    return Estimate(value, low, high, n, limits=SHARE)
 
 
 def over_shuffles(shares: NDArray) -> Estimate:

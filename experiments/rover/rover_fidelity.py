@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN
 from experiments.campaign.source import RecordingSource
-from experiments.claims import NONE, Claim, RowList
+from experiments.claims import LEVEL, NONE, Claim, RowList
 from experiments.rover import drive_features
 from experiments.rover.drive_features import Drive, Drives, Place
 from experiments.rover.figures import correlation_figure, panels_figure
@@ -48,7 +48,6 @@ TABLE = Table(
     "independent.",
 )
 
-LEVEL = 0.05  # largest p value at which a claim holds
 MIN_OBJECTS = 5  # with fewer objects no assignment of objects reaches p < 0.05
 MOST_DRAWN = 300  # largest number of resamples and assignments of objects, because each ranks every feature again
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", above=0.5)
@@ -149,10 +148,10 @@ def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None
                     velocities[domain].append(float(np.sqrt(np.mean(error**2))))
     keys = drive_features.keys(drives, names, [place])
     if place[1] == "depth":
-        rows.add_mean(_at(place, "all objects"), "track correlation", tracks, keys, OVERLAYS, statistics.CORRELATION)
+        rows.add_mean(_at(place, "all objects"), "track correlation", tracks, keys, OVERLAYS, statistics.SIGNED)
     for kind, values in profiles.items():
         claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
-        rows.add_mean(_at(place, kind), "range-profile correlation", values, keys, claim, statistics.CORRELATION)
+        rows.add_mean(_at(place, kind), "range-profile correlation", values, keys, claim, statistics.SIGNED)
     for domain, values in velocities.items():
         rows.add_mean(_at(place, "all objects", LABELS[domain]), "velocity error, rms (m/s)", values, keys)
 

@@ -21,7 +21,7 @@ from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
-from experiments.statistics import CORRELATION, SHARE
+from experiments.statistics import SHARE, SIGNED
 from experiments.turntable import operating_points
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -215,7 +215,7 @@ def _add_correlations(
                 case = {"distance_m": distance, "case": labels[side], "scale": scale}
                 claim = claim if distance == PAPER_DISTANCE_M else NONE
                 rows.add_mean(
-                    case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim, CORRELATION
+                    case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim, SIGNED
                 )
         for side, claim in (("room", CLOSER), ("uniform", NONE)):
             if side in labels:

@@ -106,9 +106,7 @@ def _add_rows(rows: RowList, case: dict[str, Any], tracks: dict[str, list[RailTr
     both = {**case, "of": "both"}
     twin = tracks[TWIN][0]
     shapes = [statistics.correlation(*overlap(one.tracks_m[tracker], twin.tracks_m[tracker], 0)) for one in tracks[MEASURED]]
-    rows.add_mean(
-        both, "shape correlation", shapes, [*keys[MEASURED], twin.key], SHAPE if motion == "radial" else NONE, statistics.CORRELATION
-    )
+    rows.add_mean(both, "shape correlation", shapes, [*keys[MEASURED], twin.key], SHAPE if motion == "radial" else NONE, statistics.SIGNED)
     shorter = excursions[MEASURED] - excursions[TWIN].mean()
     rows.add_mean(both, "measured less simulated excursion (m)", shorter, [*keys[MEASURED], *keys[TWIN]])
 

@@ -169,7 +169,7 @@ def add_rows(rows: RowList, points: Sequence[Point]) -> None:
                 "profile correlation",
                 one.values[name],
                 one.keys,
-                limits=statistics.CORRELATION,
+                limits=statistics.SIGNED,
             )
     chosen, count = best(points), sum(one.accepted for one in points)
     shown = chosen or min(points, key=lambda one: one.departure)

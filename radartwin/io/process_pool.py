@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.util import Finalize
 from typing import Any
 
-from radartwin.io.secret import show_warning
+from radartwin.io.one_line import show_warning
 
 __all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
 

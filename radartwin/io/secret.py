@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-from typing import Any
 
 VARIABLES = ("RADARTWIN_VLM_KEY", "RADARTWIN_LLM_KEY", "MLFLOW_TRACKING_PASSWORD", "MLFLOW_TRACKING_TOKEN", "HF_TOKEN")
 SHORTEST = 6  # characters; a shorter value may occur in any text by chance
@@ -24,15 +22,3 @@ def hidden(text: str, *more: str | None) -> str:
             if len(form) >= SHORTEST:
                 text = text.replace(form, HIDDEN).replace(repr(form)[1:-1], HIDDEN)
     return text
-
-
-def one_line(message: object) -> str:
-    """Return a message as one line, without secrets from environment variables and without control characters, which a file name may
-    contain.
-    """
-    return "".join(sign if sign.isprintable() else "?" for sign in " ".join(hidden(str(message)).split()))
-
-
-def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    """Print a warning as one line, in the place of `warnings.showwarning`."""
-    print(f"radartwin: warning: {one_line(message)}", file=sys.stderr)

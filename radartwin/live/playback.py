@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from radartwin.errors import RecordingError
 from radartwin.live.echoes import Spectra, spectra
 from radartwin.radar.recording import Recording
 
@@ -15,19 +14,12 @@ class Playback:
     Args:
         recording: recording with at least one frame.
         name: name of its file, for messages.
-    Raises:
-        RecordingError: samples of any frame are NaN or infinite. The message names the first such frame.
     """
 
     def __init__(self, recording: Recording, name: str) -> None:
         self.recording, self.name = recording, name
         self.frames = recording.num_frames
         self.calibrated = not recording.in_counts
-        for block in recording.frame_blocks():
-            broken = ~np.isfinite(recording.iq[block]).all(axis=(1, 2, 3, 4))
-            if broken.any():
-                frame = block.start + int(broken.argmax())
-                raise RecordingError(f"{name}: frame {frame} holds NaN or infinite samples; record or simulate it again")
 
     def pose(self, frame: int) -> np.ndarray | None:
         """Return the sensor pose (4, 4) of a frame, or None if the recording has no poses."""

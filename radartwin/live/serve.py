@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import BackendError, SceneError
-from radartwin.io.serving import HOST, free_port, ignore_signals, interrupted_by_signals
+from radartwin.io.serving import HOST, free_port, ignore_signals
 from radartwin.live.page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.session import Session
@@ -47,7 +47,7 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
     killer = threading.Timer(ENDS_WITHIN_S, _kill)
     killer.daemon = True
     try:
-        with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals(), running(scene, radar, start, port, playback) as live:
+        with contextlib.suppress(KeyboardInterrupt), running(scene, radar, start, port, playback) as live:
             sessions.append(live.session)
             try:
                 _announce(live.port)

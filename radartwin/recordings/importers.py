@@ -23,7 +23,7 @@ from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, description_beside, from_counts, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
-from radartwin.radar.recording import Recording, recording_files
+from radartwin.radar.recording import Recording, read_counts, recording_files
 from radartwin.recordings import roverd, studio_log
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.checks import few, zero_filled_frames
@@ -201,16 +201,17 @@ def read_capture(
     if description is not None:
         radar = Radar.from_file(description)
     assert radar is not None
-    data, frame = b"".join(path.read_bytes() for path in dca1000.parts(capture)), dca1000.frame_bytes(radar)
-    whole, rest = divmod(len(data), frame)
+    first, *others = dca1000.parts(capture)
+    size, frame = sum(path.stat().st_size for path in (first, *others)), dca1000.frame_bytes(radar)
+    whole, rest = divmod(size, frame)
     if not whole:
-        raise RecordingError(f"{capture}: {len(data)} bytes are not one frame of {frame} bytes for radar {radar.name}; record again")
+        raise RecordingError(f"{capture}: {size} bytes are not one frame of {frame} bytes for radar {radar.name}; record again")
     if rest and not cut:
         raise RecordingError(
-            f"{capture}: {len(data)} bytes are {whole} frames of {frame} bytes for radar {radar.name} and {rest} more; "
+            f"{capture}: {size} bytes are {whole} frames of {frame} bytes for radar {radar.name} and {rest} more; "
             "give the right radar description, or drop the incomplete frame of an interrupted capture with --cut"
         )
-    recording = from_counts(capture, dca1000.decode(memoryview(data)[: whole * frame], radar), radar, None)
+    recording = from_counts(capture, read_counts(first, radar, frames=range(whole), others=others), radar, None)
     columns, notes = _transfer(capture, recording, _configured_frames(description))
     recording = _of_frames(capture, recording, frames)
     return recording, columns, [f"the last frame is incomplete and dropped ({rest} of {frame} bytes)", *notes] if rest else notes

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError
-from radartwin.io.serving import HOST, free_port, ignore_signals, interrupted_by_signals
+from radartwin.io.serving import HOST, free_port, ignore_signals
 from radartwin.runs.tracking import Tracker
 
 USUAL_PORT = 5000
@@ -45,7 +45,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     # connections to the database, and a request that gets none for 30 s fails, so the server gets one connection per thread.
     ours = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
     environment = {**ours, **os.environ}
-    with contextlib.suppress(KeyboardInterrupt), interrupted_by_signals():
+    with contextlib.suppress(KeyboardInterrupt):
         # The server gets a session of its own, so it does not receive Ctrl-C. This process ends the server and the server's children.
         server = subprocess.Popen(command, env=environment, start_new_session=True)
         try:

@@ -72,10 +72,10 @@ def test_few_draws_of_a_single_item_have_wide_intervals(count: int) -> None:
 
 
 def test_an_interval_over_draws_stays_within_the_limits_of_the_quantity() -> None:
-    some = [replace(statistics.mean([at, at + 0.1], 100, 0), limits=statistics.CORRELATION) for at in (0.1, 0.5, 0.9)]
+    some = [replace(statistics.mean([at, at + 0.1], 100, 0), limits=statistics.SIGNED) for at in (0.1, 0.5, 0.9)]
     joined = statistics.over_draws(some, 500, 0)
     assert joined.high == 1.0
-    assert joined.limits == statistics.CORRELATION
+    assert joined.limits == statistics.SIGNED
 
 
 def test_draws_without_items_are_left_out() -> None:
