@@ -19,12 +19,14 @@ from multiprocessing.connection import Connection
 from multiprocessing.util import Finalize
 from typing import Any
 
+from radartwin.compiled import share_cores
 from radartwin.io.one_line import show_warning
 
 __all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
 
 ENDS_WITHIN_S = 5.0  # time that a worker has to remove its temporary files
 _in_worker = False
+_busy: Any = None  # in a worker, the number of workers of its pool that compute a call
 
 
 class ProcessPool:
@@ -42,7 +44,7 @@ class ProcessPool:
         self._import_main = import_main
         context = multiprocessing.get_context("spawn")
         lifeline, self._own_end = context.Pipe(duplex=False)
-        self._executor = ProcessPoolExecutor(size, context, _start, (lifeline, prepare))
+        self._executor = ProcessPoolExecutor(size, context, _start, (lifeline, context.Value("i", 0), prepare))
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Call a module-level function in a worker. The arguments, the return value and exceptions are pickled."""
@@ -95,9 +97,10 @@ def _without_main() -> Iterator[None]:
         vars(main).update(hidden)
 
 
-def _start(lifeline: Connection, prepare: Callable[[], object] | None) -> None:
-    global _in_worker
-    _in_worker = True
+def _start(lifeline: Connection, busy: Any, prepare: Callable[[], object] | None) -> None:
+    global _in_worker, _busy
+    _in_worker, _busy = True, busy
+    share_cores(lambda: busy.value)
     warnings.showwarning = show_warning
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
@@ -118,6 +121,11 @@ def _end_with_parent(lifeline: Connection) -> None:
 
 def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
     try:
+        with _busy.get_lock():
+            _busy.value += 1
         return os.getpid(), function(*arguments)
     except SystemExit:  # raised on SIGTERM; the executor would treat it as an error of the call and continue
         os._exit(1)
+    finally:
+        with _busy.get_lock():
+            _busy.value -= 1

@@ -30,6 +30,7 @@ from radartwin.scene.scene import Scene
 USUAL_PORT = 8080
 ANSWERS_WITHIN_S = 30
 ENDS_WITHIN_S = 5.0
+AWAKE_S = 0.5
 
 
 def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
@@ -51,7 +52,8 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
             sessions.append(live.session)
             try:
                 _announce(live.port)
-                live.finished.wait()
+                while not live.finished.wait(AWAKE_S):  # Python handles a signal that arrives just before a wait only after this wait
+                    pass
             finally:
                 ignore_signals()
                 if not live.crash:
@@ -177,10 +179,10 @@ def _announce(port: int) -> None:
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # a proxy of the environment is not asked
     while True:
         try:
-            with opener.open(address, timeout=5):
-                print(f"live: {address}", flush=True)
-                return
+            opener.open(address, timeout=5).close()
+            break
         except OSError as error:
             if time.monotonic() > end:
                 raise BackendError(f"{address} does not answer ({error}); choose another --port") from error
         time.sleep(0.1)
+    print(f"live: {address}", flush=True)

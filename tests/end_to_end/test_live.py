@@ -103,11 +103,14 @@ sys.exit(cli.main(["view", sys.argv[1], "--live", "--port", "0"]))
 
 def test_a_signal_ends_a_page_whose_end_hangs(plate_scene: Path, tmp_path: Path) -> None:
     process = started([sys.executable, "-c", HANGS, str(plate_scene)], tmp_path)
-    assert process.stdout is not None
-    assert process.stdout.readline().startswith("live: ")
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(20) == 0
-    process.communicate()
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("live: ")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 0
+    finally:
+        process.kill()
+        process.communicate()
 
 
 @pytest.mark.slow

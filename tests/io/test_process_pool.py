@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from processes import ROOT, runs, started, wait_until
 
+from radartwin.compiled import cores
 from radartwin.io import process_pool
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
 
@@ -38,6 +39,19 @@ def die() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def cores_beside(others: int, folder: Path) -> int:
+    """Return the cores of a worker while so many other workers of the pool compute."""
+
+    def together(step: str) -> None:
+        (folder / f"{os.getpid()}.{step}").touch()
+        wait_until(lambda: len(list(folder.glob(f"*.{step}"))) == 1 + others)
+
+    together("begun")
+    found = cores()
+    together("counted")
+    return found
+
+
 def mark() -> None:
     os.environ["PREPARED"] = "1"
 
@@ -50,6 +64,15 @@ def test_a_worker_is_prepared_and_knows_that_it_is_a_worker() -> None:
     assert pool.pids == {pool.submit(os.getpid).result()}
     pool.end()
     assert not any(map(runs, pool.pids))
+
+
+def test_workers_that_compute_at_the_same_time_share_the_cores(tmp_path: Path) -> None:
+    pool = ProcessPool(2)
+    both = [pool.submit(cores_beside, 1, tmp_path) for _ in range(2)]
+    assert [call.result() for call in both] == [max(1, cores() // 2)] * 2
+    (tmp_path / "alone").mkdir()
+    assert pool.submit(cores_beside, 0, tmp_path / "alone").result() == cores()
+    pool.end()
 
 
 def test_a_dead_worker_breaks_the_pool() -> None:

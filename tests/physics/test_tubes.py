@@ -146,7 +146,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
     The test compares the difference between the phase of the field far behind the focus and its phase before the focus, under exp(+j omega
     t).
     """
-    variant.activate("llvm")
+    variant.activate()
     import mitsuba as mi
 
     from radartwin.simulation.curved import contact, flight

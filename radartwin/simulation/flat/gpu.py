@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 from numba import cuda
+from numba.core import config
 
 # No GPU was available to measure the best values of these numbers.
 BLOCK = 64  # threads of a block; a thread needs up to 255 registers
 WORKERS = 32_768  # largest number of threads, which limits their memory
 KEPT = 64  # largest number of tuples of arrays that stay on the GPU
+config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # a kernel of few threads is still faster than two processor cores
 _turn = threading.Lock()  # threads of one process use the GPU one after another
 
 

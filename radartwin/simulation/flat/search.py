@@ -362,7 +362,7 @@ def reached(
     columns = [getattr(found, name)[few] for name in ("chain", "order", "image", "polygon", "corners", "strength", "passed")]
     room = 65536
     while True:
-        out, through = np.zeros((room, 2), np.int64), np.zeros(room)
+        out, through = np.empty((room, 2), np.int64), np.empty(room)
         used = _reach(
             faces, tree, opaque, levels, source, np.array(SAMPLES), longest, own_reflections(faces), *columns, wavenumber, twice, out,
             through,
@@ -744,10 +744,10 @@ def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.nd
     """Return the sorted rows (K, 3) that all pieces of a search write. A piece returns -1 if its array is too short."""
 
     def listed(piece: int) -> np.ndarray:
-        room = 1 << 20  # memory that nothing writes to is not taken from the machine
-        while (used := search(piece, pieces, out := np.zeros((room, 3), np.int64))) < 0:
+        room = 1 << 20  # memory that nothing reads or writes costs no time
+        while (used := search(piece, pieces, out := np.empty((room, 3), np.int64))) < 0:
             room *= 4
-        return out[:used]
+        return out[:used].copy()
 
     rows = np.concatenate(each(listed, range(pieces)))
     return rows[np.lexsort(rows.T[::-1])]
