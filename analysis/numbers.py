@@ -1,0 +1,107 @@
+"""Check the numbers of a text against the committed tables.
+
+    python -m analysis.numbers docs/findings.md README.md
+
+A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of these
+tables, rounded like the number, has the same value. A number before a per cent sign may be a hundredth in the table. Code, links and
+headings are left out. The command prints each number that it does not find; its exit status is 1 if such a number stands in a table of the
+text or in an interval, because these come from tables only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from radartwin.io.one_line import one_line
+
+RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
+NUMBER = re.compile(r"(?<![\w./-])([-+]?\d{1,3}(?:,\d{3})+|[-+]?\d+(?:\.\d+)?)(?![\w-]|\.\d)(\s?%)?")
+INTERVAL = re.compile(r"[(\[]\s*[-+]?[\d.]+ ?(?:to|,) ?[-+]?[\d.]+\s*[)\]]")
+LEFT_OUT = re.compile(r"`[^`]*`|\]\([^)]*\)|https?://\S+|\d{4}-\d{2}-\d{2}")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of a text: its line, its text, the rest of the line, and whether it must come from a table."""
+
+    line: int
+    text: str
+    context: str
+    strict: bool
+
+
+def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
+    """Return all numbers of each committed table."""
+    found: dict[str, set[float]] = {}
+    for file in sorted(folder.glob("*.csv")):
+        with open(file, encoding="utf-8", newline="") as stream:
+            cells = [cell for row in csv.reader(stream) for cell in row]
+        found[file.stem] = {float(text.replace(",", "")) for cell in cells for text, _ in _numbers(cell.replace("-", " -"))}
+    return found
+
+
+def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
+    """Return the numbers of a text that no table of their section holds."""
+    found = []
+    for first, section in _sections(text):
+        named = [known[name] for name in re.findall(r"`([a-z_]+)`", "\n".join(section)) if name in known]
+        values = set().union(*named)
+        for at, line in enumerate(section, first):
+            bare = LEFT_OUT.sub(lambda match: " " * len(match.group()), line)
+            intervals = [match.span() for match in INTERVAL.finditer(bare)]
+            for match in NUMBER.finditer(bare):
+                if not _held(match.group(1), bool(match.group(2)), values):
+                    strict = line.startswith("|") or any(low <= match.start() < high for low, high in intervals)
+                    found.append(Number(at, match.group().strip(), line.strip(), strict))
+    return found
+
+
+def _numbers(text: str) -> list[tuple[str, str]]:
+    plain = [(cell, "") for cell in [text.strip()] if re.fullmatch(r"[-+]?[\d.]+e[-+]?\d+", cell)]
+    return plain or NUMBER.findall(text)
+
+
+def _held(text: str, percent: bool, values: set[float]) -> bool:
+    wanted, decimals = float(text.replace(",", "")), len(text.partition(".")[2])
+    half = 0.501 * 10.0**-decimals
+    return any(abs(value * scale - wanted) <= half for value in values for scale in ((1, 100) if percent else (1,)))
+
+
+def _sections(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of the first line and the lines of each section. Headings and code are empty lines."""
+    lines, first, code = [], 1, False
+    for at, line in enumerate(text.splitlines(), 1):
+        if line.startswith("```"):
+            code = not code
+        if line.startswith("#") and not code:
+            yield first, lines
+            lines, first = [], at
+        lines.append("" if code or line.startswith(("#", "```")) else line)
+    yield first, lines
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the numbers of the given texts that their tables do not hold. Returns the exit status."""
+    parser = argparse.ArgumentParser(description="Check the numbers of texts against docs/results.")
+    parser.add_argument("texts", nargs="+", type=Path)
+    known, status = tables(), 0
+    for path in parser.parse_args(arguments).texts:
+        try:
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            print(f"{path}: {one_line(error)}; name a text file", file=sys.stderr)
+            return 2
+        for number in missing(text, known):
+            status = status or int(number.strict)
+            print(f"{path}:{number.line}: {number.text} {'is in no table of its section' if number.strict else 'not checked'}: {number.context}")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
