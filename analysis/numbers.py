@@ -99,7 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 2
         for number in missing(text, known):
             status = status or int(number.strict)
-            print(f"{path}:{number.line}: {number.text} {'is in no table of its section' if number.strict else 'not checked'}: {number.context}")
+            print(
+                f"{path}:{number.line}: {number.text} {'is in no table of its section' if number.strict else 'not checked'}: {number.context}"
+            )
     return status
 
 
