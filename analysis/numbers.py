@@ -2,9 +2,9 @@
 
     python -m analysis.numbers docs/findings.md README.md
 
-A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of these
-tables, rounded like the number, has the same value. A number before a per cent sign may be a hundredth in the table. Code, links and
-headings are left out. The command prints each number that it does not find; its exit status is 1 if such a number stands in a table of the
+A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of
+these tables, rounded like the number, has the same value. A number before a per cent sign may be a hundredth in the table. Code, links and
+headings are left out. The command prints each number that it does not find. Its exit status is 1 if such a number stands in a table of the
 text or in an interval, because these come from tables only.
 """
 
