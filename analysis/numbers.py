@@ -99,9 +99,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 2
         for number in missing(text, known):
             status = status or int(number.strict)
-            print(
-                f"{path}:{number.line}: {number.text} {'is in no table of its section' if number.strict else 'not checked'}: {number.context}"
-            )
+            how = "is in no table of its section" if number.strict else "not checked"
+            print(f"{path}:{number.line}: {number.text} {how}: {number.context}")
     return status
 
 
