@@ -193,23 +193,28 @@ def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTa
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()) -> None:
     """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
 
-    If workers.worker_count returns 1, this function simulates nothing. With a single worker, each recording is simulated when it is first
-    read.
+    A single worker is the calling process. Recordings of one track are simulated one after the other, because they share a set-up.
 
     Args:
         calls: further simulations, which the workers start before the recordings.
     """
     tasks = list(missing.values())
-    count = workers.worker_count(tasks[0].config.jobs, len(tasks) + len(calls)) if tasks else 1
-    if count > 1:
-        schedule, ahead = Schedule(tasks), iter(calls)
+    if not tasks:
+        return
+    count = workers.worker_count(tasks[0].config.jobs, len(tasks) + len(calls))
+    schedule, ahead = Schedule(tasks), iter(calls)
 
-        def next_call(worker: int) -> Call | None:
-            task = None if (call := next(ahead, None)) else schedule.next_task(worker)
-            return (_make, task) if task else call
+    def next_call(worker: int) -> Call | None:
+        task = None if (call := next(ahead, None)) else schedule.next_task(worker)
+        return (_make, task) if task else call
 
-        with progress.task("recordings", len(tasks) + len(calls)) as made:
+    with progress.task("recordings", len(tasks) + len(calls)) as made:
+        if count > 1:
             workers.run(_called, next_call, lambda _: made(), count, fresh)
+        else:
+            while (call := next_call(0)) is not None:
+                _called(*call)
+                made()
 
 
 def _called(function: Callable[..., object], *arguments: Any) -> None:
