@@ -21,8 +21,8 @@ from radartwin.scene.scene import Scene
 
 # Frame counts of the recordings from which the limits were computed (experiments/generators/repeatability.py), because some features depend
 # on the number of frames.
-ASPECTS = 36  # frames per revolution
-PLACES = 17  # frames per drive
+ASPECTS = 24  # frames per revolution
+PLACES = 13  # frames per drive
 
 
 @dataclass(frozen=True, eq=False)
