@@ -107,6 +107,7 @@ def disturbed(
     return completed(output, program, seconds, *more)
 
 
+@pytest.mark.slow
 def test_a_campaign_killed_twice_ends_with_the_same_files(tmp_path: Path) -> None:
     program, seconds = ["-c", MADE_UP], 120
     completed(tmp_path / "whole", program, seconds)
