@@ -18,9 +18,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from analysis.figures.choosing import RESULTS
 from radartwin.io.one_line import one_line
 
-RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
 NUMBER = re.compile(r"(?<![\w./-])([-+]?\d{1,3}(?:,\d{3})+|[-+]?\d+(?:\.\d+)?)(?![\w-]|\.\d)(\s?%)?")
 INTERVAL = re.compile(r"[(\[]\s*[-+]?[\d.]+ ?(?:to|,) ?[-+]?[\d.]+\s*[)\]]")
 LEFT_OUT = re.compile(r"`[^`]*`|\]\([^)]*\)|https?://\S+|\d{4}-\d{2}-\d{2}")
@@ -42,7 +42,7 @@ def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
     for file in sorted(folder.glob("*.csv")):
         with open(file, encoding="utf-8", newline="") as stream:
             cells = [cell for row in csv.reader(stream) for cell in row]
-        found[file.stem] = {float(text.replace(",", "")) for cell in cells for text, _ in _numbers(cell.replace("-", " -"))}
+        found[file.stem] = {value for cell in cells for value in _values(cell)}
     return found
 
 
@@ -62,9 +62,12 @@ def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
     return found
 
 
-def _numbers(text: str) -> list[tuple[str, str]]:
-    plain = [(cell, "") for cell in [text.strip()] if re.fullmatch(r"[-+]?[\d.]+e[-+]?\d+", cell)]
-    return plain or NUMBER.findall(text)
+def _values(cell: str) -> list[float]:
+    """Return the numbers of a cell, which may be one number, a range such as 0.3-2.5, or words."""
+    try:
+        return [float(cell)]
+    except ValueError:
+        return [float(text.replace(",", "")) for text, _ in NUMBER.findall(re.sub(r"(?<=\d)-(?=\d)", " ", cell))]
 
 
 def _held(text: str, percent: bool, values: set[float]) -> bool:
@@ -94,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for path in parser.parse_args(arguments).texts:
         try:
             text = path.read_text(encoding="utf-8")
-        except OSError as error:
+        except (OSError, UnicodeDecodeError) as error:
             print(f"{path}: {one_line(error)}; name a text file", file=sys.stderr)
             return 2
         for number in missing(text, known):

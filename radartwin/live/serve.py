@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import BackendError, SceneError
-from radartwin.io.serving import HOST, free_port, ignore_signals
+from radartwin.io.serving import HOST, STEP_S, free_port, ignore_signals
 from radartwin.live.page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.session import Session
@@ -30,7 +30,6 @@ from radartwin.scene.scene import Scene
 USUAL_PORT = 8080
 ANSWERS_WITHIN_S = 30
 ENDS_WITHIN_S = 5.0
-AWAKE_S = 0.5
 
 
 def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
@@ -52,7 +51,7 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
             sessions.append(live.session)
             try:
                 _announce(live.port)
-                while not live.finished.wait(AWAKE_S):  # Python handles a signal that arrives just before a wait only after this wait
+                while not live.finished.wait(STEP_S):
                     pass
             finally:
                 ignore_signals()

@@ -14,13 +14,13 @@ from pathlib import Path
 
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError
-from radartwin.io.serving import HOST, free_port, ignore_signals
+from radartwin.io.serving import HOST, STEP_S, free_port, ignore_signals
 from radartwin.runs.tracking import Tracker
 
 USUAL_PORT = 5000
 PAGE = "/#/experiments"  # URL path of the page on which MLflow lists the experiments
 THREADS = 40  # largest number of requests that the server answers at once (the default of AnyIO, which runs its threads)
-STARTS_WITHIN_S, ENDS_WITHIN_S, AWAKE_S = 120, 5, 0.5
+STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
@@ -50,8 +50,8 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         server = subprocess.Popen(command, env=environment, start_new_session=True)
         try:
             threading.Thread(target=_announce, args=(server, port), daemon=True).start()
-            while (status := server.poll()) is None:  # not wait(): Python would handle a signal that arrives just before it only at its end
-                time.sleep(AWAKE_S)
+            while (status := server.poll()) is None:
+                time.sleep(STEP_S)
             return status
         finally:
             ignore_signals()

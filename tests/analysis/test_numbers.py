@@ -4,10 +4,13 @@ import pytest
 
 from analysis import numbers
 
-TABLE = "metric,paper,value,low,high,n\ncorrelation,-0.24 / +0.42,0.7412,0.7385,0.7449,3\nshare,75 %,0.381,,,12\ntiny,,1.5e-07,,,1200\n"
+TABLE = (
+    "metric,paper,value,low,high,n\ncorrelation,-0.24 / +0.42,0.7412,0.7385,0.7449,3\n"
+    "ratio,0.72-2.5,0.9,,,12\nshare,75 %,0.381,,,12\ntiny,,1.5e-07,,,1200\n"
+)
 FOUND = [
     "| gain of `rooms` | 0.74 (0.74 to 0.74) | 3 |",
-    "`rooms`: 0.741 [0.739, 0.745], 38 % of 1,200, in the paper +0.42 and -0.24",
+    "`rooms`: 0.741 [0.739, 0.745], 38 % of 1,200, in the paper +0.42 and -0.24, and 0.72 to 2.5",
     "## Heading 99\n\nThe table `rooms` has n = 3.\n\n```\n77 is code\n```\n[a link](to/99.md) and `99` of 2026-11-26",
 ]
 ABSENT = {

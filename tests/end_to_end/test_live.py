@@ -107,7 +107,7 @@ def test_a_signal_ends_a_page_whose_end_hangs(plate_scene: Path, tmp_path: Path)
         assert process.stdout is not None
         assert process.stdout.readline().startswith("live: ")
         process.send_signal(signal.SIGTERM)
-        assert process.wait(60) == 0
+        assert process.wait(20) == 0
     finally:
         process.kill()
         process.communicate()
