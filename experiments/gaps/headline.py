@@ -11,6 +11,7 @@ than that of the value and the verdict of a row, which saves two fifths of its r
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -179,9 +180,14 @@ HEADLINES = (
 )  # fmt: skip
 
 
+@functools.cache
+def _defaults(table: str) -> Config:
+    """Return the default configuration of a table. Reading the option files takes a tenth of a second or more each time."""
+    return compose([f"experiment={table}"])
+
+
 def at_strength(config: Config, table: str, strength: float) -> Config:
     """Return the configuration of another table, with the profile, simulator and measured recordings of `config`, and all gaps scaled."""
-    own = compose([f"experiment={table}"])
     measured = config.measured
     if measured.provider == "testbed":
         sizes = {name: strength * size for name, size in asdict(measured.gap).items()}
@@ -190,7 +196,7 @@ def at_strength(config: Config, table: str, strength: float) -> Config:
         except ConfigError as error:
             raise ConfigError(f"profile.strengths={strength:g} multiplies measured.gap: {error}; choose smaller strengths") from error
     shared = {name: getattr(config, name) for name in ("profile", "simulator", "radar", "seed", "output", "jobs")}
-    return replace(own, measured=measured, **shared, tracking=replace(config.tracking, backend="off", uri=None))
+    return replace(_defaults(table), measured=measured, **shared, tracking=replace(config.tracking, backend="off", uri=None))
 
 
 def strengths(config: Config) -> list[float]:
