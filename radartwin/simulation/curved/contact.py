@@ -4,7 +4,7 @@
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -70,13 +70,10 @@ def across_incidence(direction: Any, normal: Any) -> Any:
     return dr.select(size > 1e-10, across * dr.rsqrt(dr.maximum(size, 1e-12)), mi.coordinate_system(normal)[0])
 
 
-class Encounter(NamedTuple):
-    """Describe how the field of each tube meets a facet, as in `jones.Encounters`."""
-
-    code: Any  # twice the number of the surface, plus 1 if the tube goes straight through
-    cosine: Any  # cosine of the angle of incidence
-    turn_cos: Any  # cosine of the angle by which the components of the field turn to the plane of incidence
-    turn_sin: Any  # sine of this angle
+# How the field of each tube meets a facet, as in `jones.Encounters`: (twice the number of the surface, plus 1 if the tube goes straight
+# through; cosine of the angle of incidence; cosine and sine of the angle by which the components of the field turn to the plane of
+# incidence). A plain tuple, because Dr.Jit takes a named tuple for a constant and would compute its arrays again at each read.
+Encounter = tuple[Any, Any, Any, Any]
 
 
 def encounter(device: Device, contact: Contact, direction: Any, across: Any, through: bool, active: Any) -> tuple[Any, Encounter]:
@@ -88,7 +85,7 @@ def encounter(device: Device, contact: Contact, direction: Any, across: Any, thr
     """
     s = across_incidence(direction, contact.normal)
     code = dr.gather(mi.UInt32, device.surface, contact.face, active) * 2 + int(through)
-    return s, Encounter(code, dr.abs(contact.cosine), dr.dot(across, s), dr.dot(dr.cross(direction, across), s))
+    return s, (code, dr.abs(contact.cosine), dr.dot(across, s), dr.dot(dr.cross(direction, across), s))
 
 
 def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:

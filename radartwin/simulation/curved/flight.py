@@ -121,7 +121,14 @@ class Tubes:
 
     @staticmethod
     def joined(parts: "list[Tubes]") -> "Tubes":
-        """Join tubes that have met equally many facets."""
+        """Join tubes that have met equally many facets.
+
+        The places of a part are read from memory. Dr.Jit would compile a kernel of `dr.concat` anew for each number of tubes.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        counts = [dr.width(part.index) for part in parts]
+        places = [dr.arange(mi.UInt32, count) + dr.opaque(mi.UInt32, sum(counts[:i])) for i, count in enumerate(counts)]
 
         def join(values: list[Any]) -> Any:
             if values[0] is None:
@@ -129,10 +136,13 @@ class Tubes:
             if isinstance(values[0], list | tuple):
                 return [join(list(some)) for some in zip(*values, strict=True)]
             if isinstance(values[0], mi.Vector3f):
-                return mi.Vector3f(*(dr.concat(list(some)) for some in zip(*values, strict=True)))
-            return dr.concat(values)
+                return mi.Vector3f(*(join(list(some)) for some in zip(*values, strict=True)))
+            whole = dr.empty(type(values[0]), sum(counts))
+            for value, place in zip(values, places, strict=True):
+                dr.scatter(whole, value, place)
+            return whole
 
-        return parts[0] if len(parts) == 1 else Tubes(*(join([getattr(part, f.name) for part in parts]) for f in fields(Tubes)))
+        return Tubes(*(join([getattr(part, field.name) for part in parts]) for field in fields(Tubes)))
 
     def values(self) -> Iterator[Any]:
         """Return all arrays of the state."""

@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.simulation import variant
 from radartwin.simulation.curved import contact as contacts
 from radartwin.simulation.curved import division, flight, scatter
 from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
@@ -55,14 +56,11 @@ class Setting:
         return Reception(outgoing, length, across, self.grid.plane), seen
 
     def lanes(self, tubes: Tubes, contact: Contact, reception: Reception, walls: list, active: Any) -> list[Any]:
-        """Compute the echo of the tubes. Returns the arrays that `Tracer._hits` reads.
-
-        Dr.Jit treats plain tuples as groups of arrays. In a recorded program, it would take a named tuple for a constant.
-        """
+        """Compute the echo of the tubes. Returns the arrays that `Tracer._hits` reads."""
         echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
         return [
             tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first, tubes.sequence,
-            echo, [tuple(met) for met in tubes.encounters], walls,
+            echo, tubes.encounters, walls,
             contact.facet_point + contact.flat_normal * self.device.lift, reception.across,
         ]  # fmt: skip
 
@@ -117,6 +115,7 @@ class Tracer:
 
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
+        variant.share_threads()
         blocks = division.blocks(self.device, self.grid, self.geometry.corners, self.options, self.walls)
         return [part for selection in blocks for part in self._block(selection)]
 
