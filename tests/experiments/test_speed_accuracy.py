@@ -11,7 +11,7 @@ import miepython
 import numpy as np
 import pytest
 
-from analysis.figures import choosing
+from analysis.pages import choosing
 from experiments.speed import chart, chart_page, measuring, methods, problems, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
 from experiments.stability.sweeps import SWEEPS

@@ -3,18 +3,18 @@
 These commands renew the tables and the page:
 
 radartwin tables --profile paper --only speed_accuracy --only stability --only complexity
-cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && python -m analysis.figures.choosing
+cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && python -m analysis.pages
 """
 
 from __future__ import annotations
 
 import csv
 import re
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from analysis.pages.filled import RESULTS, ROOT, wrapped
 from experiments.complexity import rows as complexity_rows
 from experiments.speed import chart
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS
@@ -22,8 +22,7 @@ from experiments.stability import stability as stability_table
 from radartwin.io import files
 from radartwin.plotting import style
 
-ROOT = Path(__file__).resolve().parents[2]
-RESULTS, PAGE, FIGURES = ROOT / "docs" / "results", ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
+PAGE, FIGURES = ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
 TEMPLATE = Path(__file__).with_name("choosing_template.md")
 NAMES = ("speed_accuracy", "stability", "complexity")
 GOALS = (("profile_error_db", 3.0, " dB"), ("profile_error_db", 1.0, " dB"), ("signal_error", 0.1, ""), ("signal_error", 0.03, ""))
@@ -62,13 +61,13 @@ def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Ro
     measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
     machines = " and of ".join(dict.fromkeys(row["machine"].replace("; ", ", ") for row in measured))
     origin = (
-        "`python -m analysis.figures.choosing` writes this page from the committed tables `speed_accuracy.csv`, `stability.csv` and "
+        "`python -m analysis.pages` writes this page from the committed tables `speed_accuracy.csv`, `stability.csv` and "
         f"`complexity.csv` in `docs/results/`. Run times are processor seconds of {machines}. "
         "Compare only ratios of run times, because the load of the machine changes seconds."
     )
     settings = dict.fromkeys(row["setting"] for row in measured if row["family"] == OURS)
     parts = {
-        "origin": textwrap.fill(origin, 150, break_long_words=False, break_on_hyphens=False),
+        "origin": wrapped(origin),
         "goals": _goals(measured),
         "options": _lines((setting, f"`{options(setting)}`") for setting in settings),
         "needed": _needed(complexity),
@@ -161,7 +160,8 @@ def _sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[Row]]]:
     ]
 
 
-def main() -> None:
+def write() -> None:
+    """Write the page and its pictures."""
     speed, stability, complexity = (read(name) for name in NAMES)
     files.write_atomically(PAGE, text(speed, stability, complexity))
     drawn = {
@@ -173,8 +173,3 @@ def main() -> None:
         for path in style.save(draw, FIGURES / name):
             if path.suffix != ".png":
                 path.unlink()
-    print(PAGE)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""Draw the meshes of the twelve test objects in a grid. Command: `python -m analysis.figures.objects [FILE]`."""
+"""Draw the meshes of the twelve test objects in a grid. Command: `python -m analysis.pages.objects [FILE]`."""
 
 from __future__ import annotations
 

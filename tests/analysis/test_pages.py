@@ -1,0 +1,60 @@
+"""Pages are filled from tables: places select rows, and the shipped pages hold what the committed tables give."""
+
+import re
+
+import pytest
+
+from analysis import numbers
+from analysis.pages import findings
+from analysis.pages.filled import ROOT, filled
+
+TABLE = """case,paper,value,low,high,draws,verdict
+void,-0.24,0.4312,0.402,0.4549,3,fails
+room,+0.42,0.78,0.78,0.78,10,holds
+tiny,,0.0004,,,1,
+"""
+WORDS = 2500  # most words of docs/findings.md
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "rooms.csv").write_text(TABLE)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("place", "expected"), {
+    "{{rooms: case=void}}": "0.43 (0.40 to 0.45)",
+    "{{rooms: case=room}}": "0.78",  # an interval without a width is left out
+    "{{rooms: paper=}}": "0.0004",
+    "{{rooms.paper: case=void}}": "-0.24",
+    "{{rooms.low: value=0.43120}}": "0.40",
+    "{{count rooms:}}": "3",
+    "{{count rooms: verdict!=fails; absent=}}": "2",
+    "{{rows rooms: case, value, draws | verdict!=}}": "| void | 0.43 (0.40 to 0.45) | 3 |\n| room | 0.78 | 10 |",
+}.items())  # fmt: skip
+def test_places_are_filled(place, expected, folder):
+    assert filled(place, folder) == expected
+
+
+@pytest.mark.parametrize(("place", "told"), {
+    "{{rooms: draws=4}}": "0 rows of .*rooms.csv fit, not one",
+    "{{rooms: draws!=4}}": "3 rows",
+    "{{rooms: of=void}}": "no column 'of'",
+    "{{rooms.p: case=void}}": "no column 'p'",
+    "{{halls: case=void}}": "halls.csv does not exist; run radartwin tables --profile paper --only halls",
+}.items())  # fmt: skip
+def test_a_place_that_fits_no_row_is_refused(place, told, folder):
+    with pytest.raises(ValueError, match=told):
+        filled(place, folder)
+
+
+def test_findings_follow_from_the_committed_tables():
+    page = findings.PAGE.read_text(encoding="utf-8")
+    assert page == findings.text()
+    assert len(re.findall(r"[^\s|]*\w[^\s|]*", page)) <= WORDS
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])
+def test_numbers_in_tables_of_the_pages_are_in_the_committed_tables(page):
+    found = numbers.missing((ROOT / page).read_text(encoding="utf-8"), numbers.tables())
+    assert not [number for number in found if number.strict]
