@@ -1,1 +1,1 @@
-"""Pages of docs/ that are written from the committed tables, and a drawing of the test objects."""
+"""Pages that are written from the committed tables, and a drawing of the test objects."""

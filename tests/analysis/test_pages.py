@@ -5,7 +5,7 @@ import re
 import pytest
 
 from analysis import numbers
-from analysis.pages import findings
+from analysis.pages import findings, readme
 from analysis.pages.filled import ROOT, filled
 
 TABLE = """case,paper,value,low,high,draws,verdict
@@ -52,6 +52,10 @@ def test_findings_follow_from_the_committed_tables():
     page = findings.PAGE.read_text(encoding="utf-8")
     assert page == findings.text()
     assert len(re.findall(r"[^\s|]*\w[^\s|]*", page)) <= WORDS
+
+
+def test_claims_in_the_readme_follow_from_the_committed_tables():
+    assert readme.PAGE.read_text(encoding="utf-8") == readme.text()
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])
