@@ -4,16 +4,16 @@ A point of the cloud represents a surface patch of area A at the distance r from
 direction to the radar is theta. Between isotropic antennas, the ratio of received to transmitted power is
 
     |a|^2 = A cos theta / (4 pi r^2) * D(theta) p(theta) * lambda^2 / (4 pi r^2)
-    D = (1 - rho_s^2) (|E_s|^2 |Gamma_TE|^2 + |E_p|^2 |Gamma_TM|^2)
+    D = (1 - rho_s(theta)^2) |Gamma(0)|^2
 
-In these formulas, rho_s is Ament's roughness factor, and Gamma_TE and Gamma_TM are the reflection coefficients of the smooth surface. E_s
-and E_p are the components of the incident unit field perpendicular and parallel to the plane of incidence. The function p is the lobe of
-Kirchhoff scattering in the direction back to the radar (`materials.kirchhoff`); its integral over the half-space is 1. The ray tubes and
-mirror images of the simulator reflect the power fraction rho_s^2 |Gamma|^2, so that mirror reflection and diffuse scattering together have
-the power fraction |Gamma|^2.
+In these formulas, rho_s is Ament's roughness factor, and Gamma(0) is the reflection coefficient of the smooth surface at normal incidence.
+The function p is the lobe of Kirchhoff scattering in the direction back to the radar (`materials.kirchhoff`); its integral over the
+half-space is 1. The ray tubes and mirror images of the simulator reflect the power fraction rho_s^2 |Gamma(theta)|^2. On a metal, mirror
+reflection and diffuse scattering together therefore have all of the power.
 
-Polarisation: a surface scatters a wave back from facets that face the radar, and preserves the polarisation. If both antennas have the same
-polarisation, the receiver therefore gets all of the scattered power.
+Polarisation: a surface scatters a wave back from facets that face the radar, where the wave has normal incidence in both polarisations
+(Kirchhoff's approximation with stationary phase; F. Ulaby, R. Moore, A. Fung, Microwave Remote Sensing II, section 12-4). These facets
+preserve the polarisation. If both antennas have the same polarisation, the receiver therefore gets all of the scattered power.
 
 Speckle: a point represents a part of the surface with many independent facets. The simulator draws the field factor of each point once,
 from a complex circular Gaussian distribution of unit mean power. The points of a surface lie in the frame of the surface and move with it.
@@ -103,8 +103,7 @@ class Strengths:
     The tables hold ANGLES angles of incidence, equally spaced from 0 to 90 degrees.
     """
 
-    te: np.ndarray  # (S, ANGLES) scattered power fraction per steradian for a TE field, averaged over the radar's frequency sweep
-    tm: np.ndarray  # (S, ANGLES) the same for a TM field
+    back: np.ndarray  # (S, ANGLES) scattered power fraction per steradian, averaged over the radar's frequency sweep
     width: np.ndarray  # (S,) sine of the angle of incidence at which the lobe falls to about 1/e
     frequency_hz: float  # middle of the frequency sweep in Hz
     table: ReflectionTable  # table of the same surfaces, with their transmission
@@ -112,7 +111,7 @@ class Strengths:
     @functools.cached_property
     def digest(self) -> str:
         """Return the digest of all tables, as part of the key of cached paths."""
-        return spec_digest([array_digest(values) for values in (self.te, self.tm, self.table.through_te, self.table.through_tm)])
+        return spec_digest([array_digest(values) for values in (self.back, self.table.through_te, self.table.through_tm)])
 
 
 def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = None, seed: int = 0) -> Cloud:
@@ -202,7 +201,7 @@ def _strengths(entries: tuple[tuple[str | Layered, float, float], ...], start_hz
     frequency = start_hz + bandwidth_hz * np.linspace(0, 1, 5)
     wavenumber = float(2 * np.pi * frequency.mean() / SPEED_OF_LIGHT)
     cosine = np.maximum(np.cos(np.linspace(0, np.pi / 2, ANGLES)), 1e-6)
-    out = np.zeros((2, len(entries), ANGLES))
+    out = np.zeros((len(entries), ANGLES))
     width = np.ones(len(entries))
     known: dict[object, np.ndarray] = {}
     for index, entry in enumerate(entries):
@@ -210,18 +209,16 @@ def _strengths(entries: tuple[tuple[str | Layered, float, float], ...], start_hz
         if height > 0:
             if entry not in known:
                 known[entry] = scattered_share(material, height, cosine, frequency) * backscatter_lobe(height, length, wavenumber)
-            out[:, index], width[index] = known[entry], lobe_width(height, length, wavenumber)
+            out[index], width[index] = known[entry], lobe_width(height, length, wavenumber)
     table = reflection_table.build([entry[:2] for entry in entries], float(frequency[0]), float(frequency[-1]))
-    return Strengths(out[0], out[1], width, float(frequency.mean()), table)
+    return Strengths(out, width, float(frequency.mean()), table)
 
 
 def scattered_share(material: str | Layered, roughness_m: float, cosine: np.ndarray, frequency_hz: np.ndarray) -> np.ndarray:
-    """Return the scattered fraction D (2, C) of the incident power for TE and TM fields at C cosines, averaged over frequencies.
-
-    D is the power reflection coefficient of the smooth surface minus that of the rough surface.
-    """
+    """Return the fraction D (C,) of the incident power that is scattered back at C cosines, averaged over frequencies."""
     coherent = ament(roughness_m, cosine[:, None], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT)
-    return np.stack([((1 - coherent**2) * np.abs(c) ** 2).mean(axis=1) for c in reflection(material, cosine[:, None], frequency_hz)])
+    facing = reflection(material, np.ones((1, 1)), frequency_hz)[0]
+    return ((1 - coherent**2) * np.abs(facing) ** 2).mean(axis=1)
 
 
 def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_poses: np.ndarray) -> list[Paths]:
@@ -325,7 +322,7 @@ def _block(
     """
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, towards, power, above = _returns(
-        CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.te, strength.tm, strength.width,
+        CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.back, strength.width,
         np.ascontiguousarray(poses, float), wavelength, not radar.sees_behind,
     )  # fmt: skip
     share = DIFFUSE_POWER / max(len(scatterers), 1)
@@ -382,7 +379,7 @@ def scattered_power(area, strength, cosine, distance, wavelength_m):
 
 
 @compiled
-def _returns(cloud, te, tm, width, poses, wavelength_m, forward):
+def _returns(cloud, back, width, poses, wavelength_m, forward):
     """List the N pairs of a sensor pose and a point that have positive echo power. The function does not test whether the line is blocked.
 
     Returns:
@@ -394,7 +391,7 @@ def _returns(cloud, te, tm, width, poses, wavelength_m, forward):
     pose, point = np.empty(most, np.int64), np.empty(most, np.int64)
     distance, power, above = np.empty(most), np.empty(most), np.empty(most)
     towards = np.empty((most, 3))
-    last = te.shape[1] - 1
+    last = back.shape[1] - 1
     n = 0
     for f in range(len(poses)):
         rotation = poses[f]
@@ -411,12 +408,6 @@ def _returns(cloud, te, tm, width, poses, wavelength_m, forward):
             cosine = min(abs(facing), 1.0)
             if cosine < COS_GRAZING:
                 continue
-            # `share` is the power fraction of the incident field perpendicular to the plane of incidence. The field lies along the sensor's
-            # z axis, projected perpendicular to the ray.
-            ux, uy, uz = rotation[0, 2], rotation[1, 2], rotation[2, 2]
-            across = ux * (y * nz - z * ny) + uy * (z * nx - x * nz) + uz * (x * ny - y * nx)
-            size = (1 - cosine * cosine) * (1 - (ux * x + uy * y + uz * z) ** 2)
-            share = min(across * across / size, 1.0) if size > 1e-12 else 0.5
             # The angle under which the sensor sees the radius of a disc of the patch's area widens the lobe.
             s = surface[p]
             narrow = width[s] ** 2
@@ -424,8 +415,7 @@ def _returns(cloud, te, tm, width, poses, wavelength_m, forward):
             place = np.arcsin(np.sqrt((1 - cosine * cosine) * narrow)) * (2 / np.pi * last)
             entry = min(int(place), last - 1)
             part = place - entry
-            low = tm[s, entry] + share * (te[s, entry] - tm[s, entry])
-            high = tm[s, entry + 1] + share * (te[s, entry + 1] - tm[s, entry + 1])
+            low, high = back[s, entry], back[s, entry + 1]
             value = scattered_power(area[p], narrow * (low + part * (high - low)), cosine, away, wavelength_m)
             if value <= 0:
                 continue

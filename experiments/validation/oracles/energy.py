@@ -146,10 +146,7 @@ def _diffuse(full: bool) -> Finding:
 
 
 def rough_wall_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float, wavelength_m: float) -> float:
-    """Return the ratio of diffuse received power to transmitted power of a concrete rectangle at x = 0, by Gauss-Legendre quadrature.
-
-    The transmit and receive antennas are polarised along z.
-    """
+    """Return the ratio of diffuse received power to transmitted power of a concrete rectangle at x = 0, by Gauss-Legendre quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(200)
     (y0, z0), (y1, z1) = corners[0, 1:], corners[2, 1:]
     y, z = np.meshgrid((y0 + y1) / 2 + (y1 - y0) / 2 * nodes, (z0 + z1) / 2 + (z1 - z0) / 2 * nodes, indexing="ij")
@@ -158,17 +155,12 @@ def rough_wall_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float
     distance = np.linalg.norm(ray, axis=-1)
     ray /= distance[..., None]
     cosine = np.abs(ray[..., 0])
-    field = np.array([0.0, 0.0, 1.0]) - ray[..., 2:] * ray
-    field /= np.linalg.norm(field, axis=-1, keepdims=True)
-    side = np.cross(ray, [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side, axis=-1, keepdims=True)
-    across = (field * side).sum(axis=-1) ** 2
-    te, tm = stack.fresnel(stack.permittivity("concrete", SPEED_OF_LIGHT / wavelength_m), cosine)
-    fresnel = across * np.abs(te) ** 2 + (1 - across) * np.abs(tm) ** 2
+    te, _ = stack.fresnel(stack.permittivity("concrete", SPEED_OF_LIGHT / wavelength_m), np.ones(1))
+    facing = float(np.abs(te[0]) ** 2)  # facets that scatter back face the radar
     angles = np.linspace(0, 1.2, 200)
     table = [kirchhoff_cross_section(roughness_m, CORRELATION_M, wavelength_m, angle) for angle in angles]
     scattered = np.interp(np.arccos(cosine), angles, table)
-    return float((area * fresnel * scattered * wavelength_m**2 / ((4 * np.pi) ** 3 * distance**4)).sum())
+    return float((area * facing * scattered * wavelength_m**2 / ((4 * np.pi) ** 3 * distance**4)).sum())
 
 
 def kirchhoff_cross_section(roughness_m: float, correlation_m: float, wavelength_m: float, angle: float) -> float:
