@@ -75,16 +75,21 @@ class Claim:
         return "untestable", TOO_WIDE
 
     def p_of(self, found: Estimate) -> float:
-        """Return the p value of the claim: that of the claim's own test, or else the share of bootstrap samples outside the bounds.
+        """Return the p value of the claim: that of the claim's own test, or else the one that follows from the interval and the bounds.
 
-        NaN if the claim states no effect and has no test.
+        With two bounds, the p value is the larger one. NaN if the claim states no effect and has no test, or if the interval does not come
+        from a bootstrap.
         """
         if self.p_below is not None:
             return found.p
         if found.drawn is None or not self.bounds_an_effect:
             return math.nan
-        outside = (found.drawn <= self.above) | (found.drawn >= self.below)
-        return float((outside.sum() + 1) / (len(outside) + 1))
+        p = []
+        for bound, beyond in ((self.above, found.value > self.above), (self.below, found.value < self.below)):
+            if math.isfinite(bound):
+                one = found.p_beyond(bound)
+                p.append(one if beyond else 1 - one)
+        return max(p)
 
 
 NONE = Claim()
@@ -165,8 +170,7 @@ class RowList(list[Row]):
         Args:
             limits: smallest and largest value that the quantity can have.
         """
-        found = statistics.mean(samples, self.config.profile.resamples, self.config.seed)
-        return self.add(case, metric, replace(found, limits=limits), keys, claim)
+        return self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits), keys, claim)
 
 
 def corrected(rows: Sequence[Row]) -> list[Row]:

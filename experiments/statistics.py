@@ -26,6 +26,7 @@ class Estimate:
 
     Attributes:
         p: p value against the hypothesis of no effect, and NaN if no test was made.
+        freedom: degrees of freedom of the interval, from which `p_beyond` follows; None stands for n - 1.
         drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
         limits: smallest and largest value that the quantity can have, such as -1 and 1 of a correlation.
     """
@@ -37,10 +38,25 @@ class Estimate:
     p: float = float("nan")
     drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
     limits: tuple[float, float] = ANY
+    freedom: float | None = None
+
+    def p_beyond(self, bound: float) -> float:
+        """Return the one-sided p value against the hypothesis that the true value is on the other side of `bound` than the estimate.
+
+        The p value is that of Student's t distribution whose interval is this interval, so that p is 0.025 if the bound is at its end. The
+        bootstrap samples of few items or draws have no tails that could give a smaller p value. NaN if the interval has no width.
+        """
+        from scipy.stats import t
+
+        freedom = max(self.n - 1, 1) if self.freedom is None else self.freedom
+        half = self.value - self.low if bound <= self.value else self.high - self.value
+        if half <= 0:
+            return math.nan
+        return float(t.sf(abs(self.value - bound) / half * t.ppf(0.975, freedom), freedom))
 
 
-def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
-    """Return the mean of the samples with its confidence interval from a bootstrap over the samples.
+def mean(samples: ArrayLike, resamples: int, seed: int, limits: tuple[float, float] = ANY) -> Estimate:
+    """Return the mean of the samples with its confidence interval from a bootstrap over the samples, widened for few samples.
 
     For a single sample, and for samples that are all equal, both bounds equal the mean.
 
@@ -52,11 +68,26 @@ def mean(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
     samples = np.asarray(samples, float)
     value = float(samples.mean())
     if len(samples) < 2:
-        return exact(value, len(samples))
+        return replace(exact(value, len(samples)), limits=limits)
     if np.ptp(samples) == 0:
-        return resampled(value, np.full(resamples, value), len(samples))
+        return resampled(value, np.full(resamples, value), len(samples), limits)
     found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
-    return resampled(value, found.bootstrap_distribution, len(samples))
+    wide = value + widening(len(samples)) * (found.bootstrap_distribution - value)
+    return resampled(value, np.clip(wide, *limits), len(samples), limits)
+
+
+def widening(n: int) -> float:
+    """Return the factor by which deviations of a bootstrap over n items must grow, so that few items do not give too narrow an interval.
+
+    The factor is sqrt(n/(n-1)) times the ratio of Student's t to the normal quantile. Without it, the 95 % interval of the mean of normal
+    items contains the true mean in 51, 74, 81, 87 and 91 % of cases for n = 2, 3, 4, 6 and 12.
+
+    >>> round(widening(3), 2), round(widening(1000), 2)
+    (2.69, 1.0)
+    """
+    from scipy.stats import norm, t
+
+    return float(np.sqrt(n / (n - 1)) * t.ppf(0.975, n - 1) / norm.ppf(0.975))
 
 
 def clustered(values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None) -> Estimate:
@@ -186,13 +217,11 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     The interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample draws
     estimates with replacement, and takes the same bootstrap sample of items of each. Estimates without bootstrap samples get normal samples
     with the widths of their intervals, the same for all draws, because their items may be the same. The deviations of the estimates from
-    their mean are multiplied by sqrt(k/(k-1)) for k draws, and by the ratio of Student's t to the normal quantile, so that few draws do not
-    give too narrow an interval. The p value is twice the median of the p values, which is valid for any dependence between the draws
-    (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). n is the number of items of a draw, or the number of draws if every
-    draw has a single item. Draws without items are left out. The bootstrap samples are clipped to the limits of the quantity.
+    their mean are multiplied by `widening` for the number of draws. The degrees of freedom follow Welch and Satterthwaite. The p value is
+    twice the median of the p values, which is valid for any dependence between the draws (L. Rueschendorf, Advances in Applied Probability
+    14 (1982) 623). n is the number of items of a draw, or the number of draws if every draw has a single item. Draws without items are left
+    out. The bootstrap samples are clipped to the limits of the quantity.
     """
-    from scipy.stats import t
-
     found = [one for one in found if one.n] or found[:1]
     draws, first = len(found), found[0]
     figures = np.array([(one.value, one.low, one.high, one.p) for one in found])
@@ -205,12 +234,15 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     samples = np.stack([_samples(one, normal) for one in found]) - values[:, None]
     chosen = rng.integers(draws, size=(draws, resamples))
     inner = samples[chosen, np.arange(resamples)].mean(axis=0)
-    widened = np.sqrt(draws / (draws - 1)) * t.ppf(0.975, draws - 1) / 1.96
-    between = widened * (values[chosen].mean(axis=0) - value)
+    between = widening(draws) * (values[chosen].mean(axis=0) - value)
     items = min(one.n for one in found)
+    within, across = float(np.var(inner)), float(np.var(values, ddof=1)) / draws
+    spread = within**2 / max(items - 1, 1) + across**2 / (draws - 1)
+    freedom = (within + across) ** 2 / spread if spread > 0 else draws - 1
     samples = np.clip(value + inner + between, *first.limits)
     joined = resampled(value, samples, draws if all(one.n == 1 for one in found) else items)
-    return replace(joined, p=float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p))), limits=first.limits)
+    doubled = float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p)))
+    return replace(joined, p=doubled, limits=first.limits, freedom=freedom)
 
 
 def _samples(found: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import NONE, Claim, RowList
+from experiments.claims import NONE, Claim, Row, RowList, corrected
 from experiments.drawing import error_bars, legend_above
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses, sides_of
@@ -158,7 +158,7 @@ def check(config: Config) -> None:
         )
 
 
-def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> RowList:
+def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[Row]:
     """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
 
     The three rows of a gap are its loss alone, its loss if left out, and its share. The table has these rows once for all objects and once
@@ -170,7 +170,7 @@ def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], 
             if chosen.any() and not (objects == FILLED and score == RECOGNITION):
                 value = {on: loss[chosen] for on, loss in found[score].items()}
                 _add_rows(rows, plan, score, objects, value, keys)
-    return rows
+    return corrected(rows)
 
 
 def _add_rows(
@@ -204,7 +204,9 @@ def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statisti
     sums = total[drawn].mean(axis=1)
     if total.mean() <= 0 or (sums <= 0).any():
         return statistics.exact(float("nan"), len(total))
-    return statistics.resampled(float(room.mean() / total.mean()), room[drawn].mean(axis=1) / sums, len(total))
+    value = float(room.mean() / total.mean())
+    wide = statistics.widening(len(total)) if len(total) > 1 else 1.0
+    return statistics.resampled(value, value + wide * (room[drawn].mean(axis=1) / sums - value), len(total))
 
 
 def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:

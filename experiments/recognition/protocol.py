@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
@@ -109,7 +110,9 @@ class RecognitionRows(RowList):
         if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
             found = interval(found.value, found.n)
         if not balanced:
-            found = replace(found, p=binomial_p(round(found.value * found.n), found.n, chance))
+            found = replace(found, p=binomial_p(math.floor(found.value * found.n + 1e-9), found.n, chance))
+        elif any(np.unique(recordings.cell[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
+            claim = replace(claim, untestable="a class has a single object")
         if not claim.bounded:
             claim = replace(claim, above=chance, p_below=None if balanced else LEVEL)
         columns = statistics_columns(len(recordings), chance, np.nanmean(np.atleast_2d(hits), axis=1))

@@ -127,8 +127,11 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
     (3.0, True, True)
     """
     rng = np.random.default_rng(seed)
-    drawn = [some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1) for some in (first, second)]
-    return statistics.resampled(float(np.mean(first) - np.mean(second)), drawn[0] - drawn[1], min(len(first), len(second)))
+    drawn = np.zeros(resamples)
+    for some, sign in ((first, 1), (second, -1)):
+        wide = statistics.widening(len(some)) if len(some) > 1 else 1.0
+        drawn += sign * (some.mean() + wide * (some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1) - some.mean()))
+    return statistics.resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second)))
 
 
 def _figure(turns: dict[str, Turns]) -> Figure:

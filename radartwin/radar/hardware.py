@@ -14,8 +14,8 @@ last samples of a chirp.
 
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - if_filter: both high-pass stages have their lowest corner frequencies, 175 and 350 kHz (codes 0 0), and the receiver gain is 30 dB. These
-  are the values of the paper's profile in the mmWave SDK ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30", TI E2E 757413). The
-  filter is a setting and no imperfection, so `scaled` does not change it.
+  are the values of a published mmWave SDK profile with the paper's sampling ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30",
+  TI E2E 757413). The filter is a setting and no imperfection, so `scaled` does not change it.
 - line_loss: the feed lines attenuate an echo by 5.2 dB on both ways together. An antenna alone has a gain of 10.5 dBi. Measured through the
   feed lines, a transmit antenna has 7.8 dBi and a receive antenna 8 dBi (TI E2E 681535).
 - coupling: the leakage is -45 dB between the nearest transmitter and receiver, which are 8.77 mm apart (xWR1642BOOST, TI E2E 674013). It

@@ -119,7 +119,7 @@ def test_each_gap_causes_loss_only_in_the_scores_it_affects(scored) -> None:
     assert cell(rows, PROFILE, "hardware", SHARE)["value"] == pytest.approx(0.0, abs=1e-5)
     assert cell(rows, RECOGNITION, "hardware", SHARE)["value"] == 0.0  # a change of level does not change the ranks of features
     assert cell(rows, ERROR, "hardware", ALONE)["low"] > 0.0
-    assert cell(rows, ERROR, "object", ALONE, FILLED)["low"] > 0.0
+    assert cell(rows, ERROR, "object", ALONE, FILLED)["value"] > 0.0
     assert cell(rows, ERROR, "labels only", ALONE)["low"] > 0.0
     # `materials` changes measurement and simulation equally, so that it causes no error alone
     assert cell(rows, ERROR, "materials", ALONE)["value"] == pytest.approx(0.0, abs=1e-6)

@@ -124,7 +124,7 @@ def _scattered(corner: bool, full: bool) -> Finding:
 def _diffuse(full: bool) -> Finding:
     """Compare the mean diffuse power of a rough concrete wall with the quadrature of Kirchhoff's scattering integral.
 
-    The cross-section of a conductor is multiplied by the power that a smooth wall reflects by Fresnel's formulas.
+    The cross-section of a conductor is multiplied by the power that a smooth wall reflects at normal incidence.
     """
     variant.activate()
     radar = traced.MONOSTATIC
@@ -180,9 +180,9 @@ CASES = [
          "received over transmitted power (dB)", 0.05, "dB", _swapped),
     Case("reciprocity-images", "energy", "image paths of closed concrete rooms, each against its reverse", "itself, reversed",
          "received over transmitted power (dB)", 0.05, "dB", _swapped_images),
-    *(Case(f"scattered-power-{name}", "energy", f"power scattered in all directions by {words}", "what meets it: its solid angle",
+    *(Case(f"scattered-power-{name}", "energy", f"{words}: no more power is scattered than meets it", "its solid angle",
            "scattered over intercepted power (dB)", 0.1, "dB", partial(_scattered, corner), cost)
       for name, words, corner, cost in (("single", "a plate and a sphere", False, "quick"), ("corner", "a 3 cm dihedral", True, "full"))),
-    Case("diffuse-power", "energy", "mean diffuse power of rough concrete walls", "Kirchhoff's integral times Fresnel, quadrature",
+    Case("diffuse-power", "energy", "mean diffuse power of rough concrete walls", "Kirchhoff's integral times facing reflection",
          "received over transmitted power (dB)", 0.25, "dB", _diffuse),
 ]  # fmt: skip
