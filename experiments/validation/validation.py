@@ -32,9 +32,9 @@ TABLE = Table(
     caption="Every check of the simulator against an independent reference: closed forms, Mie and layered-cylinder series, near-field "
     "quadrature, image sources of rectangular rooms, full-wave fields of furnished rooms, transfer matrices and exact kinematics. "
     "No reference shares code with the tracer, but references of oil, PET and HDPE take their permittivity from its material table. "
-    "Rows whose oracle begins with 'itself' compare two results of the tracer. A row compares n values, in the quick profile fewer than its text "
-    "lists; it shows the reference and our value where they differ most. "
-    "The column value is the error, which must not exceed the limit.",
+    "Rows whose oracle begins with 'itself' compare two results of the tracer. A row compares n values, in the quick profile fewer "
+    "than its text lists; it shows the reference and our value where they differ most. The column value is the error, which must not "
+    "exceed the limit.",
 )
 
 DOMAIN = "oracle"
