@@ -49,8 +49,9 @@ bench: llvm
 	@$(PY) -m experiments.speed.bench --history
 	@if nvidia-smi >/dev/null 2>&1; then $(PY) -m experiments.speed.bench --history --variant cuda; fi
 
+# Keep the folder outputs, which may hold recordings and hours of results (radartwin clean deletes stored results).
 clean:
-	rm -rf $(VENV) outputs dist build .pytest_cache .ruff_cache
+	rm -rf $(VENV) dist build .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Install everything that the radartwin command needs in a checkout, and nothing more. Compile the simulator ahead of its first use.

@@ -7,6 +7,7 @@ prints one line on standard error and no traceback.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -34,9 +35,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # a second Ctrl-C ends the process without clean-up
         return _fail(f"interrupted; the same command {'resumes where it stopped' if options.resumes else 'starts over'}", 1)
-    except BrokenPipeError:  # the reader of a pipe has closed it
-        sys.stderr.close()
-        return 0
+    except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
+        with contextlib.suppress(OSError):
+            _fail("the reader of the output has closed it, so that the command stopped", 1)
+        with contextlib.suppress(OSError):  # Python would complain about unwritten output at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except OSError as error:
         if error.filename is None:  # an error about no user path is a defect of the program, so the traceback is shown
             raise

@@ -3,10 +3,16 @@
 Numba caches the machine code in the folder of the source file. If the folder of the source file is read-only, Numba caches the machine code
 in the user's cache folder. If both folders are read-only, the machine code stays in memory only. While a process compiles a function, other
 processes that need the function wait and then read it from the cache. The lock is a file next to the machine code.
+
+Machine code contains the functions that it calls and the constants that it reads, also those of other files. Numba compiles a function
+again if its own file changes. This module adds the digest of the files that the function's file imports (`_sources`).
 """
 
 import functools
+import hashlib
+import importlib.util
 import os
+import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,6 +27,8 @@ from numba.core.compiler_lock import global_compiler_lock
 
 T = TypeVar("T")
 R = TypeVar("R")
+_IMPORT = re.compile(r"^\s*from\s+(radartwin[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)", re.MULTILINE)
+_FOLDER = Path(__file__).parent
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -55,6 +63,8 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
         dispatcher: Any = njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # no folder for the cache can be written
         return njit(nogil=True, **options)(function)
+    file = dispatcher._cache._cache_file
+    file._source_stamp = (file._source_stamp, _sources(function.__module__))
     compile_or_load = dispatcher.compile
     lock = FileLock(Path(dispatcher.stats.cache_path) / f"{function.__module__}.{function.__qualname__}.lock")
 
@@ -68,6 +78,36 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
     dispatcher.compile = compile_once
     return dispatcher
+
+
+@functools.cache
+def _sources(module: str) -> str:
+    """Return the digest of the files whose functions or constants the machine code of a module can contain.
+
+    These are the modules of this package that it imports, and in turn those that modules with compiled functions import.
+    """
+    found: set[Path] = set()
+    waiting = [importlib.util.find_spec(module)] if module != "__main__" else []
+    files = [Path(spec.origin) for spec in waiting if spec is not None and spec.origin]
+    while files:
+        file = files.pop()
+        if file not in found:
+            found.add(file)
+            text = file.read_text(encoding="utf-8")
+            if "radartwin.compiled" in text:
+                files += _imported(text)
+    parts = (f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}" for file in sorted(found))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _imported(text: str) -> list[Path]:
+    """Return the files of this package that the import statements of a module name."""
+    found = []
+    for base, names in _IMPORT.findall(text):
+        folder = _FOLDER.joinpath(*base.split(".")[1:])
+        choices = [folder.with_suffix(".py"), folder / "__init__.py", *(folder / f"{name}.py" for name in re.findall(r"\w+", names))]
+        found += [file for file in choices if file.is_file()]
+    return found
 
 
 def fixed(values: np.ndarray) -> np.ndarray:
@@ -140,11 +180,11 @@ _threads = _Threads()
 @functools.cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     """Return a number of threads of this process, which wait between two calls. A fork has threads of its own."""
+    return ThreadPoolExecutor(threads, initializer=_mark)
 
-    def mark() -> None:
-        _threads.pooled = True
 
-    return ThreadPoolExecutor(threads, initializer=mark)
+def _mark() -> None:
+    _threads.pooled = True
 
 
 os.register_at_fork(after_in_child=_pool.cache_clear)
@@ -155,5 +195,5 @@ def _mapped(function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     if not _threads.pooled:
         yield from _pool(cores()).map(function, items)
         return
-    with ThreadPoolExecutor(min(cores(), len(items))) as pool:
+    with ThreadPoolExecutor(min(cores(), len(items)), initializer=_mark) as pool:
         yield from pool.map(function, items)

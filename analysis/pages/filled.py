@@ -46,7 +46,10 @@ def filled(template: str, folder: Path = RESULTS) -> str:
             raise ValueError(f"{place.group()}: {len(found)} rows of {folder / table}.csv fit, not one; name more columns")
         return _cell(found[0], column or "value", place.group(), interval=not column)
 
-    return "\n\n".join(part if part[:1] in MARKS else wrapped(part) for part in PLACE.sub(fill, template).split("\n\n"))
+    text = PLACE.sub(fill, template)
+    if left := re.search(r".*(\{\{|\}\}).*", text):
+        raise ValueError(f"this place of the page has another form than those in analysis/pages/filled.py: {left.group().strip()}")
+    return "\n\n".join(part if part[:1] in MARKS else wrapped(part) for part in text.split("\n\n"))
 
 
 def rows_of(table: str, folder: Path = RESULTS) -> list[dict[str, str]]:

@@ -45,7 +45,7 @@ def simulate(options: argparse.Namespace) -> int:
     from radartwin.builders.scene import materials_line
     from radartwin.config.compose import compose
     from radartwin.io import files
-    from radartwin.radar.recording import recording_files
+    from radartwin.radar.recording import recording_files, refuse_foreign
     from radartwin.store.products import Store
 
     config = compose(_all_overrides(options), options.config_dir)
@@ -53,6 +53,7 @@ def simulate(options: argparse.Namespace) -> int:
     for file in recording_files(path):
         if file.is_dir():
             raise OutputError(f"{file} is a folder; choose another name for the recording")
+    refuse_foreign(path)
     files.sweep(files.check_folder(path.parent))
     store = Store(Path(config.output) / "cache") if config.simulator.backend == "auto" else None
     recording = simulate_scene(config, noise=options.noise, store=store, say=_note, out=path)

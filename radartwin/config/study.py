@@ -234,7 +234,7 @@ class CampaignConfig:
 class ProfileConfig:
     """The amount of computation.
 
-    `quick` computes every table on two cores in minutes; `paper` computes the tables stored in docs/results.
+    `quick` computes every table on two cores in minutes; `paper` computes the tables of the paper's size.
     """
 
     name: str = "quick"

@@ -217,6 +217,18 @@ class Recording:
         }
 
 
+def refuse_foreign(path: str | Path) -> None:
+    """Raise OutputError if one of the files of a recording exists and was not written by `Recording.save`, such as a real capture."""
+    bin_path, json_path = recording_files(path)
+    if bin_path.exists() or json_path.exists():
+        try:
+            ours = json.loads(json_path.read_text(encoding="utf-8"))["format"].startswith(_FORMAT.rstrip("0123456789"))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            ours = False
+        if not ours:
+            raise OutputError(f"{bin_path} or {json_path.name} exists and is no recording of RadarTwin; choose another name")
+
+
 def recording_files(path: str | Path) -> tuple[Path, Path]:
     """Return the paths of a recording's .bin file and .json file. The argument `path` may end with .bin, with .json or without suffix.
 

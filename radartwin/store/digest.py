@@ -115,7 +115,17 @@ def _source_digest(entries: tuple[str, ...]) -> str:
             raise ConfigError(f"there is no module or package '{entry}'")
     packages = {".".join(name.split(".")[:2]) for name in import_closure(entries)}
     modules = sorted({name for package in packages for name in _members(package)})
-    return hashlib.sha256("".join(f"{name} {_parsed(name).digest}\n" for name in modules).encode()).hexdigest()
+    parts = [f"{name} {_parsed(name).digest}\n" for name in modules]
+    parts += [f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n" for file in sorted(_data(packages))]
+    return hashlib.sha256("".join(parts).encode()).hexdigest()
+
+
+def _data(packages: Iterable[str]) -> Iterator[Path]:
+    """Yield the data files of packages, which their modules read."""
+    for package in packages:
+        folder = _location(package)
+        if folder and package.count(".") == 1 and folder.is_dir():
+            yield from (file for file in folder.rglob("*") if file.suffix in DATA and file.name != WRITTEN)
 
 
 @functools.cache
@@ -146,6 +156,8 @@ def forget() -> None:
         function.cache_clear()
 
 
+DATA = (".csv", ".json", ".npz", ".yaml")  # suffixes of data files
+WRITTEN = "bench_history.csv"  # `make bench` adds lines to it, and no result depends on it
 _tops = {"radartwin", "experiments"}  # constraints.txt pins the version of every other package
 
 

@@ -41,6 +41,8 @@ def test_places_are_filled(place, expected, folder):
     "{{rooms: draws!=4}}": "3 rows",
     "{{rooms: of=void}}": "no column 'of'",
     "{{rooms.p: case=void}}": "no column 'p'",
+    "{{ rooms: case=void}}": "another form",
+    "{{rooms: case=void}": "another form",
     "{{halls: case=void}}": "halls.csv does not exist; run radartwin tables --profile paper --only halls",
 }.items())  # fmt: skip
 def test_a_place_that_fits_no_row_is_refused(place, told, folder):

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import pytest
 
@@ -99,3 +100,35 @@ def test_an_error_in_one_thread_reaches_the_caller() -> None:
 
     with pytest.raises(ValueError, match="item 3"):
         compiled_module.each(fail, range(6))
+
+
+CALLED = "from radartwin.compiled import compiled\n\n\n@compiled\ndef called(x):\n    return {} * x\n"
+CALLER = (
+    "from radartwin.called import called\nfrom radartwin.compiled import compiled\n\n\n@compiled\ndef caller(x):\n    return called(x)\n"
+)
+
+
+def test_a_change_in_another_file_compiles_its_callers_again(tmp_path):
+    """Numba itself looks only at the file of the caller, so that the old function would stay in its machine code."""
+    package = tmp_path / "radartwin"
+    package.mkdir()
+    source = Path(compiled_module.__file__)
+    (package / "__init__.py").touch()
+    (package / "compiled.py").write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    (package / "caller.py").write_text(CALLER)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    code = "from radartwin.caller import caller; print(caller(1.0), sum(caller.stats.cache_hits.values()))"
+    found = []
+    for factor in (2.0, 2.0, 3.0):
+        (package / "called.py").write_text(CALLED.format(factor))
+        found.append(
+            subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+        )
+    assert found == ["2.0 0\n", "2.0 1\n", "3.0 0\n"]
+
+
+def test_three_levels_of_each_end():
+    def nested(depth: int) -> int:
+        return 1 if depth == 0 else sum(compiled_module.each(nested, [depth - 1] * 3))
+
+    assert nested(3) == 27

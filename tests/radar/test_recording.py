@@ -16,7 +16,7 @@ from radartwin.errors import InputError, MissingError, OutputError, RecordingErr
 from radartwin.io import files
 from radartwin.radar.captures import band_edge_db, load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.recording import Recording
+from radartwin.radar.recording import Recording, refuse_foreign
 
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
 SHAPE = (3, 8, 2, 4, 64)
@@ -265,3 +265,14 @@ def test_order_of_i_and_q_follows_from_the_receive_filter(tmp_path):
         loaded = load_capture(tmp_path / "cube.npy", radar)
         assert loaded.iq_swapped is swapped
         np.testing.assert_allclose(loaded.iq, np.rint(samples.real) + 1j * np.rint(samples.imag))
+
+
+def test_files_of_other_programs_are_refused_and_own_recordings_are_not(tmp_path):
+    refuse_foreign(tmp_path / "new")
+    Recording(_noise(), RADAR, _poses(3)).save(tmp_path / "own")
+    refuse_foreign(tmp_path / "own")
+    (tmp_path / "capture.bin").write_bytes(b"samples")
+    for text in ("", "{}", "[1]", '{"format": "another"}', '{"format": 1}'):
+        (tmp_path / "capture.json").write_text(text)
+        with pytest.raises(OutputError, match=r"capture\.bin or capture\.json exists and is no recording of RadarTwin"):
+            refuse_foreign(tmp_path / "capture.bin")

@@ -108,6 +108,17 @@ def test_code_of_whole_packages_counts(package: Path, file: str, content: str, c
     assert (source_digest("study_x.top") != before) == changes
 
 
+@pytest.mark.parametrize(
+    ("file", "changes"), [("near/limits.json", True), ("near/deep/levels.csv", True), ("near/notes.txt", False), ("far/a.csv", False)]
+)
+def test_data_files_of_reached_packages_count(package: Path, file: str, changes: bool) -> None:
+    (package / file).parent.mkdir(exist_ok=True)
+    (package / file).write_text("1")
+    before = source_digest("study_x.top")
+    (package / file).write_text("2")
+    assert (source_digest("study_x.top") != before) == changes
+
+
 def test_a_package_as_entry_stands_for_all_its_modules(package: Path) -> None:
     assert source_digest("study_x.near") == source_digest("study_x.near.leaf")
     (package / "near" / "neighbour.py").write_text("import study_x.far.stranger\n")
