@@ -99,7 +99,7 @@ simulation/flat/room: physics/test_flat_rooms
 FlatRoom._some | departs + arrives | departs | only the departure has a Doppler shift
 FlatRoom._some | amplitude[row].conj() | amplitude[row] | the phase of reflections has the wrong sign
 
-simulation/flat/search: physics/test_furnished_rooms
+simulation/flat/search: physics/test_flat_rooms
 _joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the order from the receiver
 
 simulation/flat/field: physics/test_flat_rooms

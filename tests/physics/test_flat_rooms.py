@@ -281,6 +281,23 @@ def test_table_top_echoes_at_its_edges(edge, rotation, sign):
     assert profile.argmax() / 4096 * RADAR.unambiguous_range_m == pytest.approx(distance, abs=0.02)
 
 
+def test_faces_after_an_edge_come_in_the_order_of_the_path():
+    """Two short walls stand so that a wave from an edge reaches the radar over the left and then the right wall, but not vice versa.
+    The length is that to the image of the radar behind both walls.
+    """
+
+    def upright(corner, along, length, name):
+        mesh = rooms.rectangle([*corner, -3.0], np.array([*along, 0.0]), np.eye(3)[2], (length, 6.0))
+        return rt.Surface(mesh, "metal", name, role="room")
+
+    edge, walls = np.array([0.7, 0.5]), [upright((-2.0, 0.25), (0, 1), 0.75, "left"), upright((2.0, 0.05), (0, 1), 0.25, "right")]
+    parts = paths_of(rt.Scene([*walls, upright(edge, (0.6, 0.8), 0.4, "strip")]), looking((0, 0, 0), ROLLED), max_bounces=4)
+    lengths = np.concatenate([part.length_m for part in parts])
+    over_both, other_order = (np.linalg.norm(edge) + np.linalg.norm(edge - [image, 0]) for image in (-8.0, 8.0))
+    assert np.abs(lengths - over_both).min() < 1e-6
+    assert np.abs(lengths - other_order).min() > 1e-3
+
+
 def test_strip_turned_by_45_degrees_echoes_at_its_edges():
     """The field is along both edges. Panel images were up to 60 dB below the echoes of a strip that is turned away from the radar."""
     strip = objects.plate(0.3, 4.0).apply_transform(traced.pose([1.0, 0, 0], Rotation.from_euler("z", 45, degrees=True).as_matrix()))
