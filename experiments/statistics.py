@@ -236,9 +236,10 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     inner = samples[chosen, np.arange(resamples)].mean(axis=0)
     between = widening(draws) * (values[chosen].mean(axis=0) - value)
     items = min(one.n for one in found)
-    within, across = float(np.var(inner)), float(np.var(values, ddof=1)) / draws
+    with np.errstate(invalid="ignore"):  # of samples without a value, or that are infinite
+        within, across = float(np.nanvar(inner)), float(np.var(values, ddof=1)) / draws
     spread = within**2 / max(items - 1, 1) + across**2 / (draws - 1)
-    freedom = (within + across) ** 2 / spread if spread > 0 else draws - 1
+    freedom = (within + across) ** 2 / spread if 0 < spread < math.inf else draws - 1
     samples = np.clip(value + inner + between, *first.limits)
     joined = resampled(value, samples, draws if all(one.n == 1 for one in found) else items)
     doubled = float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p)))

@@ -87,8 +87,8 @@ def _sources(module: str) -> str:
     These are the modules of this package that it imports, and in turn those that modules with compiled functions import.
     """
     found: set[Path] = set()
-    waiting = [importlib.util.find_spec(module)] if module != "__main__" else []
-    files = [Path(spec.origin) for spec in waiting if spec is not None and spec.origin]
+    spec = None if module == "__main__" else importlib.util.find_spec(module)
+    files = [Path(spec.origin)] if spec and spec.origin else []
     while files:
         file = files.pop()
         if file not in found:

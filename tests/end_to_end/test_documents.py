@@ -213,7 +213,8 @@ def test_what_a_page_points_to_exists(page: Path) -> None:
         if re.fullmatch(r"(radartwin|experiments|analysis|tests|docs|conf)(/[\w.-]+)+", path) and "NAME" not in path:
             assert (ROOT / path).exists() or list(ROOT.glob(f"{path}*")), path
     for module in re.findall(r"`python -m ([\w.]+)", prose(page)):
-        assert (ROOT / module.replace(".", "/")).with_suffix(".py").exists(), module
+        place = ROOT / module.replace(".", "/")
+        assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), module
     for target in re.findall(r"`make ([\w-]+)`", prose(page)):
         assert f"\n{target}:" in (ROOT / "Makefile").read_text(), target
 
