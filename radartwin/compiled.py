@@ -86,28 +86,25 @@ def _sources(module: str) -> str:
 
     These are the modules of this package that it imports, and in turn those that modules with compiled functions import.
     """
-    found: set[Path] = set()
+    found: dict[Path, str] = {}
     spec = None if module == "__main__" else importlib.util.find_spec(module)
     files = [Path(spec.origin)] if spec and spec.origin else []
     while files:
-        file = files.pop()
-        if file not in found:
-            found.add(file)
-            text = file.read_text(encoding="utf-8")
-            if "radartwin.compiled" in text:
-                files += _imported(text)
-    parts = (f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}" for file in sorted(found))
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+        if (file := files.pop()) not in found:
+            found[file], imported = _source(file)
+            files += imported
+    return hashlib.sha256("".join(f"{file.name} {found[file]}\n" for file in sorted(found)).encode()).hexdigest()
 
 
-def _imported(text: str) -> list[Path]:
-    """Return the files of this package that the import statements of a module name."""
-    found = []
-    for base, names in _IMPORT.findall(text):
+@functools.cache
+def _source(file: Path) -> tuple[str, tuple[Path, ...]]:
+    """Return the digest of a file and, if it has compiled functions, the files of this package that its import statements name."""
+    text = file.read_text(encoding="utf-8")
+    choices: list[Path] = []
+    for base, names in _IMPORT.findall(text) if "radartwin.compiled" in text else ():
         folder = _FOLDER.joinpath(*base.split(".")[1:])
-        choices = [folder.with_suffix(".py"), folder / "__init__.py", *(folder / f"{name}.py" for name in re.findall(r"\w+", names))]
-        found += [file for file in choices if file.is_file()]
-    return found
+        choices += [folder.with_suffix(".py"), folder / "__init__.py", *(folder / f"{name}.py" for name in re.findall(r"\w+", names))]
+    return hashlib.sha256(text.encode()).hexdigest(), tuple(choice for choice in choices if choice.is_file())
 
 
 def fixed(values: np.ndarray) -> np.ndarray:

@@ -8,13 +8,12 @@ cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && pyt
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.pages.filled import RESULTS, ROOT, wrapped
+from analysis.pages.filled import RESULTS, ROOT, rows_of, wrapped
 from experiments.complexity import rows as complexity_rows
 from experiments.speed import chart
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS
@@ -41,8 +40,7 @@ Row = Mapping[str, Any]
 
 def read(name: str, folder: Path = RESULTS) -> list[dict[str, Any]]:
     """Read the rows of a committed CSV table. Numbers become floats and empty cells become None; text columns keep their text."""
-    with (folder / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
-        return [{key: _value(key, text) for key, text in row.items()} for row in csv.DictReader(stream)]
+    return [{key: _value(key, text) for key, text in row.items()} for row in rows_of(name, folder)]
 
 
 def _value(key: str, text: str) -> Any:

@@ -8,7 +8,7 @@
 A place selects rows by columns of their table, `column=value` or `column!=value`. Numbers are compared as numbers, and an empty value
 stands for an empty cell or a column that the table lacks. The first form gives the value of exactly one row, with its interval if the
 interval has a width. The second form gives one column of this row. The third form gives one line for each selected row; its column
-`value` has the interval, and `draws` and `n` are whole numbers.
+`value` has the interval. Whole numbers stay as the table has them.
 """
 
 from __future__ import annotations
@@ -98,6 +98,6 @@ def _cell(row: Row, column: str, place: str, interval: bool = True) -> str:
     if column == "value" and text and interval and row.get("low") and row["low"] != row["high"]:
         return f"{number(float(text))} ({number(float(row['low']))} to {number(float(row['high']))})"
     try:
-        return f"{float(text):g}" if column in ("n", "draws", "items") else number(float(text))
+        return text if text.isdigit() else number(float(text))
     except ValueError:
         return text.replace("|", "/")

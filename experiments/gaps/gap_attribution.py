@@ -205,8 +205,8 @@ def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statisti
     if total.mean() <= 0 or (sums <= 0).any():
         return statistics.exact(float("nan"), len(total))
     value = float(room.mean() / total.mean())
-    wide = statistics.widening(len(total)) if len(total) > 1 else 1.0
-    return statistics.resampled(value, value + wide * (room[drawn].mean(axis=1) / sums - value), len(total))
+    wide = value + statistics.widening(len(total)) * (room[drawn].mean(axis=1) / sums - value)
+    return statistics.resampled(value, wide, len(total))
 
 
 def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:

@@ -129,8 +129,10 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
     rng = np.random.default_rng(seed)
     drawn = np.zeros(resamples)
     for some, sign in ((first, 1), (second, -1)):
-        wide = statistics.widening(len(some)) if len(some) > 1 else 1.0
-        drawn += sign * (some.mean() + wide * (some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1) - some.mean()))
+        drawn += sign * (
+            some.mean()
+            + statistics.widening(len(some)) * (some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1) - some.mean())
+        )
     return statistics.resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second)))
 
 

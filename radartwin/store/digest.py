@@ -116,16 +116,18 @@ def _source_digest(entries: tuple[str, ...]) -> str:
     packages = {".".join(name.split(".")[:2]) for name in import_closure(entries)}
     modules = sorted({name for package in packages for name in _members(package)})
     parts = [f"{name} {_parsed(name).digest}\n" for name in modules]
-    parts += [f"{file.name} {hashlib.sha256(file.read_bytes()).hexdigest()}\n" for file in sorted(_data(packages))]
+    parts += [_data_digest(package) for package in sorted(packages)]
     return hashlib.sha256("".join(parts).encode()).hexdigest()
 
 
-def _data(packages: Iterable[str]) -> Iterator[Path]:
-    """Yield the data files of packages, which their modules read."""
-    for package in packages:
-        folder = _location(package)
-        if folder and package.count(".") == 1 and folder.is_dir():
-            yield from (file for file in folder.rglob("*") if file.suffix in DATA and file.name != WRITTEN)
+@functools.cache
+def _data_digest(package: str) -> str:
+    """Return names and digests of the data files of a package, which its modules read; empty for a name that is no package."""
+    folder = _location(package)
+    if not folder or package.count(".") != 1 or not folder.is_dir():
+        return ""
+    found = sorted(file for file in folder.rglob("*") if file.suffix in DATA and file.name != WRITTEN)
+    return "".join(f"{file.relative_to(folder)} {hashlib.sha256(file.read_bytes()).hexdigest()}\n" for file in found)
 
 
 @functools.cache
@@ -152,7 +154,7 @@ def include(top: str) -> None:
 
 def forget() -> None:
     """Forget all source code that has been read, so that the next digest reads the files again."""
-    for function in (_source_digest, import_closure, _imports, _parsed, _source):
+    for function in (_source_digest, _data_digest, import_closure, _imports, _parsed, _source):
         function.cache_clear()
 
 

@@ -66,6 +66,17 @@ def test_doctor_names_an_old_llvm_with_the_remedy(inside, tmp_path: Path, monkey
     assert "libllvm19" in done.stdout
 
 
+def test_a_closed_output_is_no_success() -> None:
+    """The reader of the output, such as `head`, may end before the command has finished its work."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-u", "-m", "radartwin", "doctor"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=120, check=False)
+    os.close(writer)
+    assert done.returncode == 1
+    assert done.stderr == "radartwin: the reader of the output has closed it, so that the command stopped\n"
+
+
 def test_plate_is_found_at_its_distance(inside, tmp_path: Path) -> None:
     simulated = inside("simulate", "scene=plate", "trajectory=static", "trajectory.distance_m=1.5")
     assert simulated.returncode == 0, simulated.stderr

@@ -106,7 +106,7 @@ def test_level_follows_the_angle_of_incidence(length, angle_deg):
 
 def test_backscatter_is_equal_in_both_polarisations():
     """A carpet under the radar has a wide lobe. With Fresnel's coefficient of the mean plane, a vertical field would have 29 dB less at 60
-    degrees than a horizontal field on plasterboard (small perturbation theory: 6 dB more).
+    degrees than a horizontal field on plasterboard.
     """
     floor = rectangle(0.0, (-1.0, 1.0), (1.0, 3.0)).apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
     carpet = Surface(floor.apply_translation([0, 0, -1.0]), "plasterboard", "carpet", roughness_m=3e-3, correlation_m=3e-3)
