@@ -8,7 +8,7 @@
 A place selects rows by columns of their table, `column=value` or `column!=value`. Numbers are compared as numbers, and an empty value
 stands for an empty cell or a column that the table lacks. The first form gives the value of exactly one row, with its interval if the
 interval has a width. The second form gives one column of this row. The third form gives one line for each selected row; its column
-`value` has the interval. Whole numbers stay as the table has them.
+`value` has the interval; at least one row must fit. Whole numbers stay as the table has them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Row = Mapping[str, str]
 
 
 def filled(template: str, folder: Path = RESULTS) -> str:
-    """Return the template with values in its places. Raises ValueError if a table or column is missing, or not exactly one row fits."""
+    """Return the template with values in its places. Raises ValueError if a table or column is missing, or too few or many rows fit."""
     known: dict[str, list[dict[str, str]]] = {}
 
     def fill(place: re.Match[str]) -> str:
@@ -39,6 +39,8 @@ def filled(template: str, folder: Path = RESULTS) -> str:
         found = [row for row in known[table] if _fits(row, conditions, place.group())]
         if kind == "count ":
             return str(len(found))
+        if kind and not found:
+            raise ValueError(f"{place.group()}: no row of {folder / table}.csv fits")
         if kind:
             names = [name.strip() for name in columns.split(",")]
             return "\n".join(f"| {' | '.join(_cell(row, name, place.group()) for name in names)} |" for row in found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from analysis.pages.filled import RESULTS, ROOT, filled
+from analysis.pages.filled import RESULTS, ROOT, filled, rows_of
 from radartwin.io import files
 
 PAGE = ROOT / "README.md"
@@ -27,8 +27,9 @@ CLAIMS = (
 
 def text(folder: Path = RESULTS) -> str:
     """Return README.md with the lines of the claims CLAIMS that the table in `folder` has. A profile lacks claims that it cannot test."""
-    lines = [filled(f"{{{{rows headline: {COLUMNS} | claim of the paper={claim}}}}}", folder) for claim in CLAIMS]
-    rows = "".join(f"{line}\n" for line in lines if line)
+    known = {row["claim of the paper"] for row in rows_of("headline", folder)}
+    lines = [filled(f"{{{{rows headline: {COLUMNS} | claim of the paper={claim}}}}}", folder) for claim in CLAIMS if claim in known]
+    rows = "".join(f"{line}\n" for line in lines)
     page, number = TABLE.subn(lambda found: found[1] + rows, PAGE.read_text(encoding="utf-8"))
     if number != 1:
         raise ValueError(f"{PAGE}: {number} tables begin with 'claim of the paper', not one")

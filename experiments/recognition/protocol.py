@@ -23,6 +23,7 @@ from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as one: one recording in fifty
+FEWEST_UNEQUAL = 6  # with fewer groups that two methods answer differently, the bootstrap interval of a gain is too narrow
 CHANCE_MARGIN = 0.1  # an accuracy within one recording in ten of chance counts as chance
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
@@ -124,12 +125,14 @@ class RecognitionRows(RowList):
         """Append the accuracy of `first` minus that of `second` on the same recordings.
 
         The claim holds if the confidence interval of this difference lies above LEAST_GAIN. It cannot be tested if both classify every
-        recording correctly.
+        recording correctly, or if both have different accuracies in fewer than FEWEST_UNEQUAL groups of recordings that share a simulation.
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
         found = replace(self._clustered(ours - theirs, recordings), limits=SIGNED)
+        unequal = np.unique(recordings.cell[ours != theirs]).size
+        few = f"both differ in {unequal} of at least {FEWEST_UNEQUAL} groups of recordings" if unequal < FEWEST_UNEQUAL else ""
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
-        claim = replace(claim, above=LEAST_GAIN, untestable=ceiling)
+        claim = replace(claim, above=LEAST_GAIN, untestable=ceiling or few)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
         return self.add(case, "gain in accuracy", found, keys, claim, count_sources(recordings))
 

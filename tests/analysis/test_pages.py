@@ -7,6 +7,7 @@ import pytest
 from analysis import numbers
 from analysis.pages import findings, readme
 from analysis.pages.filled import ROOT, filled
+from experiments.gaps.headline import HEADLINES
 
 TABLE = """case,paper,value,low,high,draws,verdict
 void,-0.24,0.4312,0.402,0.4549,3,fails
@@ -43,6 +44,7 @@ def test_places_are_filled(place, expected, folder):
     "{{rooms.p: case=void}}": "no column 'p'",
     "{{ rooms: case=void}}": "another form",
     "{{rooms: case=void}": "another form",
+    "{{rows rooms: case | case=hall}}": "no row of .*rooms.csv fits",
     "{{halls: case=void}}": "halls.csv does not exist; run radartwin tables --profile paper --only halls",
 }.items())  # fmt: skip
 def test_a_place_that_fits_no_row_is_refused(place, told, folder):
@@ -58,6 +60,7 @@ def test_findings_follow_from_the_committed_tables():
 
 def test_claims_in_the_readme_follow_from_the_committed_tables():
     assert readme.PAGE.read_text(encoding="utf-8") == readme.text()
+    assert set(readme.CLAIMS) <= {headline.text for headline in HEADLINES}
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])
