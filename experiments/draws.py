@@ -117,7 +117,9 @@ def joined(results: Sequence[Result]) -> Result:
 
 
 def _joined(rows: Sequence[Row]) -> Row:
-    """Return the row of several draws with the same columns `case` (except AVERAGED and SUMMED) and the same metric."""
+    """Join the rows of several draws to one row. All rows have the same metric and the same `case`, except for the columns AVERAGED and
+    SUMMED.
+    """
     first, config = rows[0], rows[0].config
     if len(rows) == 1:
         return first

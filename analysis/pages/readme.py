@@ -26,7 +26,9 @@ CLAIMS = (
 
 
 def text(folder: Path = RESULTS) -> str:
-    """Return README.md with the lines of the claims CLAIMS that the table in `folder` has. A profile lacks claims that it cannot test."""
+    """Return README.md with the lines of the claims CLAIMS that the table in `folder` has. A table of the quick profile has no row for a
+    claim that this profile cannot test.
+    """
     known = {row["claim of the paper"] for row in rows_of("headline", folder)}
     lines = [filled(f"{{{{rows headline: {COLUMNS} | claim of the paper={claim}}}}}", folder) for claim in CLAIMS if claim in known]
     rows = "".join(f"{line}\n" for line in lines)

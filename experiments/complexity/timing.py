@@ -28,7 +28,7 @@ FIRST = 4  # frames that are recorded to compile the kernels
 
 
 def whole(probe: Probe) -> int:
-    """Return the number of frames of the whole recording from which the frames of a probe are selected."""
+    """Return the number of frames of the whole recording. The probe has some of these frames."""
     return FRAMES[0] if probe.log.angle_rad is not None else FRAMES[1]
 
 

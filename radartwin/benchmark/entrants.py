@@ -43,7 +43,7 @@ class Method:
     published: bool = False
 
     def signals(self, scenario: Scenario) -> np.ndarray:
-        """Return the samples (S, N) of the frames that have an answer."""
+        """Return the simulated samples (S, N) of the frames for which the benchmark has a reference signal."""
         return self._iq(scenario, scenario.radar, scenario.scored)[:, 0, 0, 0]
 
     def seconds_per_frame(self, scenario: Scenario) -> float:

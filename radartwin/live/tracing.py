@@ -141,7 +141,7 @@ class LiveTracer:
         """Compute the radar's answer. A draft that needs no search is complete.
 
         Args:
-            complete: whether to search all sequences first if necessary.
+            complete: whether all sequences of faces and edges are searched first, if the answer needs this search (`needs_search`).
         Raises:
             PoseError, SceneError: see `check`.
         """

@@ -139,7 +139,8 @@ class Store:
         """Return the stored result that belongs to the specification `spec`. If the store does not hold the result, compute it first.
 
         Args:
-            kind: subfolder of the cache, such as "recording". A result of kind "run" counts as scored, every other result as simulated.
+            kind: subfolder of the cache, such as "recording". If the result is computed, `Counts` counts it as scored for the kind "run",
+                and as simulated for every other kind.
             spec: plain values, arrays and dataclasses that together determine the content of the result.
             entries: modules or packages where the computation starts. The key depends on the source code of the packages of these modules,
                 and of all packages that they import.

@@ -4,8 +4,8 @@ Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequ
 of three convolutions with 16, 32 and 32 channels. A linear layer maps both branches together to the space of the text embeddings.
 
 - The time branch is circular over the revolution. It keeps all rows and takes the largest and the mean value over time, so a start of the
-  revolution that is later by whole rows does not change the embedding. Its kernels have row spacings of 1, 2 and 4, so that a value sees 15
-  of 24 rows, more than half of a revolution.
+  revolution that is later by whole rows does not change the embedding. Its kernels have dilations of 1, 2 and 4 rows. Each output value of
+  the third convolution therefore depends on 15 of the 24 rows, more than half of a revolution.
 - The Doppler branch halves the rows three times and keeps the rest, because the Doppler frequency is absolute.
 - The first convolution of each branch keeps every third column (range bin), and each further convolution keeps every second one.
 

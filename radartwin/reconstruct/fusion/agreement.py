@@ -40,7 +40,7 @@ class Agreement:
 
     Attributes:
         pairs: number of overlapping view pairs.
-        apart_m: median distance between overlapping views, metres at a median depth of MEDIAN_M.
+        apart_m: median distance between the surfaces of overlapping views, in metres, if all views are scaled to the median depth MEDIAN_M.
     """
 
     name: str

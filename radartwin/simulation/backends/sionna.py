@@ -8,7 +8,8 @@ one point, the reflection point in a corner lies exactly on an edge, and roundin
 
 The reflection coefficients are those of the scene's layered materials (`sionna_material`). The simulator does not use Sionna's phases,
 which have single precision. It computes length, angles and mirror matrix of each path again from the path's facets, in double precision.
-The rate of change of a path's length is that of the line through its hits, which move with their surfaces.
+The simulator connects the hits of a path by a line and moves each hit with its surface. The rate of change of the length of this line is
+the rate of the path.
 """
 
 import warnings

@@ -36,9 +36,9 @@ docs/decisions/001 gives the measured errors.
 
 On a curved facet, the tracer lifts the hit by h = -1/2 sum_{i<j} b_i b_j (n_i - n_j).(p_j - p_i) along the interpolated normal. Here b are
 the barycentric coordinates of the hit, p the corners of the facet and n the normals at the corners. The tracer returns the complex
-conjugate of each amplitude, for signals with the phase factor exp(+j k L), and without the propagation phase.
-Reference: H. Ling, R. Chou, S. Lee, IEEE Trans. Antennas Propag. 37 (1989) 194. That paper sums point contributions where this module
-computes an integral per tube.
+conjugate of each amplitude, because the signals have the phase factor exp(+j k L). The returned amplitude does not contain the propagation
+phase. Reference: H. Ling, R. Chou, S. Lee, IEEE Trans. Antennas Propag. 37 (1989) 194. That paper sums point contributions where this
+module computes an integral per tube.
 """
 
 from dataclasses import replace

@@ -17,7 +17,7 @@ Point = np.ndarray | Vector  # compiled functions take either; tuples are faster
 
 
 class Hierarchy(NamedTuple):
-    """Hold T triangles in a binary tree of M boxes. The boxes inside a box follow it directly.
+    """Hold T triangles in a binary tree of M boxes. In the array `box`, the boxes that are inside a box come directly after it.
 
     Attributes:
         box: (M, 6) lowest and highest corner. beyond: (M,) the next box that is not inside this one.

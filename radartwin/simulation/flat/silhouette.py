@@ -246,7 +246,9 @@ def _intervals(
 
 @innermost
 def _close(left: np.ndarray, right: np.ndarray) -> None:
-    """Close the narrowest gap between the intervals (N, 2) of a row, so that the last interval is free."""
+    """Merge the two neighbouring intervals of a row that have the narrowest gap. The last place in `left` and `right` is then free for
+    another interval.
+    """
     narrowest = 0
     for k in range(1, len(left) - 1):
         if left[k + 1, 0] - right[k, 0] < left[narrowest + 1, 0] - right[narrowest, 0]:
@@ -594,8 +596,9 @@ def _over_mirrors(
 
     view: (N, P + 1) outline of each line; -1: none. from_start: (N, P + 1) whether the outline is seen from the source of the line.
 
-    An edge wave of one line of a path goes on along its own ray, which the body beside the later lines shadows in turn. Waves of more than
-    one edge before the last line are the product of the factors.
+    An edge wave of one line of a path goes on along its own ray, which the body beside the later lines shadows in turn. Later lines can
+    shadow such an edge wave again and create further edge waves. The function multiplies the factors of the later lines instead of tracing
+    these further waves.
     """
     worker = begin % step
     part, place, found = work.part[worker, 0], work.place[worker, 0], work.found[worker]

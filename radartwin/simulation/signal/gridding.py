@@ -198,7 +198,7 @@ def expand(first, last, amplitude, gain, copies_re, copies_im, weights, power):
 
 @compiled
 def ripple(first, last, departure, arrival, num_tx, points, weights, given, out):
-    """Write the factor of each channel on the amplitude of the paths `first` to `last` - 1 to `out` (N, C).
+    """Write to `out` (N, C) the factor by which each channel multiplies the amplitude of a path, for the paths `first` to `last` - 1.
 
     Args:
         departure, arrival: (N, 3) directions of the paths.
