@@ -1,10 +1,10 @@
 """Read the frozen problems of the benchmark and check their SHA-256 checksums.
 
-    frozen/answers.json    version, licence, and for each problem: title, radar, surfaces, what the answer rests on and its known error
+    frozen/answers.json    version, licence, and for each problem: title, radar, surfaces, method and known error of the answer
     frozen/PROBLEM.npz     meshes, poses and answers of the scenarios of a problem
 
-An answer holds the samples of one isotropic transmitter and one isotropic receiver, which are apart only in fullwave_rooms
-(docs/benchmark.md). The names of the arrays are
+An answer holds the samples of one isotropic transmitter and one isotropic receiver, which are at different positions only in the problem
+fullwave_rooms (docs/benchmark.md). The names of the arrays are
 SCENARIO/answer (S, N) complex, SCENARIO/sensor (F or 1, 4, 4), SCENARIO/motion/SURFACE (F, 4, 4), and SCENARIO/surface_I/vertices (V, 3),
 faces (T, 3) and normals (V, 3). S frames have an answer. The other frames, up to F, only serve to time a method.
 `experiments/generators/benchmark_answers.py` computes the files again.
@@ -75,8 +75,8 @@ class Problem:
     """A group of scenarios whose errors are averaged.
 
     Attributes:
-        rests_on: what the answer is computed with.
-        known_error: signal error to which the answer is known, and `known_by` says how it is known.
+        rests_on: method by which the answer is computed.
+        known_error: signal error of the answer itself; `known_by` states how this error is known.
         gate_m: nearest and farthest range in metres in which the answer is valid and methods are scored.
     """
 

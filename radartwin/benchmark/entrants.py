@@ -67,7 +67,7 @@ class Method:
         sensor = sensor.copy()
         sensor[:, 1, 3] += aside_m
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "sionna:")  # the leaderboard shows what these warnings announce
+            warnings.filterwarnings("ignore", "sionna:")  # the leaderboard shows the errors that these warnings announce
             simulator = backend(self.backend, **self.settings)
             return simulate(scenario.scene, radar, sensor, motion=motion, simulator=simulator).iq
 
@@ -80,7 +80,7 @@ METHODS = (
     Method("rfgenesis", "rfgenesis", {"version": "shipped"}, published=True),
     Method("rfgenesis_corrected", "rfgenesis", {"version": "corrected"}),
     Method("sionna", "sionna", {"separation_m": 0.03}),
-    # A diffracted path keeps the edge point of the search, which a larger separation would move.
+    # A diffracted path keeps the edge point that the search found. A larger separation would move this point.
     Method("sionna_diffraction", "sionna", {"separation_m": 0.001, "diffraction": True}),
 )
 

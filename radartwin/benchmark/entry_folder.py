@@ -26,7 +26,7 @@ from radartwin.io import files
 from radartwin.radar.chirp import Radar
 
 DESCRIPTION, FORMAT = "method.json", "radartwin benchmark entry 1"
-SAME_HZ = 1e3  # a frequency that is wrong by this much turns a path of 11 m by 1e-4 of a revolution
+SAME_HZ = 1e3  # a frequency that is wrong by this much changes the phase at a range of 11 m by 0.7e-4 of a cycle
 REMEDY = "radartwin.benchmark.entry_folder.write writes correct folders"
 Signals = Mapping[str, np.ndarray]
 

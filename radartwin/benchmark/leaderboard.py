@@ -51,9 +51,9 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
     """Score methods, each a folder of signals or the name of a simulator, and write the leaderboard after each method.
 
     Args:
-        methods: names or folders; without any, all of `entrants.METHODS`. A known name wins over a folder of this name, which is given as
-            ./NAME.
-        chosen: names of the problems; without any, all. A folder is scored on those that it has.
+        methods: names or folders; an empty list means all of `entrants.METHODS`. If a name is both a known method and a folder, it means
+            the method; give the folder as ./NAME.
+        chosen: names of the problems; an empty list means all. A folder is scored on those chosen problems that it contains.
     Returns: the path of the leaderboard and its rows.
     Raises:
         InputError, MissingError: a method or problem is unknown, or a folder is wrong. All arguments are checked before the first run.

@@ -1,4 +1,4 @@
-"""Compute the errors of a simulation method's samples against reference samples: of the signal and of the range profile.
+"""Compute the errors of a simulation method's samples against reference samples: the error of the signal and that of the range profile.
 
 Symbols: a -> samples of a method, b -> samples of the reference. A range profile is the power over range, computed with a Hann window.
 Chirps are added coherently, and channels are averaged in power. Profiles are compared in decibels over the ranges that the study uses

@@ -4,9 +4,9 @@ The range-azimuth map of a frame is |w(phi)^H A(f, r)|^2 of the channel signals 
 those of a Bartlett beamformer with a Hamming window over the places of the antennas in ascending y, because two targets at one range would
 otherwise have detections at their common sidelobes.
 A detection is a local maximum of this map that exceeds the threshold of a cell-averaging CFAR along range and lies within DEPTH_DB of the
-strongest cell of the frame. Detections within BESIDE_BINS of a stronger one that are more than LOBE_DB weaker are dropped, because they may
-be its sidelobes in azimuth. A frame of this radar has one Doppler bin for all walking speeds, so that velocity does not separate
-detections.
+strongest cell of the frame. A detection is dropped if it is within BESIDE_BINS of a stronger detection and more than LOBE_DB weaker,
+because it may be a sidelobe of the stronger detection in azimuth. A Doppler bin of the IWR1843 is 0.93 m/s wide and the rover is
+slower, so that velocity does not separate detections.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ AZIMUTH_RAD = np.deg2rad(np.arange(-60.0, 61.0))
 GUARD, TRAINING = 2, 6  # number of guard bins and of training bins on each side, along range
 FALSE_ALARM = 1e-4  # per cell
 MIN_CONTRAST_DB = 3.0  # smallest ratio of a detection to its training cells
-DEPTH_DB = 40.0  # weaker cells than this below the strongest of the frame may be sidelobes of the window
-SIZE = (3, 15)  # cells (range, azimuth) in which a local maximum is the largest
-BESIDE_BINS, LOBE_DB = 2, 20.0  # the sidelobes of 8 equal antennas are below -30 dB, those of unequal ones can be higher
+DEPTH_DB = 40.0  # a cell that is weaker than the strongest cell of the frame by more than this may be a sidelobe of the window
+SIZE = (3, 15)  # size (range, azimuth) of the block of cells in which a local maximum is the largest cell
+BESIDE_BINS, LOBE_DB = 2, 20.0  # the sidelobes of 8 equal antennas are below -30 dB, those of unequal antennas can be higher
 
 
 def detections(processed: Processed) -> list[NDArray[np.float64]]:
@@ -62,7 +62,8 @@ def detections(processed: Processed) -> list[NDArray[np.float64]]:
 def chamfer_m(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     """Return the Chamfer distance in metres of two clouds (N, 2) and (M, 2) of range and azimuth; nan if one of them is empty.
 
-    It is the mean of two means: the distance of each point to the nearest point of the other cloud, in the horizontal plane.
+    For each cloud, the function computes the mean distance of its points to the nearest point of the other cloud, in the horizontal plane.
+    The Chamfer distance is the mean of these two values.
 
     >>> near, far = np.array([[1.0, 0.0]]), np.array([[1.0, 0.0], [3.0, 0.0]])
     >>> chamfer_m(near, far)
@@ -76,7 +77,7 @@ def chamfer_m(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
 
 
 def matched(first: NDArray[np.float64], second: NDArray[np.float64], range_m: float, azimuth_rad: float) -> float:
-    """Return the share of the detections `first` (N, 2) that have a detection of `second` (M, 2) within both limits; nan without any.
+    """Return the share of the detections `first` (N, 2) that have a detection of `second` (M, 2) within both limits; nan if N is 0.
 
     >>> matched(np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[1.05, 0.1]]), 0.1, 0.26)
     0.5

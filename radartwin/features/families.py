@@ -2,10 +2,10 @@
 
 The module imports no NumPy, so that the configuration can import it without delay. A feature family is a group of features that are
 computed together (radartwin/features/sets.py). A feature set lists the families for one kind of motion and follows the section
-"motion-specific feature design" of the RadarTwin paper. A rotation shows the target's shape from all sides. A drive along the line of
-sight ("depth") shows range and multipath. A drive past the target, at right angles to the line of sight ("lateral"), shows the target over
-a limited span of viewing angles. The family brightness depends on the material of the target. Another package may provide a feature set
-as an entry point of the group `radartwin.features` (docs/extending.md); its own families are named SET/FAMILY.
+"motion-specific feature design" of the RadarTwin paper. A rotation shows the target's shape from all sides. A drive along the line of sight
+("depth") shows range and multipath. A drive past the target, at right angles to the line of sight ("lateral"), shows the target over a
+limited span of viewing angles. The family brightness depends on the material of the target. Another package may provide a feature set as an
+entry point of the group `radartwin.features` (docs/extending.md). The families that such a feature set adds are named SET/FAMILY.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class FeatureSet:
         families: names of the families in the order of the feature vector: built-in families, and names in `own`.
         own: function of each family that the package adds. It takes a processed recording and the target's range (F,) in metres. It
             returns feature values by name, each (F,) or a scalar. The feature of a recording is the mean over its F frames.
-        turntable: whether the target's range is the nominal one of a turntable. Otherwise it is tracked.
+        turntable: True if the target is on a turntable; its range is then the nominal range. If False, its range is the tracked range.
     """
 
     families: tuple[str, ...]

@@ -4,8 +4,8 @@ P(f, r) is the power of frame f at range bin r, averaged over the azimuth channe
 
 - Channel 0 is the level of P over time. Row h of H rows stands for the turntable angle 2 pi h / H after the first frame. Its power is the
   average of the frames around this angle, with triangular weights that reach one row spacing to either side, so that no flash of a flat
-  panel falls between two rows. If the revolution has fewer than H frames, the weights reach one frame spacing. The last row precedes the
-  first row.
+  panel falls between two rows. If the revolution has fewer than H frames, the weights reach one frame spacing. The rows are circular: the
+  first row follows the last row.
 - Channel 1 is the range-Doppler signature (signature.py). Row H // 2 has the Doppler frequency 0 Hz, and neighbouring rows differ by one
   cycle per revolution. If a revolution has more than H frames, only the H lowest Doppler frequencies remain. If it has fewer frames, the
   level of the missing rows is 0.

@@ -11,9 +11,10 @@ samples. The chirps of a frame form K consecutive blocks of nearly equal length.
   nothing indoors moves so fast. The formula is N = K mean_f D / (C sum_c w_c^2), where the factor converts from D to P. A slow echo leaks
   into this Doppler bin with less than -60 dB.
 An echo of amplitude a in the centre of its range bin and Doppler bin gives P = D = a^2 and A = a if its phase is constant over a block. An
-echo with the speed v has the phase step x = 4 pi v T / lambda_c between the C_k chirps of one transmitter, which are T apart. It loses
-|sin(C_k x / 2) / (C_k sin(x / 2))|^2 in P and |A|^2, which is 0.7 dB at 77 GHz for 0.2 m/s and a block of 2 ms. The frame of the IWR1843 is
-one block. The frame of the cascade has 22 blocks. The range bins end at MAX_RANGE_M, because no feature uses larger ranges.
+echo with the speed v has the phase step x = 4 pi v T / lambda_c between the C_k chirps of one transmitter, which are T apart. The speed
+multiplies P and |A|^2 by |sin(C_k x / 2) / (C_k sin(x / 2))|^2. This is a loss of 0.7 dB at 77 GHz for 0.2 m/s and a block of 2 ms. The
+frame of the IWR1843 is one block. The frame of the cascade has 22 blocks. The range bins end at MAX_RANGE_M, because no feature uses larger
+ranges.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Compute the range-Doppler signature of a target on a turntable: its echo power over range and over frame-to-frame Doppler frequency.
 
-The signature is G(u, r) = |FFT of A(f, r) over the N frames f of a revolution|^2, averaged over channels and whole revolutions, where A is
+The signature is G(u, r) = |FFT of A(f, r) over the N frames f of a revolution|^2, summed over channels and whole revolutions, where A is
 the range profile of a frame. The RadarTwin paper compares the signatures of simulation and measurement by their structural similarity
 (SSIM). The FFT needs no window because it covers a whole revolution, and the start angle of the revolution has no effect on the signature.
 At 10 frames per second, the Doppler band is +-5 Hz, which corresponds to +-9.5 mm/s. The rim of a turning object is faster, so its Doppler
@@ -17,7 +17,7 @@ from radartwin.features.envelope import frames_per_revolution
 from radartwin.features.processed import Processed
 
 SPAN_M = 1.0  # width of the range window around the target, in metres
-FLOOR_DB = 40.0  # dynamic range of a signature in dB; cells that are weaker than the strongest cell by more have the level 0
+FLOOR_DB = 40.0  # dynamic range of a signature in dB; cells that are more than FLOOR_DB weaker than the strongest cell have the level 0
 
 
 def signature(processed: Processed, angle_rad: NDArray, target_m: float) -> NDArray[np.float64]:
@@ -41,9 +41,12 @@ def signature(processed: Processed, angle_rad: NDArray, target_m: float) -> NDAr
 
 
 def revolutions(angle_rad: NDArray) -> list[slice]:
-    """Return the frames of each whole revolution in a recording with the turntable angles `angle_rad` (F,), all equally many frames."""
+    """Return the frames of each whole revolution in a recording with the turntable angles `angle_rad` (F,).
+
+    All revolutions have the same number of frames.
+    """
     period = frames_per_revolution(angle_rad)
-    # A revolution need not take a whole number of frames, so each revolution starts at the nearest frame.
+    # A revolution need not take a whole number of frames, so each slice starts at the frame nearest to the start of its revolution.
     step = 2 * np.pi / float(np.median(np.abs(np.diff(angle_rad))))
     starts = [round(k * step) for k in range(int(len(angle_rad) / step + 1e-6) or 1)]
     return [slice(start, start + period) for start in starts if start + period <= len(angle_rad)]

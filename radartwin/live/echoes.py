@@ -134,7 +134,7 @@ def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list
 def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[LivePath]:
     """Return one path for each number of bounces and each interval of two range bins.
 
-    The path has the coherent sum of its tubes and the course of the strongest tube.
+    The amplitude of the path is the coherent sum of its tubes, and its corners are those of the strongest tube.
     """
     field = _field(part, radar)
     levels = np.abs(field)

@@ -64,7 +64,7 @@ class Page:
 
     @property
     def setting(self) -> LiveSetting:
-        """Return what the page asks for now."""
+        """Return the setting that the page shows now."""
         controls = self.controls
         poses = {name: self._stage.pose(name) for name in self._movables}
         return LiveSetting(self._stage.pose("radar"), poses, controls.materials, controls.bounces)

@@ -76,7 +76,7 @@ def _kill() -> None:
 
 @dataclass(frozen=True, eq=False)
 class Live:
-    """Hold a running live page. The event `finished` is set after a defect of the program, which is then in the list `crash`."""
+    """Hold a running live page. After a defect of the program, `crash` holds the exception, and the event `finished` is set."""
 
     port: int
     server: Any
@@ -115,7 +115,7 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
 
 
 def _server(port: int) -> Any:
-    """Start a viser server that accepts connections from pages of its own on this machine only."""
+    """Start a viser server that accepts connections only from its own pages and only on this machine."""
     try:
         import viser
     except ImportError as error:
@@ -143,7 +143,7 @@ def _only_own_pages(port: int) -> Iterator[list[int]]:
     """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens. Yields a list, which gets
     the port when the web server starts with this check.
 
-    A browser lets any page open a web socket to this machine, and tells the server the origin of the page. Viser does not check it.
+    A browser lets any page open a web socket to this machine, and tells the server the origin of the page. Viser does not check the origin.
     """
     import websockets.asyncio.server as module
 
@@ -175,7 +175,7 @@ def _announce(port: int) -> None:
         BackendError: the server does not answer.
     """
     address, end = f"http://{HOST}:{port}", time.monotonic() + ANSWERS_WITHIN_S
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # a proxy of the environment is not asked
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # ignore a proxy that the environment variables name
     while True:
         try:
             opener.open(address, timeout=5).close()

@@ -1,6 +1,7 @@
 """Answer the newest setting of the live page: first by a draft, then completely when its search has finished.
 
-One thread computes the answers. A newer setting replaces an older one that has not been answered, so that a drag is never behind.
+One thread computes the answers. A newer setting replaces an older one that has not been answered, so that the page does not fall behind a
+drag.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ class Session:
             return
         if pending:
             self._draft = self._open = self._answer(setting)
-        elif found:  # a search for another setting, which may be equal to the newest one
+        elif found:  # a search for another setting object, which may have the same values as the newest one
             self._open = self._draft
         else:
             self._open = self._complete(setting)

@@ -123,7 +123,7 @@ class LiveTracer:
         return sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
 
     def learn(self, setting: LiveSetting, searched: Searched | None, strong: Sequences) -> None:
-        """Use the result of `search` for this setting from now on, and `strong` for drafts at other poses.
+        """Use the sequences `searched` for this setting from now on, and the sequences `strong` for drafts at other poses.
 
         If `searched` is None, the sequences `strong` come from `sketch` and are added to those that are known.
         """
@@ -138,7 +138,7 @@ class LiveTracer:
             self._searches.popitem(last=False)
 
     def answer(self, setting: LiveSetting, complete: bool = False) -> LiveAnswer:
-        """Compute the radar's answer. A draft that needs no search is complete.
+        """Compute the radar's answer. In a room of flat faces, a draft that needs no search is complete.
 
         Args:
             complete: whether all sequences of faces and edges are searched first, if the answer needs this search (`needs_search`).

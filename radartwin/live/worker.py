@@ -25,7 +25,7 @@ class Searcher:
     """Start one worker process that searches for a room.
 
     Args:
-        room: the room without movable objects. radar: radar whose array and sweep apply.
+        room: the room without movable objects. radar: radar whose antenna array and sweep the search uses.
     """
 
     def __init__(self, room: Scene, radar: Radar) -> None:
@@ -51,7 +51,8 @@ class Searcher:
             if not future.cancelled():
                 done(setting, future.exception() or future.result())
 
-        # The room is an argument of a call. As an argument of the start, it would block this thread until the worker reads it.
+        # The room is an argument of the first call. As an argument of the worker's start, the room would block this thread until the worker
+        # reads it.
         room, self._room = self._room, None
         self._pool.submit(_sketch, bare, room).add_done_callback(partial(finish, last=False))
         self._pool.submit(_search, bare).add_done_callback(partial(finish, last=True))

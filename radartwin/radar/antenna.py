@@ -13,13 +13,14 @@ passes through the 3 dB and the 6 dB beamwidth. The hyperbola is smooth and is q
 
 Conventions of this module, for which there is no measurement of these boards:
 
-- Side lobes in elevation. TI measures the patterns of such boards only up to 30 degrees of elevation (TI E2E 821216, IWR6843ISK). Three
-  equal patches in series, one wavelength on the board apart (SPACING), have 2.8 dB at 14 degrees and 6.2 dB at 20 degrees, which agrees
-  with the published beamwidths within 0.2 dB. The pattern therefore has the side lobe of three such patches. With d = SPACING, their array
-  factor is (1 + 2 cos(2 pi d sin psi))/3, and each patch has the pattern cos(pi d/2 sin psi) of its two radiating edges (C. Balanis,
-  Antenna Theory, section 14.2). Beyond the first null of the array factor, the power of the side lobe is added to the power of the main
-  lobe, which fills the null. The side lobe is 12.4 dB below the peak gain at 53 degrees. For comparison, 77 GHz arrays of tapered patches
-  have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In Electromagnetics Research Letters 72 (2018) 23).
+- Side lobes in elevation. TI measures the patterns of such boards only up to 30 degrees of elevation (TI E2E 821216, IWR6843ISK). The gain
+  of three equal patches in series, one wavelength on the board apart (SPACING), is 2.8 dB below the peak at 14 degrees and 6.2 dB below the
+  peak at 20 degrees. This agrees with the published beamwidths within 0.2 dB. The pattern therefore has the side lobe of three such
+  patches. With d = SPACING, their array factor is (1 + 2 cos(2 pi d sin psi))/3, and each patch has the pattern cos(pi d/2 sin psi) of its
+  two radiating edges (C. Balanis, Antenna Theory, section 14.2). Beyond the first null of the array factor, the power of the side lobe is
+  added to the power of the main lobe, which fills the null. The side lobe is 12.4 dB below the peak gain at 53 degrees. For comparison, 77
+  GHz arrays of tapered patches have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In Electromagnetics Research Letters 72 (2018)
+  23).
 - Ground plane. The amplitude gain has the factor 1 - (1 - cos theta)^16, where theta is the angle from boresight. The gain falls to zero in
   the plane of the board. This factor changes the gain by less than 0.01 dB up to 50 degrees from boresight.
 - Beyond 50 degrees of azimuth, the pattern continues the hyperbola. Behind the board, the gain is zero.

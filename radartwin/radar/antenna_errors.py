@@ -10,26 +10,28 @@ COPIES weaker copies of its wave from other points d_kj of the board. Its patter
 
     F_k(u) = c_k (1 + sum_j a_kj exp(-j k0 d_kj . u)),   |a_kj|^2 = 10^(ripple_db/10)/COPIES,
 
-with the direction u, the wavenumber k0 at the middle of the sweep, and the sign of a phase that grows with the length of a path. The
-number of the board is the seed of the points, which are NEAREST_M to FARTHEST_M away in any direction in the plane of the board, and of the
-phases of a_kj. The constant c_k makes the mean power over all directions that of the envelope, and the mean phase of F_k zero, both
-weighted with the power of the envelope. Constant gains and phases of the channels are part of radartwin.radar.hardware. The factor F_k
-neglects that k0 d_kj changes over the sweep, by at most 1.1 radians on either side of its middle. Paths that radartwin.simulation.merging
-joins get the factor of their mean direction, with an error of 0.008 of the signal of a bottle at 1.3 m, and of 0.004 for a can.
+with the direction u, the wavenumber k0 at the middle of the sweep, and the sign of a phase that grows with the length of a path. The number
+of the board is the seed of the points, which are NEAREST_M to FARTHEST_M away in any direction in the plane of the board, and of the phases
+of a_kj. The constant c_k makes the mean power over all directions equal to that of the envelope, and makes the mean phase of F_k zero. Both
+means are weighted with the power of the envelope. Constant gains and phases of the channels are part of radartwin.radar.hardware. The
+factor F_k neglects that k0 d_kj changes over the sweep, by at most 1.1 radians on either side of its middle. Paths that
+radartwin.simulation.merging joins get the factor of their mean direction, with an error of 0.008 of the signal of a bottle at 1.3 m, and of
+0.004 for a can.
 
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - side_lobe_db: 77 GHz arrays of tapered patches have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In Electromagnetics Research
-  Letters 72 (2018) 23). The floor of -18 dB is between both. There is no measurement of these boards beyond 30 degrees of elevation and
-  60 degrees of azimuth (TI E2E 821216, IWR6843ISK). The level in the plane of the board is an order of magnitude, and it decides the echo
-  of a floor straight below the radar. At the shadow boundary of a half plane, the field is half of the field in front of it. Half of the
-  nominal field is -18.6 dB at 85 degrees of azimuth and -23.7 dB at 80 degrees of elevation.
-- back_lobe_db: -25 dB is an order of magnitude. Patch arrays on printed boards have front-to-back ratios of 20 to 30 dB. For comparison,
-  the edge of a half plane diffracts the wave of a source on its surface, 2 cm from the edge, straight backwards with -26 dB of the field
-  along the surface, and with -20 dB from a distance of 5 mm (Keller's coefficient at grazing incidence).
-- ripple_db: -20 dB is an order of magnitude, from the same diffraction coefficients. It gives ripples with a standard deviation of 0.6 dB
-  and 4 degrees. For comparison, a TI E2E thread (1525632) suggests 0.5 dB and 5 degrees as errors of the channels of a calibrated
+  Letters 72 (2018) 23). The floor of -18 dB is between both. There is no measurement of these boards beyond 30 degrees of elevation and 60
+  degrees of azimuth (TI E2E 821216, IWR6843ISK). The level in the plane of the board is an order-of-magnitude estimate. This level decides
+  the echo of a floor straight below the radar. At the shadow boundary of a half plane, the field is half of the field in front of it. Half
+  of the nominal field is -18.6 dB at 85 degrees of azimuth and -23.7 dB at 80 degrees of elevation.
+- back_lobe_db: -25 dB is an order-of-magnitude estimate. Patch arrays on printed boards have front-to-back ratios of 20 to 30 dB. For
+  comparison, the edge of a half plane diffracts the wave of a source on the plane straight backwards. The diffracted field is 26 dB below
+  the field along the surface for a source 2 cm from the edge, and 20 dB below it for a source 5 mm from the edge (Keller's coefficient at
+  grazing incidence).
+- ripple_db: -20 dB is an order-of-magnitude estimate from the same diffraction coefficients. It gives ripples with a standard deviation of
+  0.6 dB and 4 degrees. For comparison, a TI E2E thread (1525632) suggests 0.5 dB and 5 degrees as errors of the channels of a calibrated
   AWR2243, and reports that angles measured with calibrated boards have errors of 2 to 3 degrees.
-- NEAREST_M, FARTHEST_M: about one wavelength, and the distance to the edges of the antenna area of a board; orders of magnitude.
+- NEAREST_M, FARTHEST_M: about one wavelength, and the distance to the edges of the antenna area of a board; order-of-magnitude estimates.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ A row describes one antenna. The order of the transmitters in the table is their
 | antenna | tx or rx |
 | x_m, y_m, z_m | position of the phase centre in metres, in the sensor frame (x forward, y left, z up); a column that is left out is 0 |
 | x_half_wavelength, ... | the same in half wavelengths at design_frequency_hz, in place of metres |
-| design_frequency_hz | frequency of the half wavelength in Hz; required with it, and equal in all rows |
+| design_frequency_hz | frequency in Hz that sets the half wavelength; required for positions in half wavelengths, and equal in all rows |
 | gain_db | power gain of the antenna in addition to its pattern, in dB; 0 if left out |
 | pattern | name of the antenna pattern (radartwin.radar.antenna), equal in all rows; the radar's own pattern if left out |
 
@@ -32,7 +32,7 @@ from radartwin.radar.description_files import read_text, read_yaml, with_numbers
 from radartwin.radar.field_checks import check_distinct
 
 UNITS = ("m", "half_wavelength")
-MAX_SPAN_M = 2.0  # no array of a board is wider; a wider table gives other units as metres
+MAX_SPAN_M = 2.0  # no array of a board is larger along an axis; a table with a larger array gives another unit as metres
 MAX_GAIN_DB = 100.0  # no antenna has a larger gain or loss
 _COMMON = ("design_frequency_hz", "pattern")  # columns whose value is the same in all rows
 _COLUMNS = ("antenna", *_COMMON, "gain_db")
@@ -40,7 +40,7 @@ _POSITION = re.compile(r"([xyz])_(\w+)")
 
 
 def read_array(path: str | Path) -> dict[str, Any]:
-    """Read an array table and return the fields of `Radar` that it decides.
+    """Read an array table and return the fields of `Radar` that the table determines.
 
     Returns:
         tx_positions_m and rx_positions_m, each a tuple of (x, y, z) in metres; tx_gains_db and rx_gains_db, if an antenna has a gain;
@@ -140,7 +140,7 @@ def _unit(path: Path, rows: list[dict[str, Any]]) -> str:
 
 
 def _metres(path: Path, unit: str, design_frequency_hz: Any) -> float:
-    """Return the length of a unit in metres."""
+    """Return the length of the position unit `unit` in metres."""
     if unit == "m":
         return 1.0
     if design_frequency_hz is None:

@@ -6,9 +6,9 @@ in azimuth, and TX2 is raised by half a wavelength. TX1 and TX3 with four receiv
 half a wavelength. On the xWR1642BOOST (user's guide TI SWRU521), the two transmitters are two wavelengths apart.
 
 The board MMWCAS-RF-EVM carries four chips AWR2243 (design guide TI TIDUEN5A, figures 5 to 7). Its positions are those of TI's processing
-example for this board, in half wavelengths at 76.8 GHz. TX4 to TX12 are two wavelengths apart in azimuth. TX1 to TX3 of the main chip stand
-1, 4 and 6 half wavelengths above them. With TX4 to TX12, these heights differ by every number of half wavelengths from 0 to 6, which is a
-minimum-redundancy array. The 16 receivers form groups of 4, 8 and 4 antennas at a spacing of half a wavelength. The azimuth row of 9
+example for this board, in half wavelengths at 76.8 GHz. TX4 to TX12 are two wavelengths apart in azimuth. TX3, TX2 and TX1 of the main chip
+stand 1, 4 and 6 half wavelengths above them. With TX4 to TX12, these heights differ by every number of half wavelengths from 0 to 6, which
+is a minimum-redundancy array. The 16 receivers form groups of 4, 8 and 4 antennas at a spacing of half a wavelength. The azimuth row of 9
 transmitters and 16 receivers has 144 channels at 86 different places, without a gap.
 
 In this module, the channel number of the boards with one chip grows towards +y (left), because in the mmWave SDK demo the phase grows with

@@ -28,7 +28,7 @@ from radartwin.radar.dca1000 import FULL_SCALE, frame_bytes, frame_shape
 from radartwin.radar.recording import MAPPED_BYTES, Recording
 
 CHIPS = ("master", "slave1", "slave2", "slave3")
-_RECEIVERS = 4  # of a chip
+_RECEIVERS = 4  # number of receivers of a chip
 _SAMPLE = np.dtype("<i2")
 _PART = re.compile(r"(master|slave[123])_(\d{4})_data\.bin")
 

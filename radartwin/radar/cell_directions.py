@@ -44,9 +44,9 @@ DEPTH_DB = 10.0
 # target's power is at most 1/(1 - r^2) = 10 times the mean power of the channels. On a uniform line, directions 0.18 Rayleigh widths apart
 # have this r. MUSIC at 20 dB needs 0.20 Rayleigh widths to resolve two targets (docs/concepts.md).
 PARALLEL = 0.95
-LOADING = 1e-3  # of Capon, in mean eigenvalues; it limits the beam to 30 dB below the strongest signal
+LOADING = 1e-3  # diagonal loading of Capon, in mean eigenvalues
 _AZIMUTH_RAD = np.radians(np.arange(-90.0, 90.5, 0.5))
-_UZ = np.linspace(-1.0, 1.0, 401)  # direction cosines of the elevation; 0.005 is a twentieth of the beam of two rows, or finer
+_UZ = np.linspace(-1.0, 1.0, 401)  # direction cosines of the elevation; the step is 0.005
 _ZOOMS, _ZOOM_POINTS = 2, 41
 
 

@@ -1,7 +1,7 @@
 """Describe the waveform, array and timing of a TDM-MIMO FMCW radar, and derive its resolution and limits.
 
-The only waveform is a train of equal linear up-chirps (FMCW), which the transmitters send one after the other (TDM). Descriptions of other
-waveforms (WAVEFORM) are refused, for example several transmitters at a time, chirps of several profiles, falling chirps, PMCW or OFDM.
+The only waveform is a train of equal linear up-chirps (FMCW), which the transmitters send one after the other (TDM). RadarTwin refuses
+descriptions of other waveforms, for example several transmitters at a time, chirps of several profiles, falling chirps, PMCW or OFDM.
 
 Symbols and their names in the code: f0 -> start_frequency_hz, S -> slope_hz_per_s, fs -> sample_rate_hz, N -> num_samples,
 Tc -> chirp_interval, B = S N / fs -> sampled_bandwidth_hz, lambda at f0 -> wavelength_m, f0 + B/2 -> center_frequency_hz.
@@ -235,9 +235,10 @@ class Radar:
     def iwr1843(cls, element: str = "iwr1843") -> Radar:
         """Return the radar of the RadarTwin paper, an IWR1843BOOST with two alternating azimuth transmitters and four receivers.
 
-        The chirp interval of 64 us is an assumption of this project, because the paper gives none. The published profile that
-        `hardware` takes its filter from has 486 us, with which the unambiguous speed would be 0.97 m/s instead of 7.44 m/s. The noise
-        figure of 15 dB and the transmit power of 12 dBm are typical values of the IWR1843 data sheet (TI SWRS228, RF specification).
+        The chirp interval of 64 us is an assumption of this project, because the paper gives none. The published profile from which
+        `radartwin.radar.hardware` takes the IF filter has a chirp interval of 486 us. With this interval, the unambiguous speed would be
+        0.97 m/s instead of 7.44 m/s. The noise figure of 15 dB and the transmit power of 12 dBm are typical values of the IWR1843 data
+        sheet (TI SWRS228, RF specification).
         """
         return cls(
             name="iwr1843",

@@ -24,7 +24,7 @@ Complex = NDArray[np.inexact]
 Real = NDArray[np.floating]
 
 CRITERIA = ("mdl", "aic")
-_STEP_TOLERANCE = 1e-3  # largest deviation of an antenna from a uniform line, in steps; it changes the phase by 0.2 degrees
+_STEP_TOLERANCE = 1e-3  # largest deviation of a step between antennas from the mean step, in steps; 0.2 degrees of phase
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Covariance:
         """Average the matrices of all shifted sub-arrays of a uniform line; the result belongs to the first `subarray` antennas.
 
         Args:
-            subarray: number of antennas of a sub-array; M averages no sub-arrays.
+            subarray: number of antennas of a sub-array; with M, the only sub-array is the whole array.
             forward_backward: whether to add the matrices of the reversed, conjugated signals.
         Raises:
             InputError: the sub-array is larger than the array or has fewer than two antennas.

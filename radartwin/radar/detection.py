@@ -101,7 +101,7 @@ def point_clouds(iq: Complex, radar: Radar, *, static_removed: bool = False, ang
         static_removed: whether to subtract the mean of each channel over all frames and chirps before the detection.
         angle: "bartlett", "capon" or "music" (see radartwin.radar.cell_directions).
     Returns:
-        One set of peaks per frame, in the sensor frame of that radar frame. A frame without an echo has no peaks.
+        One set of peaks per radar frame, in the sensor frame at the time of this radar frame. A radar frame without an echo has no peaks.
     """
     clouds = []
     for _, _, block in spectra(iq, radar, static_removed):
@@ -115,7 +115,7 @@ def _covariance(block: Complex, cells: PeakCells, radar: Radar) -> Covariance:
     """Return the covariance matrices (cell, channel, channel) over the frames of Doppler spectra (frame, Doppler, tx, rx, range).
 
     `doppler_fft` has compensated the TDM phase only for the velocity of the Doppler bin, so this function compensates the phase of the
-    difference from the velocity of the peak.
+    remaining velocity, which is the velocity of the peak minus the velocity of the bin.
     """
     residual_hz = 2 * cells.residual_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
     turn = np.exp(-2j * np.pi * residual_hz[:, None] * radar.chirp_times()[0])

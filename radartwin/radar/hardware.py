@@ -15,27 +15,28 @@ last samples of a chirp.
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - if_filter: both high-pass stages have their lowest corner frequencies, 175 and 350 kHz (codes 0 0), and the receiver gain is 30 dB. These
   are the values of a published mmWave SDK profile with the paper's sampling ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30",
-  TI E2E 757413). The filter is a setting and no imperfection, so `scaled` does not change it.
+  TI E2E 757413). The filter is a setting and no imperfection, so `scaled` does not change it, except that strength 0 removes it.
 - line_loss: the feed lines attenuate an echo by 5.2 dB on both ways together. An antenna alone has a gain of 10.5 dBi. Measured through the
   feed lines, a transmit antenna has 7.8 dBi and a receive antenna 8 dBi (TI E2E 681535).
 - coupling: the leakage is -45 dB between the nearest transmitter and receiver, which are 8.77 mm apart (xWR1642BOOST, TI E2E 674013). It
-  falls with distance. The feed line of 6 cm is an order of magnitude. In two public captures with the same high-pass stages, the leakage is
-  12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a sample. The default
-  coupling gives 14 dB.
+  falls with distance. The length of the feed line, 6 cm, is an order-of-magnitude estimate. In two public captures with the same high-pass
+  stages, the leakage is 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a
+  sample. The default coupling gives 14 dB.
 - full_scale: in the same two captures, the noise of a sample is 7.3 counts. With the noise figures of the data sheets and a receiver gain
   of 30 dB, the ADC's full scale then corresponds to a received power of -23 and -22 dBm. At this gain, the in-band compression point is at
-  -29 dBm (IWR1443 data sheet, figure 5-1, by TI E2E 702363: -23, -35, -47 dBm at gains of 24, 36, 48 dB). The simulation does not model the
-  compression of large signals.
-- image: the gains of I and Q differ by 1 dB and their phases by 2 degrees (AWR1243 data sheet by TI E2E 654592). The SDK's "complex 1x"
-  output filters the image band, so only echoes in the first tenth of the range have an image. This image appears at the far end of the
-  range.
+  -29 dBm (IWR1443 data sheet, figure 5-1, according to TI E2E 702363: -23, -35, -47 dBm at gains of 24, 36, 48 dB). The simulation does not
+  model the compression of large signals.
+- image: the gains of I and Q differ by 1 dB and their phases by 2 degrees (AWR1243 data sheet, according to TI E2E 654592). The SDK's
+  "complex 1x" output filters the image band, so only echoes in the first tenth of the range have an image. This image appears at the far
+  end of the range.
 - offset: the offset of -70 dBFS is the mean of the samples in both captures (5 to 16 counts).
 - channels: the standard deviations of 0.6 dB and 5 degrees are the spread of a measured AWR1843L calibration (compRangeBiasAndRxChanPhase
   in the README of a fork of RadarML/xwr). Data sheets promise only +-0.5 dB and +-3 degrees over temperature (AWR2944P, TI SWRS330).
 - chirp_late: the delay between a chirp and its samples is 0 or 1.1 ns, at random (TI SPRACV2).
 - start: the time of a software trigger is uncertain by "several tens of microseconds", while frames repeat exactly (TI SWRA574B).
-- jitter: a standard deviation of one microsecond from frame to frame is an order of magnitude, far above the 5 ns steps of the frame timer.
-  If a computer receives frames over Ethernet, its time stamps have errors of about a millisecond, but they affect only the motion log.
+- jitter: a standard deviation of one microsecond from frame to frame is an order-of-magnitude estimate, far above the 5 ns steps of the
+  frame timer. If a computer receives frames over Ethernet, its time stamps have errors of about a millisecond. These errors affect only the
+  motion log.
 """
 
 from __future__ import annotations

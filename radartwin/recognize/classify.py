@@ -125,7 +125,9 @@ def thinned(processed: Processed, log: Nominal, recogniser: Recogniser) -> tuple
 
 
 def changing_range(processed: Processed) -> float:
-    """Return the range in metres at which the echo changes most over the frames; the target on a turntable is there, and not a wall.
+    """Return the range in metres at which the echo changes most over the frames.
+
+    A target on a turntable is at this range, a wall is not.
 
     Raises:
         InputError: the echo does not change over the frames at any range.

@@ -64,7 +64,7 @@ TWO_LAYERS = TwoLayers()
 
 
 def uniform(rng: np.random.Generator, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Draw the weights (outputs, ...) and biases (outputs,) of a layer in +-1/sqrt(number of inputs), as torch.nn.Linear does."""
+    """Draw the weights (outputs, ...) and biases (outputs,) of a layer within +-1/sqrt(number of inputs), as torch.nn.Linear does."""
     bound = float(np.prod(shape[1:])) ** -0.5
     weights, biases = (rng.uniform(-bound, bound, size).astype(np.float32) for size in (shape, shape[:1]))
     return weights, biases

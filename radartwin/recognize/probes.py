@@ -152,8 +152,9 @@ def standardised(samples: Samples, floor: NDArray | float = 0.0) -> Samples:
     """Scale each feature to zero mean and unit standard deviation over all rows; a feature with constant value becomes zero.
 
     Args:
-        floor: (D,) smallest standard deviation by which a feature is divided, such as its repeatability. A feature that varies less than
-            two recordings of the same object carries no information, and division by its own spread would amplify numerical noise.
+        floor: (D,) smallest standard deviation by which a feature is divided, such as its repeatability. A feature that varies less over
+            the rows than between two recordings of the same object carries no information, and division by the standard deviation of this
+            feature would amplify numerical noise.
     """
     spread = np.maximum(samples.values.std(axis=0), floor)
     return samples.with_values((samples.values - samples.values.mean(axis=0)) / np.where(spread > 0, spread, np.inf))

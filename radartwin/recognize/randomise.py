@@ -2,7 +2,8 @@
 
 A classifier that is trained on equal copies of a recording trusts features that a slightly different set-up changes. Each quantity below is
 drawn uniformly from a range. The range is half as large at strength 0.5, and strength 0 leaves the quantity unchanged. All ranges were
-chosen before any table was computed. Where no publication gives a range, it was not taken from the testbed (radartwin.testbed). Sources:
+chosen before any table was computed. Where no publication gives a range, the range was not taken from the testbed (radartwin.testbed).
+Sources:
 - wobble: +-0.5 degrees of tilt of the axis, and of the object on the disc, about each horizontal direction through the origin of the
   object's frame; order of magnitude.
 - eccentricity: +-5 mm from the axis along x and y, for an object centred by eye; order of magnitude.
@@ -15,10 +16,11 @@ chosen before any table was computed. Where no publication gives a range, it was
 - channels: +-1 dB and +-9 degrees of each channel, which have the standard deviations of a measured AWR1843L calibration
   (radartwin.radar.hardware). The testbed's boards have the same standard deviations.
 - noise: +-3 dB around the noise of the measured recordings; the data sheets of these radars give 14 to 16 dB of noise figure.
-- wall: +-10 % of thickness and of the real permittivity, and a factor of up to two of the loss of the target's walls, as rows of
-  ITU-R P.2040-4 for one material differ (figures in radartwin.testbed.variation, whose own walls deviate by 10 % too).
-- mesh: +-0.3 mm, the tolerance of class m of ISO 2768-1 for sizes of 30 to 120 mm, of the radius, of the height, and of deviations of the
-  radius with two and three maxima around the object.
+- wall: +-10 % of the thickness and of the real permittivity of the target's walls, and a factor of up to two on the loss of these walls, as
+  rows of ITU-R P.2040-4 for one material differ (figures in radartwin.testbed.variation). The permittivity of the walls in the testbed has
+  a standard deviation of 10 %, and their thickness one of 5 %.
+- mesh: +-0.3 mm of the radius, of the height, and of deviations of the radius with two and three maxima around the object. The value of 0.3
+  mm is the tolerance of class m of ISO 2768-1 for sizes of 30 to 120 mm.
 """
 
 from __future__ import annotations
@@ -82,7 +84,7 @@ OFF = Randomisation(**{one.name: 0.0 for one in fields(Randomisation)})
 def poses(nominal: NDArray[np.float64], strengths: Randomisation, seed: int | Sequence[int]) -> NDArray[np.float64]:
     """Draw the poses (F, 4, 4) of an object on a turntable from its nominal poses (F, 4, 4), which turn about the world's vertical axis.
 
-    Equal seeds give the same draw at every strength, in proportion to the strength.
+    Equal seeds give the same draw at every strength, and its deviations are proportional to the strength.
     """
     rng = _generator(seed, b"poses")
     tilts = np.radians(WOBBLE_DEG) * strengths.wobble * rng.uniform(-1, 1, (2, 2))
@@ -153,7 +155,7 @@ def echoes_alone(
     surfaces: Sequence[Surface], radar: Radar, sensor_poses: NDArray[np.float64], nominal: NDArray[np.float64], strengths: Randomisation,
     count: int, seed: Sequence[int], **options: Any,
 ) -> NDArray[np.complex64]:  # fmt: skip
-    """Return the channels (1 + count, F, A, B) of the nominal target alone in free space, then of `count` drawn ones; see `alone`."""
+    """Return the channels (1 + count, F, A, B) of the nominal target alone in free space, then of `count` drawn targets; see `alone`."""
     drawn = [(OFF, seed), *((strengths, [*seed, number]) for number in range(count))]
     return np.stack([alone(surfaces, radar, sensor_poses, nominal, *one, **options) for one in drawn])
 
@@ -179,7 +181,7 @@ def alone(
 
 
 def exchanged(processed: Processed, nominal: NDArray[np.complexfloating], drawn: NDArray[np.complexfloating]) -> Processed:
-    """Return a recording whose target is exchanged: without the direct echo of the nominal target, with that of the drawn target.
+    """Return a recording in which the direct echo of the drawn target replaces the direct echo of the nominal target.
 
     Echoes that also touch the room stay those of the nominal target.
 

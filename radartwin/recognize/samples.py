@@ -1,9 +1,9 @@
 """Tables of feature rows, each with its recording, object, stratum (recording condition) and domain (simulated or measured).
 
-Feature rows are sorted by the names of their recordings, so that results do not depend on the order of files or on the worker. A classifier
-gives one class per recording, and all frames of a recording are either in the training data or in the test data. If a recording was cut
-from a longer recording, as single turntable revolutions are, the column `source` names the longer recording. Training and test rows never
-come from the same stored recording.
+Feature rows are sorted by the names of their recordings, so that results do not depend on the order of files or on which worker computes
+them. A classifier gives one class per recording, and all frames of a recording are either in the training data or in the test data. If a
+recording was cut from a longer recording, as single turntable revolutions are, the column `source` names the longer recording. Training and
+test rows never come from the same stored recording.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Samples(Unlabelled):
         label: (N,) class of each row: its object, or after `relabelled` for example the shape of its object.
         cell: (N,) cluster of each row in tests and intervals. It is the object and the stratum, because measured recordings of one object
             and stratum are compared with the same simulation. After `relabelled` it is the object, because a class then has several
-            objects, and only the objects are independent examples of it.
+            objects, and only the objects are independent examples of the class.
     """
 
     label: NDArray[np.str_]

@@ -134,7 +134,7 @@ def _tensors(rows: Samples, index: Mapping[str, int]):
 
 
 def _paired_term(rows: Samples, x: Any, settings: Settings) -> Term | None:
-    """Return the InfoNCE term of a simulated and a measured row of each case, or None if there is no case with both domains."""
+    """Return the InfoNCE term of a simulated and a measured row of each case (object and stratum), or None if no case has both domains."""
     cases = _cases(rows)
 
     def term(rng: np.random.Generator, forward: Callable[[Any], Any]) -> Any:

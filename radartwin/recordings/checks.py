@@ -22,8 +22,8 @@ from radartwin.recordings.studio_log import PACKET_BYTES
 from radartwin.scene.trajectories.file import read_track
 
 CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by judgement; above it, clipping causes notable harmonics
-EDGE_FRAMES = 16  # frames used to test whether I and Q are exchanged; with one frame of few chirps, its power ratio errs by 1 to 2 dB
-LOST_SHARE = 0.01  # a recording set is unusable if more than this share of frames has lost samples, even if its log reports them
+EDGE_FRAMES = 16  # frames used to test whether I and Q are exchanged; for one frame of few chirps, band_edge_db errs by 1 to 2 dB
+LOST_SHARE = 0.01  # a recording set is unusable if more than this share of frames has lost samples, even if the log reports the loss
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,8 @@ def zero_filled_frames(recording: Recording) -> list[int]:
 
 
 def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
-    """Interpolate the sensor poses (F, 4, 4) at the frame times. A frame up to half a period outside the file takes the nearest pose.
+    """Interpolate the sensor poses (F, 4, 4) at the frame times. A frame at most half a frame period outside the time span of the file
+    takes the nearest pose.
 
     Args:
         path: a trajectory file that `read_track` accepts.

@@ -81,7 +81,7 @@ def stamped(time_ns: int, frame_id: str) -> Message:
 
 
 def map_image(time_ns: int, frame_id: str, power: NDArray[np.float64], floor_db: float) -> Message:
-    """Return a foxglove.RawImage of a power map (columns, range), whose pixels are levels above `floor_db` (see the module)."""
+    """Return a foxglove.RawImage of a power map (columns, range), whose pixels are levels above `floor_db` (see the module's docstring)."""
     level = (decibels(power.T[::-1]) - floor_db) * PIXELS_PER_DB
     pixels = np.clip(np.rint(level), 0, 65535).astype("<u2")
     height, width = pixels.shape

@@ -75,8 +75,8 @@ def import_captures(
     Raises:
         MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
         PoseError: a trajectory file is unreadable.
-        InputError: an index row is invalid, a trajectory of the mapping file is outside the source folder, the set holds the name of a
-            capture with other conditions, or the data card is incomplete.
+        InputError: an index row is invalid, a trajectory of the mapping file is outside the source folder, the set holds a recording of the
+            same name with other conditions, or the data card is incomplete.
         RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
             contains all captures that were imported before the wrong capture.
     """

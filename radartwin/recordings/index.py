@@ -31,8 +31,8 @@ class Row:
     Attributes:
         recording: name of the recording, which is stored in recordings/NAME.bin and recordings/NAME.json.
         object: target in front of the radar; "none" for an empty room.
-        distance_m: distance in metres from the radar to the vertical axis of the target, at the start or for depth and lateral the smallest
-            distance; None if not measured.
+        distance_m: distance in metres from the radar to the vertical axis of the target: the smallest distance for depth and lateral,
+            otherwise the distance at the start; None if not measured.
         motion: static, turntable, radial and diagonal (target on a rail), depth and lateral (radar on a rover), or other.
         trajectory: name of a file in trajectories/ with the poses of the radar; "" for none.
         split: use of the recording: train, validation, test, calibration or "" for none.

@@ -5,7 +5,7 @@
       index.csv                  recording, object, distance_m, room, motion, repetition, trajectory, split, and further columns
       recordings/NAME.bin        DCA1000 samples (radartwin/radar/dca1000.py)
       recordings/NAME.json       radar, scale, poses and provenance (radartwin/radar/recording.py)
-      trajectories/FILE          poses of the radar, TUM text or CSV; times in seconds from the first frame, or from -start_s
+      trajectories/FILE          poses of the radar, TUM text or CSV; times in seconds: the first frame is at 0, or at start_s
                                  if the index has a column start_s
 
 A folder is a recording set if it contains a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A

@@ -44,7 +44,7 @@ class StudioLog:
     def frames(self, frame_bytes: int) -> int:
         """Return the number of whole frames in the .bin file.
 
-        If the last packet was padded, it may exceed the frames that were sent by one.
+        If the last packet was padded, the result may be one more than the number of frames that were sent.
         """
         return (self.received + self.lost) * PACKET_BYTES // frame_bytes
 

@@ -7,7 +7,7 @@ cross-section over all directions is -6.5 and -7.9 dBsm.
 
 A person who stands still sways. The echo of each frame is shifted by a random displacement along the line of sight, with a standard
 deviation of 4 mm and a correlation time of 1 s. D. Abrahamova and F. Hlavacka (Physiol. Res. 57 (2008) 957) measured a root mean square of
-some millimetres for adults in quiet stance; our figures are orders of magnitude.
+some millimetres for adults in quiet stance; the values of this module are order-of-magnitude estimates.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ states. A polynomial in the temperature state is fitted to the simulated room si
 straight back to the radar, whose phase is 4 pi s / lambda for a shift s, the error of the polynomial is less than 0.02 of the path's
 amplitude (tested). An object's shift across the line of sight changes the echo's phase less than a shift along it.
 
-The default size of the drift is an order of magnitude. A plastic object of half a metre expands by 0.05 mm per degree. Wood and cardboard
-of this length expand by a few tenths of a millimetre if the relative humidity rises by ten per cent. Furniture boards settle and cables
-sway by similar lengths.
+The default size of the drift is an order-of-magnitude estimate. A plastic object of half a metre expands by 0.05 mm per degree. Wood and
+cardboard of this length expand by a few tenths of a millimetre if the relative humidity rises by ten per cent. Furniture boards settle and
+cables sway by similar lengths.
 """
 
 from __future__ import annotations

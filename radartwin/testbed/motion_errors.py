@@ -4,19 +4,20 @@ A recording stores the nominal (logged) pose of frame f, for the time f / frame 
 dataclass with a method `scaled(strength)`. At strength 0 the true poses equal the nominal poses exactly. Equal seeds give equal errors.
 
 The default sizes of the motion errors were chosen before any result table was computed. If no value for such equipment is published, the
-default is an order of magnitude:
+default is an order-of-magnitude estimate:
 - Rover slip: 1.5 % of the path. Half of its variance is constant (wheel size, load), and half has a correlation length of 0.3 m. The
   uncalibrated odometry of a differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans.
   Robotics and Automation 12 (1996) 869, cited from memory). After the wheel size in the log is corrected, the remaining slip is smaller.
   Mecanum wheels slip more.
 - Rover heading: the error grows by 0.9 degrees per metre, from "1 degree per 45 in" reported for a swerve drive (gwhs/FalconRecharged2021,
-  issue 6). The error at the start is 0.5 degrees, for a rover aligned to 4 mm with half a metre of tape.
+  issue 6). The error at the start is 0.5 degrees, for a rover that is aligned with half a metre of tape to within 4 mm.
 - Rover start: the position error is 1 cm, for a wheel placed by hand on a marked position on the floor.
 - Rover ripple: one period per wheel revolution, for moulded wheels of 80 mm diameter that are 0.5 mm out of round (order of magnitude).
-- Rover bob: 0.5 mm of height with a correlation length of 0.1 m, an order of magnitude for rollers of a mecanum wheel and floor joints.
+- Rover bob: 0.5 mm of height with a correlation length of 0.1 m, an order-of-magnitude estimate for the effect of the rollers of a mecanum
+  wheel and of floor joints.
 - Rail: the start position has an error of 2 mm, for a carriage set against its stop by hand. The travelled distance has an error of 0.5 %
   caused by belt and pulley. The ripple is 0.1 mm per revolution of a pulley with a circumference of 40 mm. All three values of the rail are
-  orders of magnitude.
+  order-of-magnitude estimates.
 - Turntable start angle: 5 degrees, because recording and motor are started by hand, a third of a second apart (order of magnitude).
 - Turntable rotation rate: 1 %, for a motor without an encoder. Half of the variance is constant, and half changes with load and supply
   voltage within a fifth of a revolution (order of magnitude).
@@ -160,8 +161,8 @@ def at_times(poses: NDArray[np.float64], rate_hz: float, times_s: NDArray[np.flo
 def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw the true poses (F, 4, 4) of a wheeled platform on a level floor from its nominal poses (F, 4, 4).
 
-    On the way back of a drive there and back, the wheels turn backwards, so that the ripple repeats at the same positions. Slip and
-    heading drift go on along the path.
+    If the drive returns to its start, the wheels turn backwards on the way back, so that the ripple repeats at the same positions. Slip and
+    heading error continue to change along the path.
     """
     steps, gone = np.diff(poses[:, :3, 3], axis=0), poses[:, :3, 3] - poses[0, :3, 3]
     long = np.linalg.norm(steps, axis=1)

@@ -3,18 +3,18 @@
 The function `as_made` moves every point of an object along its radius by d(azimuth, height), and scales its height. All parts of an object
 follow the same function, so that parts neither touch nor separate. The corner reflector keeps flat plates; the tips of its legs move.
 
-A kind of object has the deviations of `Form`. The sizes at strength 1 were chosen before any table was computed. A tolerance of a drawing
-is taken as two standard deviations:
+The class `Form` lists the deviations of a kind of object. The sizes at strength 1 were chosen before any table was computed. A tolerance of
+a drawing is taken as two standard deviations:
 - cans, radius and height: the Can Manufacturers Institute's sheet of the 202 drink can has a body of 2.602 +- .007 inches and a can height
   of 4.812 +- .015 inches, which are +-0.09 mm of radius and +-0.38 mm of height.
 - cans, out of roundness: +-.015 inches for round drawn cans of 2 to 3.5 inches (Hudson Technologies, standards and tolerances), which is
   +-0.19 mm of radius.
-- food cans, side seam: two sheets of 0.2 mm overlap, so a ridge of 0.2 mm. Its width of 3 mm and its rounded flanks are orders of
-  magnitude.
+- food cans, side seam: two sheets of 0.2 mm overlap, so a ridge of 0.2 mm. Its width of 3 mm and its rounded flanks are order-of-magnitude
+  estimates.
 - food cans, body beads: the inspection manual of the Canadian Food Inspection Agency says that a body may have beads. Half of the cans have
-  beads, 0.5 mm deep and 6 mm apart; both numbers are orders of magnitude.
+  beads, 0.5 mm deep and 6 mm apart; both numbers are order-of-magnitude estimates.
 - dents, ribs and label panels of bottles, bulges of flat panels, and the tolerances of bottles, mug and reflector have no source. They are
-  orders of magnitude of what a calliper shows on ordinary goods.
+  order-of-magnitude estimates of the deviations that a calliper shows on ordinary goods.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class Form:
         seam_m: height of the side seam's ridge.
         bead_m: depth of the beads of a food can.
         bulge_m: deviation of the radius with two maxima around the object, largest at half height.
-        label_m: depth of the label's panel, from 0.2 to 0.6 of the height.
-        rib_m: depth of the ribs of a bottle, from 0.05 to 0.18 of the height.
+        label_m: depth of the label's panel, which extends from 0.2 to 0.6 of the height.
+        rib_m: depth of the ribs of a bottle, which extend from 0.05 to 0.18 of the height.
     """
 
     radius_m: float = 0.0
@@ -75,10 +75,10 @@ BOTTLE = Form(radius_m=0.3e-3, oval_m=0.3e-3, height_m=0.5e-3, dents=1, dent_m=0
 
 
 def as_made(entry: Entry, strength: float, rng: np.random.Generator) -> list[Surface]:
-    """Return the surfaces of a catalogue object with the shape that it has as made, in the object's own frame.
+    """Return the surfaces of a catalogue object with its shape as made, in the object's own frame.
 
     Args:
-        strength: 0 returns the catalogue's surfaces, 1 gives the sizes of this module. The random numbers do not depend on it.
+        strength: 0 returns the catalogue's surfaces, 1 gives the sizes of this module. The random numbers do not depend on the strength.
         rng: generator of the object's own random numbers.
     """
     surfaces = list(entry.surfaces())

@@ -40,11 +40,12 @@ class Gaps:
     Attributes:
         materials: strength of the deviations of layer thickness and permittivity of everything but the target.
         roughness: strength of the deviations of the roughness heights of surfaces.
-        clutter: strength of the difference in small objects and equipment, which the scan lacks; below 1 the testbed lacks some too.
+        clutter: strength of the difference in small objects and equipment, which the scan lacks; below 1, some of them are also missing in
+            the testbed.
         hardware: strength of the imperfections of the radar.
         trajectory: strength of the motion errors of rover, rail and turntable, and of errors of the frame times.
         solver: above 0, the testbed traces more rays and one more reflection order than the simulation of the scanned room.
-        placement: strength of the error of the target's position.
+        placement: strength of the errors of the target's position and yaw.
         contents: strength of the deviations of the contents of vessels.
         object_shape: strength of the deviations of the target's shape from its drawing.
         object_material: strength of the deviations of wall thickness and permittivity of the target.

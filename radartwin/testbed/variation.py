@@ -11,7 +11,7 @@ random numbers at every strength. The default sizes of the deviations were chose
   smooth to micrometres (EN 572-2, EN 14411) and get 2 micrometres. Any other nominally smooth surface gets 0.3 mm, the lower end of the
   range of 0.3 to 3 mm in the paper's own calibration (implementation section).
 - contents: 10 % of a liquid's permittivity, which is the uncertainty of its recipe (radartwin/materials/containers.py). A vessel also gets
-  an empty space of 5 to 15 % of its height at the top, for neck and shoulder; the range of 5 to 15 % is an order of magnitude.
+  an empty space of 5 to 15 % of its height at the top, for neck and shoulder; the range of 5 to 15 % is an order-of-magnitude estimate.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def own_contents(surface: Surface, strength: float, rng: np.random.Generator) ->
 
 
 def _outermost(material: str | Layered) -> str:
-    """Return the name of the outermost material, without the deviations that `varied` writes behind it."""
+    """Return the name of the outermost material, without the deviations that `varied` writes behind this name."""
     stack = layered(material)
     return (stack.layers[0][0] if stack.layers else stack.backing).split("~")[0]
 

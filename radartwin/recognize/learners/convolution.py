@@ -6,11 +6,13 @@ of three convolutions with 16, 32 and 32 channels. A linear layer maps both bran
 - The time branch is circular over the revolution. It keeps all rows and takes the largest and the mean value over time, so a start of the
   revolution that is later by whole rows does not change the embedding. Its kernels have dilations of 1, 2 and 4 rows. Each output value of
   the third convolution therefore depends on 15 of the 24 rows, more than half of a revolution.
-- The Doppler branch halves the rows three times and keeps the rest, because the Doppler frequency is absolute.
+- The Doppler branch halves the number of rows three times and does not average over the remaining rows, because the Doppler frequency is
+  absolute.
 - The first convolution of each branch keeps every third column (range bin), and each further convolution keeps every second one.
 
 Training shifts channel 0 circularly by a random time, because the start angle of a measured revolution is unknown. Only the fraction of a
-row matters, and the interpolation between rows is linear. The initial weights follow K. He et al., Delving deep into rectifiers, ICCV 2015.
+row matters, because a shift by whole rows does not change the embedding. The interpolation between rows is linear. The initial weights
+follow K. He et al., Delving deep into rectifiers, ICCV 2015.
 """
 
 from __future__ import annotations

@@ -33,8 +33,8 @@ class Training:
     features: Mapping[str, Any]
 
     def recogniser(self, rows: Samples, provenance: Mapping[str, Any] | None = None) -> Recogniser:
-        """Train on all rows, which are simulated. The features are scaled by their mean, and by their standard deviation over the rows or
-        their repeatability, whichever is larger.
+        """Train on all rows, which are simulated. The mean of each feature is subtracted. The feature is then divided by its standard
+        deviation over the rows or by its repeatability, whichever is larger.
         """
         floor = repeatability(rows.names)
         trained = fit(simulation_only(standardised(rows, floor)), self.anchors, self.settings, self.seed)

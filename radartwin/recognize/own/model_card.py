@@ -28,7 +28,7 @@ class TrainedOn:
         copies: number of copies of each simulated revolution.
         variants: number of drawn turntables and objects, over which the copies are divided.
         randomise: strength of the randomisation of each quantity (radartwin.recognize.randomise).
-        described: whether descriptions of the objects are the class vectors.
+        described: whether the class vectors are the text embeddings of the objects' descriptions.
     """
 
     radar: str

@@ -4,7 +4,7 @@ The following text is an example of such a file:
 
     objects:
       - name: plate                  # the class name that the recogniser returns
-        mesh: meshes/plate.stl       # a .glb, .ply, .obj or .stl; the path starts at this file
+        mesh: meshes/plate.stl       # a .glb, .ply, .obj or .stl; the path is relative to this file's folder
         unit: mm                     # of the mesh: m (default), cm, mm or in
         up: y                        # upward axis of the mesh: z (default) or y
         material: metal              # of the whole mesh: a name, or layers as for the bottle
@@ -40,7 +40,7 @@ from radartwin.scene.storage import material_from_json
 from radartwin.scene.surface import Surface
 from radartwin.scene.viewer.colouring import material_label
 
-FEWEST = 2  # a recogniser tells at least two objects apart
+FEWEST = 2  # a recogniser distinguishes at least two objects
 NAME = re.compile(r"\w[\w .+-]{0,59}")
 OF_MESH = ("material", "unit", "up")  # keys that an object of the catalogue does not have
 _REMEDY = "write a list of objects under the key objects (docs/own-objects.md has an example)"
@@ -121,7 +121,8 @@ def read_objects(path: str | Path, contents: str = "filled") -> tuple[OwnObject,
     """Read the objects of a YAML file, sorted by name. Paths of meshes are relative to the folder of the file.
 
     Args:
-        contents: what the simulation knows of an object of the catalogue, see `radartwin.scene.objects.Entry.surfaces`.
+        contents: "filled" or "unknown", which is what the simulation knows of the contents of an object of the catalogue, see
+            `radartwin.scene.objects.Entry.surfaces`.
     Raises:
         MissingError: the file or a mesh does not exist.
         InputError: the file is not YAML or not such a list, or an object cannot be used. The message names the object.

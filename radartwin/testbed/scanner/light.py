@@ -14,7 +14,7 @@ from radartwin.testbed.scanner.raster import nearest_faces
 from radartwin.testbed.scanner.shading import Light, Run, glaze, shade
 
 SHADOW_PIXELS, MIRROR_PIXELS = 256, 128
-LAMP_SPACING_M, LAMP_DROP_M = 3.0, 0.6  # distance between lamps, and of lamps below the ceiling, so that they hang below luminaires
+LAMP_SPACING_M, LAMP_DROP_M = 3.0, 0.6  # distance between lamps, and from the ceiling to the lamps, which hang below luminaires
 BLUR = 4  # the reflection of the room in brushed metal has the resolution MIRROR_PIXELS / BLUR
 BRIGHT = 0.55  # linear picture value (0 to 1) to which the exposure maps the upper quartile of the room's brightness
 # Right, down and forward axes of the six cameras of a cube.

@@ -136,8 +136,8 @@ def _view(depth, start, v, pose, lens, normal, spread, cosine):
 
 @vectorised
 def _beam(depth, start, v, pose, lens, normal, lamp, n, bright, last, place):
-    """Compute the light of a lamp at `lamp` (3,) on a run of pixels, without shadow, and where the lamp's cube map of n x n pixels decides
-    the shadow.
+    """Compute the light of a lamp at `lamp` (3,) on a run of pixels, without shadow, and the pixels of the lamp's cube map (n x n pixels
+    per side) that decide the shadow.
 
     The arguments `depth`, `start` and `v` are those of `_view`. The light (0 if the face is turned away) is written to `bright` (W,), and
     the arguments of `_lit` to `last` (W,) and `place` (W,).
