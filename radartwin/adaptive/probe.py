@@ -19,8 +19,8 @@ from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 
-# Frame counts of the recordings from which the limits were computed (experiments/generators/repeatability.py), because some features depend
-# on the number of frames.
+# A probe has as many frames as the recordings from which the limits were computed (experiments/generators/repeatability.py), because some
+# features depend on the number of frames.
 ASPECTS = 24  # frames per revolution
 PLACES = 13  # frames per drive
 

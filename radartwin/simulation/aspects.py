@@ -38,9 +38,10 @@ ASPECTS = 1024  # default number of aspects per revolution
 # signal per revolution.
 MIN_ASPECTS = 512
 NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with dents and a seam, or with a rough surface
-# Aspects of the shadow that a target casts on the paths of the room, for a body of revolution and for another target. The shadow changes
-# slowly, because a wave that passes the edge of the outline is hardly deflected. Error relative to the part of the signal that changes with
-# the angle: 0.002 (can as made, 64 aspects), 0.004 (bottle and corner reflector) and 0.013 (mug, all three at 128 aspects).
+# Numbers of aspects per revolution for the shadow that a target casts on the paths of the room, for a body of revolution and for any other
+# target. The shadow changes slowly, because a wave that passes the edge of the outline is hardly deflected. The error relative to the part
+# of the signal that changes with the angle is 0.002 for a can as made at 64 aspects. At 128 aspects, it is 0.004 for a bottle and a corner
+# reflector, and 0.013 for a mug.
 SHADOW_ROUND, SHADOW_ASPECTS = 64, 128
 TAPS = 8  # number of aspects from which one chirp is interpolated
 HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects

@@ -18,7 +18,7 @@ preserve the polarisation. If both antennas have the same polarisation, the rece
 Speckle: a point represents a part of the surface with many independent facets. The simulator draws the field factor of each point once,
 from a complex circular Gaussian distribution of unit mean power. The points of a surface lie in the frame of the surface and move with it.
 They depend only on the mesh, roughness and name of this surface and on a seed, so that other surfaces, frames and drives do not change
-them. Only in scenes that would have more than MAX_POINTS points, all surfaces have fewer points.
+them. Only if surfaces that move together would have more than MAX_POINTS points, all of them have fewer points.
 
 Density: a narrow lobe shows only a small part of a surface to the radar. The density of points therefore grows with the inverse square of
 the lobe width, so that at least seven points of a flat surface at 2 m are in the lobe. The sensor sees the radius of a patch under the
@@ -329,7 +329,8 @@ def _block(
     weight = power * radar.gain(towards) ** 4
     passed, extra = np.zeros(len(pose), complex), np.zeros(len(pose))
     examined = np.zeros(len(pose), bool)
-    # The power without obstacles is an upper limit. The strong points give a lower limit, below which no point can be kept.
+    # The total power without obstacles is an upper limit of the received power. The strong points that are examined first give a lower
+    # limit of this power. Points below `share` times the lower limit cannot be kept.
     total = np.bincount(pose, weight, minlength=len(poses))
     for _ in range(2):
         some = np.flatnonzero(~examined & (weight > share * total[pose]))

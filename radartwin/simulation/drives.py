@@ -2,12 +2,13 @@
 
 Repeated drives along one nominal drive differ by centimetres, which changes the phase of echoes by radians. The drives can therefore not
 share traced paths unchanged, but they share two results. First, the sequences of faces and edges that give strong paths are searched once
-for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter, and the
-paths between an object and the room, are traced only at sensor positions with a spacing of 4 cm along the track (places). For each other
-sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes; lengths, directions and rates of change are
-exact for the first and last points of the path. Moved paths, and paths of an object, that the radar cannot resolve become one path
-(`merging`). Paths of the flat room and direct echoes of a target are not moved but traced at every pose, because the phase between edge
-waves and specular echo changes within millimetres (error: 0.23 of the signal).
+for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter (the small
+or curved static objects of the room), and the paths between an object and the room, are traced only at sensor positions with a spacing of 4
+cm along the track (places). For each other sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes;
+lengths, directions and rates of change are exact for the first and last points of the path. If the radar cannot resolve several moved
+paths, or several paths of an object, they become one path (`merging`). Paths of the flat room and direct echoes of a target are not moved
+but traced at every pose, because the phase between edge waves and specular echo changes within millimetres (error of moved paths: 0.23 of
+the signal).
 """
 
 from collections import OrderedDict
@@ -36,7 +37,7 @@ CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
 TOGETHER = 20  # largest number of places traced at once; limits memory
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
-RESTING = 12  # objects at rest whose paths are cached: the parts of a turntable's stand
+RESTING = 12  # number of objects at rest whose paths are cached: the parts of a turntable's stand
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
 
@@ -167,7 +168,7 @@ def places_along(poses: np.ndarray, spacing_m: float, offset: float = 0.0) -> np
 
 
 def _in_turn(parts: Sequence[Paths | None], chosen: Sequence[np.ndarray], poses: int) -> Paths:
-    """Join `Paths` objects, whose poses are the increasing indices in `chosen`, to a single `Paths` object of all poses."""
+    """Join `Paths` objects to one `Paths` object of `poses` poses. `chosen` has the increasing indices of the poses of each object."""
     shifted = [replace(part, poses=poses, pose=index[part.pose]) for part, index in zip(parts, chosen, strict=True) if part is not None]
     return Paths.concatenate(shifted)
 

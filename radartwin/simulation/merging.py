@@ -16,12 +16,14 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.paths import Paths
 
-# Phase in rad that changes over a cell between the phase centre and the outermost element, or between the middle and the end of the frame.
-# With these limits, the largest error of a frame is 0.005 of the merged signal in the laboratory with clutter.
+# Largest change over the width of a cell, in rad, of the phase difference between the phase centre and the outermost element, and of the
+# phase difference between the middle and the end of the frame. With these limits, the largest error of a frame is 0.005 of the merged
+# signal in the laboratory with clutter.
 PHASE = 0.015
-WIDEST = 0.03  # largest width of a cell of directions, because the paths have only one antenna gain
-BAND_PHASE = 1.0  # largest phase in rad that changes over half the sweep and half a cell of lengths; more would need more frequency terms
-BAND_ERROR = 1e-3  # error of the phase between the frequency nodes, which limits the cells of paths with few nodes
+WIDEST = 0.03  # largest width of a cell of directions, because a merged path has only one antenna gain
+# Largest phase in rad that half the width of a length cell causes over half the sweep; more would need more frequency terms.
+BAND_PHASE = 1.0
+BAND_ERROR = 1e-3  # error of the phase between the frequency nodes, which limits the length cells of paths with few nodes
 _KEYS = 8  # number of coordinates of a cell
 
 

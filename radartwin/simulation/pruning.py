@@ -1,8 +1,8 @@
 """Remove weak paths. The comparison of path amplitudes includes the gain of the antenna element at both ends of each path.
 
-All shares below which paths are left out are multiples of TARGET_ERROR. A fifth of it changes the signals of the furnished laboratory and
-squash court, with and without a can, by 0.009 to 0.027, because many weak paths add up. Paths between two objects, between object and room,
-and of clutter are many and weak, so they have higher thresholds than the paths of the room.
+All shares below which paths are left out are multiples of TARGET_ERROR. If TARGET_ERROR is divided by five, the signals of the furnished
+laboratory and squash court, with and without a can, change by 0.009 to 0.027, because many weak paths add up. Paths between two objects,
+between object and room, and of clutter are many and weak, so they have higher thresholds than the paths of the room.
 """
 
 import math
@@ -16,7 +16,7 @@ from radartwin.simulation.paths import Paths
 
 TARGET_ERROR = 1e-3
 PRUNE = TARGET_ERROR  # paths below this share of the strongest path of the same sensor pose are left out
-EARLY = 0.3  # factor on thresholds for estimates of amplitudes, which come before the amplitudes themselves
+EARLY = 0.3  # factor on thresholds where amplitudes are only estimated, before the amplitudes are computed
 TRACED = 0.2 * TARGET_ERROR  # share below which hits are dropped during tracing, where amplitudes have no antenna gains yet
 SHADED = 0.3 * TARGET_ERROR  # a change by a shadow below this share of the strongest path of the frame is left out
 LEGS = 20 * TARGET_ERROR  # pairs of legs with a field below this share of the undisturbed direct field are left out
@@ -25,9 +25,11 @@ MIRRORED = 0.1 * TARGET_ERROR  # a leg whose mirrors reflect less than this has 
 # cluttered atrium.
 PAIRS = 10 * TARGET_ERROR
 PAIRS_OF_DRIVES = 10 * PAIRS  # the same for a moving radar
-# Share of the strongest path of clutter in a drive. Errors: 0.003 of its direct signal, 0.01 of its signal with the room.
+# In a drive, paths of clutter below this share of the strongest path of clutter are left out. Errors: 0.003 of the direct signal of the
+# clutter, 0.01 of its signal with the room.
 CLUTTER = 10 * TARGET_ERROR
-# Share of the strongest path of an object under test in a drive. A third of it changes the object's signal by 0.006.
+# In a drive, paths of an object under test below this share of its strongest path are left out. A third of this share changes the object's
+# signal by 0.006.
 THING = 3 * TARGET_ERROR
 DIFFUSE_POWER = 100 * TARGET_ERROR**2  # largest share of the diffuse power of a sensor pose that is left out: 1 % in amplitude
 

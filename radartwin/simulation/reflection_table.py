@@ -19,8 +19,8 @@ echo is less curved than that of the echo of the outer face.
 A path that crosses a sheet has the length of the straight line through the mesh, as if the sheet were not there. The transmission
 coefficient of a sheet of thickness d therefore contains the factor exp(+j k d cos t), where k is the wavenumber and t the angle of
 incidence: it is the field behind the sheet over the field that the wave would have there in air. The frequency nodes carry the delay that
-the layers add. For the sheets of `materials.sheets`, the nodes that reflection needs also carry four crossings with an error below 3e-3.
-Only a door of 40 mm wood needs more nodes for transmission (3) than for reflection (1).
+the layers add. For the sheets of `materials.sheets`, the number of nodes that reflection needs is also enough for four crossings, with an
+error below 3e-3. Only a door of 40 mm wood needs more nodes for transmission (3) than for reflection (1).
 """
 
 import functools

@@ -1,8 +1,9 @@
 """Simulate a radar recording: compute the IQ samples of a radar from a scene, a radar description and the poses of sensor and objects.
 
-Frames are traced and synthesised in blocks, so that the memory of a recording does not grow with its number of frames. The first block has
-at most FIRST_FRAMES frames. The next blocks have as many frames as BLOCK_BYTES of paths and samples, but FEWEST_FRAMES to MOST_FRAMES. The
-blocks depend only on the arguments of `simulate`, so that equal arguments give equal samples on every computer.
+Frames are traced and synthesised in blocks, so that the paths of a recording need memory that does not grow with its number of frames. The
+first block has at most FIRST_FRAMES frames. Each next block has as many frames as fit into BLOCK_BYTES of paths and samples, but at least
+FEWEST_FRAMES and at most MOST_FRAMES. The blocks depend only on the arguments of `simulate`, so that equal arguments give equal samples on
+every computer.
 """
 
 import contextlib

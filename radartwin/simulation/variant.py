@@ -108,7 +108,7 @@ def activate(preference: str = "auto", color: str = "rgb") -> str:
 def share_threads() -> None:
     """Give Dr.Jit as many processor threads as this process should use now (`compiled.cores`).
 
-    On two cores, the drawn targets of two workers took 15 % less processor time with one thread each than with two.
+    On two cores, two workers that simulated randomly drawn targets took 15 % less processor time with one thread per worker than with two.
     """
     import drjit
 

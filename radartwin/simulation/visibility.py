@@ -1,4 +1,4 @@
-"""Find the single-bounce paths that other bodies block, by rays between sensor and point on the ray tracer Mitsuba.
+"""Find the single-bounce paths that other bodies block. The ray tracer Mitsuba casts a ray between the sensor and the point of each path.
 
 `hidden` finds the blocked paths of a moving body. `negated` returns the blocked paths of static surfaces with opposite amplitude. The paths
 of static surfaces can therefore stay in a cache, and their sum with the negated paths has no paths through moving bodies.

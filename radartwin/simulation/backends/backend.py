@@ -66,7 +66,8 @@ def paths_of_frames(
     """Return the paths of the frames `start` to `stop` - 1 of a recording; the other arguments are those of `Backend.paths` for the whole
     recording.
 
-    The frame after a block, or the frame before the last frame, is also traced, because velocities are differences of poses.
+    The function also traces the frame after a block, or the frame before a block that has only the last frame, because velocities are
+    differences of poses.
     """
     frames = len(sensor_poses)
     if (start, stop) == (0, frames):
@@ -101,7 +102,7 @@ def backend(name: str, **settings: Any) -> Backend:
 
 @dataclass(frozen=True)
 class _PluggedIn:
-    """A plug-in's simulator, whose mistakes become one line that names the package."""
+    """Hold a plug-in's simulator. An exception in its code becomes an error message of one line that names the package."""
 
     inner: Any
     plugin: plugins.Plugin

@@ -32,17 +32,17 @@ from radartwin.simulation.paths import Paths, traced_once
 from radartwin.store.digest import array_digest
 from radartwin.store.recent import Recent
 
-# Prepared static surfaces. Together they have at most as many faces as all cached geometries.
+# Prepared static surfaces, which together have at most CACHED_FACES faces.
 _static_scenes: Recent[StaticScene] = Recent(geometry_module.CACHED_FACES)
 atexit.register(_static_scenes.clear)
 
 
 @dataclass(frozen=True)
 class Traced:
-    """Hold the paths of a scene by what they belong to. The signals of all paths add up.
+    """Hold the paths of a scene in four parts. The signals of all paths add up.
 
     Attributes:
-        static: paths of the static surfaces. Those of a flat room have their points.
+        static: paths of the static surfaces. The paths of a flat room include their points (`Paths.points`).
         groups: paths of each group of surfaces that move together, by the names of these surfaces.
         shadows: for each group, the changes of the static paths in its shadow.
         diffuse: diffuse paths of all rough surfaces.
@@ -93,7 +93,7 @@ class MitsubaBackend:
         track: np.ndarray | None = None,
         searched: Searched | None = None,
     ) -> "Traced":
-        """Trace the paths as `paths` does, and return them by what they belong to.
+        """Trace the paths as `paths` does, and return them in the four parts of `Traced`.
 
         Args:
             searched: sequences of faces and edges for a flat room; None searches for them. The other arguments are those of `paths`.

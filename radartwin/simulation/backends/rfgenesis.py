@@ -26,8 +26,8 @@ the field of view return no power. There is no polarisation.
 This module differs from the original RF-Genesis program in these points. Meshes reflect on both sides. The rendered intensity is that of
 the ray's own hit, while the program averages 32 randomly displaced samples. The camera is at the radar. A hit that would move more than
 `JUMP_M` within a frame stays fixed, because the pixel sees another surface in the next frame. In the paths for
-`radartwin.simulation.signal.synthesis`, the transmitters transmit one after another, half a stretched chirp loop apart. The module
-`rfgenesis_signal` has the original timing.
+`radartwin.simulation.signal.synthesis`, the transmitters transmit one after another, at equal intervals within the stretched chirp loop.
+The module `rfgenesis_signal` has the original timing.
 """
 
 from collections.abc import Mapping

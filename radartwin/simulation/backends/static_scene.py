@@ -1,8 +1,9 @@
-"""The static surfaces of a scene, prepared for tracing: which faces reflect as flat faces, which are traced by tubes, and what hides.
+"""The static surfaces of a scene, prepared for tracing: which are flat faces, which are traced by tubes, and which block paths.
 
-Large flat surfaces form a room of flat faces, whose paths reflect and are diffracted at edges. Objects up to OBJECT_EXTENT_M, thin bodies,
-and surfaces that are curved, are traced by physical optics on their own. On paths of the room, those that block act as obstacles whose
-outlines cast smooth shadows. A room whose large surfaces are not flat is traced by tubes as a whole.
+Large flat surfaces form a room of flat faces. Paths reflect at these faces and are diffracted at their edges. Objects up to
+OBJECT_EXTENT_M, thin bodies, and surfaces that are curved, are traced by physical optics on their own. For the paths of the room, the
+opaque ones of these bodies are obstacles whose outlines cast smooth shadows. A room whose large surfaces are not flat is traced by tubes as
+a whole.
 """
 
 import atexit
@@ -31,9 +32,9 @@ from radartwin.simulation.reflection_table import ReflectionTable
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
 MAX_FACES = 20_000  # rooms with more flat faces are traced by tubes, with a warning; a room of 10,000 takes minutes (decision 018)
-# A body that fits into a cylinder with this radius is an object even if it is long. Its faces span less than a Fresnel zone at 0.2 m, where
-# physical optics and shadows are more accurate than edges. A wall behind frames with bars of 1 cm: errors below 0.2 dB instead of 2.9
-# and 2.1 dB. A wall behind boxes of 2 cm: 0.02 of its echo instead of 1.5.
+# A body that fits into a cylinder with this radius is an object even if it is long. Its faces span less than a Fresnel zone at 0.2 m. For
+# such faces, physical optics and shadows are more accurate than edges. Behind frames with bars of 1 cm, the echo of a wall has errors below
+# 0.2 dB instead of 2.9 and 2.1 dB. Behind boxes of 2 cm, its error is 0.02 of the echo instead of 1.5.
 THIN_M = 0.0115
 
 
@@ -54,7 +55,7 @@ class StaticScene:
 
     @cached_property
     def small(self) -> np.ndarray:
-        """Return a mask (F,) of the triangles of objects up to OBJECT_EXTENT_M long, and of curved objects of any size."""
+        """Return a mask (F,) of the triangles that `small_faces` chooses: small objects, curved objects and thin bodies."""
         return small_faces(self.surfaces, self.geometry)
 
     @cached_property
@@ -114,15 +115,16 @@ class StaticScene:
     def _hiding(self, some: np.ndarray) -> np.ndarray:
         """Return a mask (F,) of those of the triangles `some` (F,) that block.
 
-        A body that transmits casts no shadow here, because the factor of an outline is that of a body that blocks.
+        A body that transmits casts no shadow here, because the shadow factor of an outline is that of an opaque body.
         """
         return some & self.table.opaque[self.geometry.surface]
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
-        """Return the room for tracing paths with an object of the surfaces `own`, which do not hide it.
+        """Return the room for tracing the paths of an object. The surfaces `own` of the object do not hide the object.
 
         Args:
-            own: surfaces of the object. done: other objects whose paths with this object are already traced; they only hide.
+            own: surfaces of the object. done: other objects whose paths with this object are already traced; they hide this object, but do
+                not reflect.
             flat: whether paths may reflect at faces.
         """
         key = tuple(own), tuple(done), flat
@@ -154,7 +156,7 @@ class StaticScene:
         return made_once(spec, {"poses": poses}, make, Searched.to_arrays, Searched.from_arrays)
 
     def described(self, radar: Radar, poses: np.ndarray) -> dict[str, Any]:
-        """Return the properties of surfaces and radar that decide paths. The frame rate matters only to a moving radar."""
+        """Return the properties of surfaces and radar that determine the paths. The frame rate matters only to a moving radar."""
         return {
             "reflection": self.table.digest,
             "element": radar.pattern,
@@ -164,14 +166,17 @@ class StaticScene:
         }
 
     def room_paths(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None) -> list[Paths]:
-        """Return the paths of the flat room without and with edges, in the shadow of the small objects; arguments as in `FlatRoom`."""
+        """Return the paths of the flat room, without and with edges. Their amplitudes include the shadows of the small objects.
+
+        The arguments are those of `FlatRoom.paths`.
+        """
         velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
         searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
         parts = self.room.paths(poses, velocity, radar, max_bounces, prune, searched)
         return [self._shaded(part, poses) for part in parts]
 
     def _shaded(self, part: Paths, poses: np.ndarray) -> Paths:
-        """Return paths of the room in the shadow of the small objects."""
+        """Return paths of the room, whose amplitudes are multiplied by the shadow factors of the small objects."""
         assert part.points is not None
         amplitude = part.amplitude
         for body in self._bodies:
@@ -188,7 +193,7 @@ def shadows_of_mover(
     poses: np.ndarray,
     wavenumber: float,
 ) -> list[Paths]:
-    """Return the paths to add to static paths for the shadow of a moving body: changed paths with the amplitude of the change.
+    """Return the paths that add the shadow of a moving body to static paths: the shaded static paths, with the change of their amplitude.
 
     Like other paths, a change below a share of the strongest path of its frame is left out (`pruning.SHADED`).
 

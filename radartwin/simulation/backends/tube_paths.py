@@ -28,7 +28,7 @@ from radartwin.simulation.reflection_table import ReflectionTable
 # Ratio of tube width to sqrt(wavelength x distance) in a room. Flat walls alone would allow a ratio of 1, but furniture needs narrower
 # tubes.
 WIDTH_RULE = 0.3
-NEAREST_M = 0.5  # smallest distance in metres from which the number of tubes is computed
+NEAREST_M = 0.5  # lower limit, in metres, of the distance that sets the number of tubes
 MAX_AROUND = 6_000_000  # largest number of tubes in all directions together; a body that needs more gets wider tubes and a warning
 ROOM = 0  # number of the cluster that contains the large surfaces of the room
 NEIGHBOUR_M = 0.05  # objects whose bounding boxes are closer than this distance in metres form a cluster

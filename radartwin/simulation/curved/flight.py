@@ -123,7 +123,8 @@ class Tubes:
     def joined(parts: "list[Tubes]") -> "Tubes":
         """Join tubes that have met equally many facets.
 
-        The places of a part are read from memory. Dr.Jit would compile a kernel of `dr.concat` anew for each number of tubes.
+        The function reads the places of each part from memory, because Dr.Jit would compile a kernel of `dr.concat` anew for each number of
+        tubes.
         """
         if len(parts) == 1:
             return parts[0]

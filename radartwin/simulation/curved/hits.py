@@ -56,7 +56,7 @@ class TraceOptions:
     # (`division.blocks`).
     prune: float = 0.0
     bounces: np.ndarray | None = None  # (F,) largest number of reflections of each sensor pose; None: `max_bounces` for all poses
-    least: np.ndarray | None = None  # (F,) amplitudes below which the tracer drops hits of each sensor pose; None drops no more hits
+    least: np.ndarray | None = None  # (F,) amplitudes below which the tracer drops hits of each sensor pose; None drops no further hits
     hats: bool = False  # True gives all tubes hat weights, which rooms need; False gives hat weights only to tubes on curved facets
     # Number of pieces along each grid axis, an odd number. The tracer divides a tube into pieces if the tube straddles two smooth surface
     # patches, or if a curved surface reflects the tube onto another surface.

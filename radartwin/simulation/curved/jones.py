@@ -15,7 +15,7 @@ from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FEW_NODES = 4  # number of frequency nodes by which weak hits are found
-GRAIN = 4000  # number of amplitudes that are worth a thread
+GRAIN = 4000  # smallest number of amplitudes that one thread computes
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,9 @@ class Coefficients:
             nodes: indices of the frequency nodes.
             before: encounters of the tubes; the last encounter reflects the tube to the receiver.
             after: encounters of the receive polarisation vector with the walls between the last reflection and the receiver.
-            received: (8, N) factors of the last field on the receive polarisation vector without walls, for the incident TE and TM
-                components and the reflected TE and TM components, and the same for the cross product of the direction with this vector.
+            received: (8, N) factors from the last field to the received field. The first four belong to the receive polarisation vector
+                without walls: for the incident TE and TM components, and for the reflected TE and TM components. The other four belong to
+                the cross product of the direction with this vector, in the same order.
             size: (2, N) real and imaginary part of the factor of a footprint.
             least: (N,) amplitudes below which hits may have the amplitude zero.
         """
@@ -99,7 +100,7 @@ def _amplitudes(
     for n in range(first, last):
         a[:], b[:], x[:], y[:] = 1, 0, 1, 0
         back_cos, back_sin = 1.0, 0.0  # of the angle by which the components `x` and `y` have turned
-        # No facet increases the power of a field, so the amplitude is at most `most` times the magnitude of the field.
+        # No facet increases the power of a field, so the squared amplitude is at most `most` times the power of the field.
         most = 0.0
         for i in range(0, 8, 4):
             incident = np.sqrt(received[i, n] ** 2 + received[i + 1, n] ** 2)

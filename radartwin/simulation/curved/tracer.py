@@ -32,7 +32,7 @@ from radartwin.simulation.reflection_table import ReflectionTable
 
 @dataclass
 class Setting:
-    """Hold what all tubes of a grid share, on the device."""
+    """Hold the data that all tubes of a grid share, on the device (GPU or CPU)."""
 
     device: Device
     grid: flight.GridArrays
@@ -44,7 +44,7 @@ class Setting:
     receive_cross: bool
 
     def reception(self, pose: Any, contact: Contact, active: Any) -> tuple[Reception, Any]:
-        """Find the receiver from each contact. The function returns a mask of the contacts that face the receiver."""
+        """Return the receiver as seen from each contact, and a mask of the contacts that face the receiver."""
         receiver = dr.gather(mi.Vector3f, self.receiver, pose, active)
         away = -dr.gather(mi.Vector3f, self.grid.forward, pose, active) if self.grid.plane else receiver - contact.point
         outgoing = dr.normalize(away)
@@ -79,8 +79,8 @@ class Setting:
         return lanes, seen
 
 
-# Dr.Jit records the program once for each mesh and for one or several poses. Afterwards it only runs the compiled kernels. The limit is the
-# number of recordings in memory.
+# Dr.Jit records the operations of this function once for each mesh, separately for one pose and for several poses. Later calls only run the
+# compiled kernels. The limit is the number of recorded programs in memory.
 _single_bounce = dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000)
 
 
@@ -211,11 +211,11 @@ class Tracer:
         return contact, near, met, active
 
     def _reception(self, tubes: Tubes, contact: Contact, near: Contact, clear: bool, active: Any) -> tuple[Reception, list, Any]:
-        """Find the receiver from each contact. `clear` tells whether the receiver sees all contacts.
+        """Compute the receiver as seen from each contact. `clear` tells whether the receiver sees all contacts.
 
         Returns:
             Direction, distance and polarisation of the receiver at each contact, encounters of the polarisation vector with the walls of
-            shells, and a mask of the contacts that the receiver sees. Panes do not count here.
+            shells, and a mask of the contacts that the receiver sees. If the geometry has panes, `Panes` tests the surfaces later.
         """
         plane = self.grid.plane
         reception, seen = self.setting.reception(tubes.pose, contact, active)

@@ -53,9 +53,9 @@ from radartwin.simulation.reflection_table import ReflectionTable
 def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: Antennas, receive: Antennas, options: TraceOptions) -> Hits:
     """Trace a grid of tubes and return all hits. A Mitsuba variant must be active.
 
-    Tubes that meet a sheet of layers with air behind it go on reflected and straight, up to `transit.CROSSINGS` times, and their echoes
-    return through sheets in the same way. Tubes also pass through the walls of hollow objects (`shell.find_shells`). They enter straight
-    through the near wall, are reflected inside and leave straight through a wall.
+    A tube that meets a sheet of layers with air behind it continues as a reflected tube and as a straight tube, through at most
+    `transit.CROSSINGS` sheets. The echoes return through sheets in the same way. Tubes also pass through the walls of hollow objects
+    (`shell.find_shells`). They enter straight through the near wall, are reflected inside and leave straight through a wall.
 
     Args:
         geometry: triangles of the surfaces.

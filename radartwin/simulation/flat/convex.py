@@ -9,7 +9,7 @@ from radartwin.compiled import innermost
 
 @innermost
 def clip(polygon: np.ndarray, count: int, nx: float, ny: float, nz: float, offset: float, out: np.ndarray) -> int:
-    """Write the part of a polygon with n . x >= offset to `out`, without corners for which there is no room; returns its corners."""
+    """Write the part of a polygon with n . x >= offset to `out`, but no corners beyond its room. Returns the number of corners."""
     kept = 0
     previous = count - 1
     before = nx * polygon[previous, 0] + ny * polygon[previous, 1] + nz * polygon[previous, 2] - offset

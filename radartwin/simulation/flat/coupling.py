@@ -28,12 +28,13 @@ from radartwin.simulation.pruning import EARLY, LEGS, TARGET_ERROR, TRACED, both
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
-# Tubes between object and room that are at most this many wavelengths wide are not divided. Division takes half of their time. At 0.5 tubes
-# per square wavelength, their error is the same with and without: 0.01 to 0.04 of the signal of a can, a mug and a bottle at 1 and 2 m.
+# Tubes between object and room that are at most this many wavelengths wide are not divided. Division would take half of their tracing time.
+# At 0.5 tubes per square wavelength, their error is the same with and without division: 0.01 to 0.04 of the signal of a can, a mug and a
+# bottle at 1 and 2 m.
 UNDIVIDED = 1.5
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
 STRONGEST = 0.5  # share of the strongest direct path below which direct paths that are only estimated are dropped
-GRAIN = 20_000  # smallest number of hits that a thread places
+GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
 
@@ -61,14 +62,16 @@ def group_paths(
     """Trace the direct paths of an object and its paths with the room; None if it is too close for a planar grid of tubes.
 
     Args:
-        room: what reflects and hides. None: free space. built, table: geometry and reflection of the object in its own frame.
+        room: faces that reflect, and surfaces that hide the object. None: free space. built, table: geometry and reflection of the object
+            in its own frame.
         sensor_poses, object_poses: (F, 4, 4) to the world.
         cell_m: width of a tube on the object. coupled_cell_m: width for paths with the room's faces; None: cell_m.
         prune: drop paths whose amplitude is below this times the strongest path of their pose.
         coupled: whether to trace paths that reflect at object and room. If False, the room only hides the object.
         least: amplitude below which pairs of legs are dropped.
         ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
-        direct: whether to return the direct paths. If False, they are only estimated, as the level by which other paths are pruned.
+        direct: whether to return the direct paths. If False, the function only estimates their level, relative to which it prunes the other
+            paths.
     """
     by_tubes = polygons.of(built, table) is None
     if not by_tubes:
@@ -273,10 +276,11 @@ def _pairs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (frame, leg to the object, leg back to the sensor) of the pairs of legs to trace, with only one of each pair and its reverse.
 
-    The result contains the pair of two direct legs for every frame. The function drops pairs of legs that are weaker than `least` times
-    this pair if undisturbed. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that are as
-    strong as the weakest of these. The function warns if the other pairs together may exceed TARGET_ERROR of the echo in free space.
-    The level in the warning is an upper limit: the share of a leg is its largest value over the object, at the object's nearest point.
+    The result contains the pair of two direct legs for every frame. The function drops pairs of legs that are weaker than `least` times an
+    undisturbed pair of two direct legs. Of the remaining pairs, the result contains the `most` strongest of each frame, and all pairs that
+    are as strong as the weakest of these. The function warns if the other pairs together may exceed TARGET_ERROR of the echo in free space.
+    The level in the warning is an upper limit, because the share of a leg uses the largest field over the object and the distance of the
+    object's nearest point.
     """
     rows, cut, omitted = [(frame, DIRECT, DIRECT) for frame in range(frames)], 0, 0.0
     if len(legs.order) > 1 and max_bounces > 1:

@@ -1,8 +1,9 @@
-"""Fields of waves that cross sheets (panes) along a straight line, and the strengths of N straight lines.
+"""Fields of waves that cross sheets (panes) along a straight line, and the factors of the field for N straight lines.
 
-A pane multiplies the parts of the field across and in its plane of incidence by its TE and TM transmission coefficients. The tables hold
-the field behind the pane over the field there in air, so that the path keeps its straight length (`reflection_table`). The line does not
-bend, because the layers are parallel, and the small sideways shift of the ray inside the layers is left out.
+A pane multiplies the field component across the plane of incidence by its TE transmission coefficient, and the component in this plane by
+its TM transmission coefficient. The tables hold the field behind the pane over the field there in air, so that the path keeps its straight
+length (`reflection_table`). The line does not bend, because the layers are parallel, and the small sideways shift of the ray inside the
+layers is left out.
 
 The mesh of a pane should be one sheet of triangles, with all layers in its material. A closed box with two walls is two panes, and each
 wall has all layers of the material. Triangles of one surface at the same place count once, because a line through the common side of two
@@ -125,7 +126,8 @@ def delayed(factor: np.ndarray, nodes_hz: np.ndarray, at_hz: float) -> tuple[np.
     Args:
         factor: (N, Q) result of `factors`. nodes_hz: (Q,) frequency nodes. at_hz: frequency of a path with one node.
     Returns:
-        value: (N,) factor at `at_hz` for exp(+j omega t), without the phase of the length. extra_m: (N,) length in metres, of all ways.
+        value: (N,) factor at `at_hz` for exp(+j omega t), without the phase of the length.
+        extra_m: (N,) this length in metres, for all passes along the line together.
     """
     wavenumber = 2 * np.pi / SPEED_OF_LIGHT * (nodes_hz - at_hz)
     extra = np.zeros(len(factor))
@@ -139,7 +141,7 @@ def delayed(factor: np.ndarray, nodes_hz: np.ndarray, at_hz: float) -> tuple[np.
 def factors(
     tree: Hierarchy, table: ReflectionTable, start: np.ndarray, end: np.ndarray, unit: np.ndarray, ways: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what straight lines cross, and the factor on a field of one polarisation that travels along them.
+    """Return the number of triangles of panes on straight lines, and the factor on a field of one polarisation along the lines.
 
     Args:
         tree: triangles of the surfaces of the table.

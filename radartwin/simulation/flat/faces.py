@@ -1,10 +1,10 @@
 """Flat faces of a geometry, and the wedges at their edges.
 
 A face is a connected flat region of one surface, with holes if it has any. Where faces of several surfaces overlap in one plane, only the
-smallest face keeps the common area, because a second reflection there would not exist (a picture replaces the wall behind it). An edge of a
-face is split wherever another face begins, ends or touches it. Around each piece, the faces that meet there divide the space into sectors;
-every open sector is one wedge. A free edge is a wedge of 360 degrees. Seams of one plane and inner corners of 180/2, 180/3, ... degrees
-diffract nothing, because images are exact there.
+smallest face keeps the common area, because only one surface reflects there (a picture replaces the wall behind it). An edge of a face is
+split wherever another face begins, ends or touches it. Around each piece, the faces that meet there divide the space into sectors; every
+open sector is one wedge. A free edge is a wedge of 360 degrees. A straight side between parts of one face and inner corners of 180/2,
+180/3, ... degrees diffract nothing, because images are exact there.
 """
 
 from collections.abc import Sequence
@@ -156,7 +156,7 @@ def _width(ring: np.ndarray) -> float:
 
 
 def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region]:
-    """Subtract from every region the smaller regions in its plane, and of equal regions all but the first."""
+    """Subtract from every region the smaller regions in its plane. Of equal regions, only the first one remains."""
     order = sorted(range(len(regions)), key=lambda i: (regions[i].polygon.area, i))
     rank = {i: place for place, i in enumerate(order)}
     near = _Boxes.of([region.to_space(shapely.get_coordinates(region.polygon)) for region in regions])
@@ -288,7 +288,7 @@ def _side(regions: list[_Region], direction: np.ndarray, face: Any) -> _Side:
 
 
 def _pieces(index: int, begin: np.ndarray, along: np.ndarray, size: float, spans: list[tuple]) -> list[_Wedge]:
-    """Return the wedges of a border piece. Of border pieces on one line, the first one makes the wedges of the common part."""
+    """Return the wedges of a border piece. If border pieces overlap, only the first one gives the wedges of their common part."""
     cuts = np.array(sorted({0.0, size, *(t for span in spans for t in span[:2] if SAME_M < t < size - SAME_M)}))
     wedges = []
     for low, high in pairwise(cuts):

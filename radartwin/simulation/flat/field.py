@@ -2,8 +2,8 @@
 
 A path leaves the source, reflects at faces, may be diffracted at an edge, reflects again, may be diffracted at a second edge, reflects
 again and ends at the receiver. The path is unfolded: faces before an edge mirror the source, faces after it mirror the receiver. The point
-of diffraction is Keller's, where the unfolded path is shortest. The ends of an edge weight the field by a Fresnel integral of the excess
-length there.
+of diffraction is Keller's, where the unfolded path is shortest. The field is multiplied by a weight for the ends of the edge, which comes
+from Fresnel integrals of the excess path lengths over the ends.
 
 Fields use exp(+j omega t) and amplitudes without the propagation phase, for a source with a unit field at one metre. Let s1, s2, s3 be the
 unfolded distances between source, edges and receiver. For parallel edges the spreading of a double diffraction is 1/sqrt(s1 s2 s3 (s1 + s2
@@ -24,10 +24,10 @@ from radartwin.simulation.flat.wedge import coefficients, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
 ROUNDS = 40  # largest number of steps to find the two points of a double diffraction
-OUTSIDE = 0.02  # a diffraction whose weight for the ends of its edge is below this does not exist
+OUTSIDE = 0.02  # a diffraction is left out if its weight for the ends of the edge is below this
 INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an edge
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
-NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests of existence, in units of 1/k
+NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests whether a path exists, in units of 1/k
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
 
@@ -132,9 +132,9 @@ def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, p
 def reversed_at_corners(chain: np.ndarray, points: np.ndarray, close: float, out: np.ndarray) -> bool:
     """Write a chain in which faces that reflect at one corner have the reverse order; returns whether there is such a corner.
 
-    A path from the sensor to itself over two perpendicular faces meets the line of their corner, where both orders carry half of the field.
-    If the faces have layers and the path is not perpendicular to the line, the fields of the two orders differ. At a corner of three
-    faces, six orders meet, of which the path has one and its reverse.
+    A path from the sensor to itself over two perpendicular faces meets the line of their corner, where each of the two orders carries half
+    of the field. If the faces have layers and the path is not perpendicular to the line, the fields of the two orders differ. At a corner
+    of three faces, six orders meet, of which the path has one and its reverse.
 
     Args:
         points: (len(chain), 3) points of reflection. close: largest distance between two successive points at a corner, m.
@@ -220,7 +220,7 @@ def travelled(
     faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: Point, chain: np.ndarray,
     start: Point, points: np.ndarray, step: int, end: Point, found: np.ndarray,
 ) -> None:  # fmt: skip
-    """Take a field (Q, 3) in place over the reflections of a chain and the panes between `start`, its points of reflection and `end`.
+    """Apply to a field (Q, 3), in place, the reflections of a chain and the panes between `start`, the points of reflection and `end`.
 
     Args:
         points: (len(chain), 3) points of reflection, in the order of the path for step=1 and in reverse order for step=-1.
@@ -264,8 +264,8 @@ def keller(start: Point, along: Point, source: Point, receiver: Point) -> float:
 def ends_weight(start: Point, along: Point, length: float, place: float, source: Point, receiver: Point, wavenumber: float) -> complex:
     """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
 
-    Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of it, which is the mean of the smooth
-    and of the abrupt end.
+    Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of this wave. The weight of an end is
+    therefore the mean of a smooth end (Fresnel integral) and an abrupt end.
     """
     x, end = moved(start, along, place), moved(start, along, length)
     total = distance(x, source) + distance(x, receiver)
@@ -346,7 +346,8 @@ def edge_terms(
 ) -> None:
     """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
-    Behind faces that transmit, the field jumps by the part that they do not transmit, which multiplies the shadow terms.
+    Behind faces that transmit, the field jumps by the part of the wave that the faces do not transmit. This part multiplies the shadow
+    terms.
 
     Rows: soft and hard component after the edge; columns: before it. The derivatives are those of metal faces.
 
@@ -388,7 +389,8 @@ def soft_and_hard(along: Point, direction: Point) -> tuple[Vector, Vector]:
 
 @innermost
 def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]:
-    """Return the point of edge `e` at `place` metres, or the nearest of its points, moved by OUTSIDE_M into the middle of the open sector.
+    """Return the point of edge `e` at `place` metres, or the nearest point of the edge, moved by OUTSIDE_M towards the middle of the open
+    sector.
 
     A line that grazes a face exactly then passes the face on its open side.
     """

@@ -76,5 +76,5 @@ def copied(value: Any) -> Any:
 
 
 def memory(value: tuple) -> Any:
-    """Return a named tuple of arrays on the GPU without values, with the shapes of arrays of the processor."""
+    """Return a named tuple of arrays on the GPU without values, with the shapes of the processor's arrays `value`."""
     return type(value)(*(cuda.device_array(part.shape, part.dtype) for part in value))

@@ -1,13 +1,13 @@
 """The edge wave of Kirchhoff diffraction: the field that a straight edge adds to a line of sight, or takes from it.
 
-Let a screen be lit by a source at the distance that its rays travel, and let D be the excess length of the path over a point of the screen
-above the straight path. The field behind an opening is the undisturbed field times
+Let a source light a screen. The distance of the source is the length that its rays travel. Let D be the excess length of the path over a
+point of the screen, relative to the straight path. The field behind an opening is the undisturbed field times
 
     F = W - 1/(2 pi) sum over edges of s [G(d, t_b) - G(d, t_a)],   G(d, t) = integral_0^t d/(d^2 + x^2) exp(+j pi (d^2 + x^2)/2) dx
 
 W is 1 if the straight path passes through the opening and 0 otherwise. s is +1 if the straight path passes on the opening's side of the
-edge, and -1 on its other side. d and t are Fresnel coordinates: pi d^2/2 is k times the excess at the point of least excess on the edge's
-line, and pi (d^2 + t^2)/2 at its end. The opening may have any shape; edges that belong to no opening are left out. The same sum with the
+edge, and -1 on its other side. d and t are Fresnel coordinates: pi d^2/2 is k times the least D on the edge's line, and pi (d^2 + t^2)/2 is
+k times D at an end of the edge. The opening may have any shape; edges that belong to no opening are left out. The same sum with the
 opposite sign is the factor of an obstacle. A mirror of finite size is an opening for the image of the source. Phases use exp(+j k L).
 
 Against numerical quadrature of rectangles of 0.1 to 1 m at 0.5 to 4 m, the error of F is 0.002 rms and at most 0.01.

@@ -1,10 +1,10 @@
 """Legs: connections of sensor and object, direct or by reflections at faces of a room, with the field of each leg around the object.
 
 The field of a leg is that of the sensor's image, times a factor for each mirror and for each part of the line. The factor of a mirror is
-that of an opening in its outline (`kirchhoff`), the factor of a part of the line is that of the bodies beside it (`shadows`). Sequences of
-faces with the same image of the sensor form one leg, because the sum of their fields is smooth although each field is not. An example are
-the two orders of reflection at two walls that meet. A leg is evaluated at the corners of a cube around the object, and on a finer grid
-where the field is not linear between the corners.
+that of an opening with the outline of the mirror (`kirchhoff`). The factor of a part of the line is the shadow factor of the bodies beside
+it (`shadows`). Sequences of faces with the same image of the sensor form one leg, because the sum of their fields is smooth although each
+field is not. An example are the two orders of reflection at two walls that meet. A leg is evaluated at the corners of a cube around the
+object, and on a finer grid where the field is not linear between the corners.
 """
 
 from collections import OrderedDict
@@ -138,7 +138,9 @@ def _weigh(
 
 @innermost
 def _cell(share: float, side: int) -> tuple[int, float]:
-    """Return the cell of a place along a row of `side` points, and the place in the cell. share: of the row, limited to 0 to 1."""
+    """Return the cell of a place along a row of `side` points, and the place in the cell. share: relative place in the row, limited to 0 to
+    1.
+    """
     at = min(max(share, 0.0), 1.0) * (side - 1)
     cell = min(int(at), side - 2)
     return cell, at - cell
@@ -243,7 +245,8 @@ def _lift(
     faces: Faces, usable: np.ndarray, middle: np.ndarray, size: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float,
     points: np.ndarray,
 ) -> None:  # fmt: skip
-    """Move points behind a face at the object to the front of the face in place, because the object does not reach behind it.
+    """Move points (in place) from behind a face near the object to the front of the face, because the object does not reach behind the
+    face.
 
     The front is the side of the object's centre, or the sensor's side if the centre is close to the face.
 
@@ -340,7 +343,7 @@ def _evaluate(
         _put(images, 0, source)
         for i in range(m):
             _put(images, i + 1, image(faces, images[i], chain[i : i + 1], 1.0))
-        if m:  # behind the last face, the field is that just above it, so that it can be interpolated
+        if m:  # behind the last face, use the field just above the face, so that the field can be interpolated
             p = chain[m - 1]
             side = 1.0 if dot(images[m - 1], faces.normal[p]) > faces.offset[p] else -1.0
             height = side * (dot(end, faces.normal[p]) - faces.offset[p])
@@ -408,7 +411,7 @@ def _mirror(
         e = edge[i]
         start = vector(faces.start, e)
         if dot(toward(start, source, 1.0), vector(sector, i)) > 0:
-            continue  # the face is lit from its side beyond the sector of this edge
+            continue  # the face is lit on the side that is outside the open sector of this edge
         part, _ = edge_part(start, vector(faces.along, e), faces.length[e], source, receiver, wavenumber, 4 * REACH)
         total -= part if dot(toward(start, at, 1.0), vector(into, i)) >= 0 else -part
     return total

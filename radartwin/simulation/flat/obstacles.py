@@ -122,7 +122,7 @@ def _inverse(way: float) -> float:
 
 @innermost
 def crossed(tree: Hierarchy, start: Point, stop: Point, opaque: np.ndarray, found: np.ndarray) -> int:
-    """Return the number of triangles between two points, or -1 if one of them belongs to an opaque surface.
+    """Return the number of triangles between two points, or -1 if one of these triangles belongs to an opaque surface.
 
     Args:
         opaque: (surfaces,) whether a surface blocks. found: (MAX_PANES,) receives the triangles of surfaces that transmit.

@@ -11,11 +11,11 @@ polygon radiate to the receiver
   receiver crosses the polygon, otherwise 0.
 - r, s -> vectors to a point of a side from S and from the receiver. l -> direction of the side, counter-clockwise seen from the receiver.
 - E -> |r| + |s| - L0, excess length of the path over the side.
-- rho -> field that the currents radiate to the receiver over the field of an infinite mirror with unit reflection.
+- rho -> field that the currents radiate to the receiver, divided by the field of an infinite mirror with unit reflection.
 
 The integral is the boundary form of Kirchhoff's surface integral. It is exact for an image source if k|r| and k|s| are large, so that the
 polygon may have any size in Fresnel zones. rho varies over the polygon because polarisation and reflection depend on direction. The
-boundary form is then correct to first order in the wavelength over the distance along which rho varies.
+boundary form is then correct to first order in the ratio of the wavelength to the distance along which rho varies.
 
 Physical optics has the wrong currents near edges. The difference radiates like a line source along the edge, of strength
 
@@ -30,7 +30,8 @@ direction. Where the excess length E is below a wavelength, sides and mirror ref
 the contribution of a side to one path at the polygon's point nearest to the mirror reflection. The sum of all paths does not depend on this
 weight.
 
-Errors: multiple edges, for example the coupling of opposite edges of a small plate, are left out. Shadows have sharp geometric borders.
+Errors: diffraction at several edges, for example the coupling of opposite edges of a small plate, is left out. Shadows have sharp geometric
+borders.
 Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for the boundary form; P. Ya. Ufimtsev, Fundamentals of the Physical Theory of
 Diffraction (2007), and A. Michaeli, IEEE Trans. AP 32 (1984) 252, for fringe currents along edges.
 """
@@ -61,7 +62,9 @@ MOST_FACES = 64  # objects with more faces are traced by tubes
 SMALLEST_M = 5e-4  # smallest width of a face
 CORNERS = 24  # largest number of corners of a polygon
 ROOM = 4096  # paths of a pair for which there is room at first; the room grows
-PER_BEAM, PER_PIECE = 8, 64  # paths per beam that waits for its next reflection, and per convex piece of a lit part, in that room
+# For each PER_BEAM paths in that room, there is room for one beam that waits for its next reflection. For each PER_PIECE paths, there is
+# room for one convex piece of a lit part.
+PER_BEAM, PER_PIECE = 8, 64
 NEAR, FAR = 0.25, 1.5  # excess phase k E in rad at which a side begins to have its own paths, and from which it has only its own paths
 VIEW_RAD = 0.02  # largest angle, seen from source or receiver, of a piece
 CURVE_RAD = 0.4  # largest quadratic phase of a piece

@@ -1,7 +1,7 @@
-"""Rooms of flat faces: paths of reflections and edge diffractions for all poses at once, and what is needed to connect objects to the room.
+"""Rooms of flat faces: paths of reflections and edge diffractions for all poses at once, and the data that connect objects to the room.
 
-Sequences of faces and edges are searched at a few key places along the motion of the sensor, and those with a strong path are kept at test
-places. Each pose then evaluates the sequences of the test places near it, exactly and at its own place.
+Sequences of faces and edges are searched at a few key places along the motion of the sensor, and the search keeps the sequences that have a
+strong path at a test place. At each pose, the paths of the sequences of the nearby test places are then computed exactly.
 """
 
 import warnings
@@ -27,7 +27,8 @@ NEAR = 1.5  # a place uses the sequences of all key or test places within this d
 AHEAD = 0.1  # factor on thresholds at key places along a motion, because a path can be ten times stronger at a test place
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
 # A resting sensor gets paths with two diffractions if the room has at most this many edges. The search for them takes time with the square
-# of the number of edges: 8 s of processor time in the furnished laboratory, which has 257. A moving sensor gets one diffraction a path.
+# of the number of edges: 8 s of processor time in the furnished laboratory, which has 257. The paths of a moving sensor have at most one
+# diffraction.
 MAX_EDGES = 1000
 UNEVEN = 0.05  # relative difference of the fields at the outermost channels above which all channels are computed
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
@@ -39,7 +40,9 @@ class RoomWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Searched:
-    """Hold the strong sequences at T test places (T, 6), which are points of `_points`: the indices `of_test` of each in `sequences`."""
+    """Hold the strong sequences at T test places (T, 6), in the form of `_points`. `of_test` has the indices in `sequences` for each test
+    place.
+    """
 
     places: np.ndarray
     sequences: search.Sequences
@@ -64,7 +67,7 @@ class Searched:
 
 @dataclass(frozen=True)
 class FlatRoom:
-    """Hold flat faces and everything that hides.
+    """Hold flat faces and all surfaces that block.
 
     Attributes:
         faces: flat faces. usable: (P,) whether paths may reflect at a face.
@@ -198,7 +201,7 @@ class FlatRoom:
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
         """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion.
 
-        For a resting sensor, edges are joined to paths with two diffractions, as seen from one end of the array.
+        For a resting sensor, the function also searches for paths with two diffractions, but only from one end of the array.
         """
         stays = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
         twice = stays and len(self.faces.length) <= MAX_EDGES
@@ -207,7 +210,7 @@ class FlatRoom:
                 f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction",
                 RoomWarning, stacklevel=2,
             )  # fmt: skip
-        if stays:  # other sequences can exist at the two ends of the array of a resting sensor
+        if stays:  # the sequences at the two ends of the array of a resting sensor can differ
             poses = np.concatenate([_shifted(poses[:1], channel) for channel in _outermost(radar)])
             keys = tests = np.arange(len(poses))
         else:
@@ -280,7 +283,7 @@ class FlatRoom:
         place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
         front = np.zeros(4) if radar.sees_behind else np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge))
         least = 0.0
-        for longest in (min(2, max_bounces), max_bounces):  # paths of few reflections show below which field others are too weak
+        for longest in (min(2, max_bounces), max_bounces):  # paths of few reflections give the field below which other paths are too weak
             bounds = self._bounds(front, least)
             found = self._beams(place, longest - 1, bounds)
             closed = search.closed(self.faces, self.balls, found, self.loudness, least, place + nudge, place + 2 * nudge, longest)
@@ -300,7 +303,7 @@ class FlatRoom:
         return search.Sequences.union([closed.where(there[levels > limit]), edged.where(edged_there[edged_levels > limit])])[0]
 
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
-        """Return the largest fields (M,) at one metre with which beams at a pose reach both ends or the middle of edges.
+        """Return the largest fields (M,) at one metre with which beams at a pose reach an end or the middle of edges.
 
         arrivals: (M, 2) edges and beams. The fields include the element gain, relative to that of the element's axis.
         """
@@ -455,7 +458,9 @@ def _ended(values: np.ndarray) -> np.ndarray:
 
 
 def _kinds(every: search.Sequences) -> tuple[np.ndarray, np.ndarray]:
-    """Return which sequences have no edges, and which have edges. Reflections come first, because they set the threshold of the others."""
+    """Return which sequences have no edges, and which have edges. Sequences without edges come first, because they set the threshold of
+    sequences with edges.
+    """
     edges = every.edge[:, 0] >= 0
     return ~edges, edges
 

@@ -1,9 +1,9 @@
 """Search for the sequences of faces and edges that can carry a path, seen from one place of the sensor.
 
-Beams start at the sensor. A beam is the convex part of a face that the sensor's image lights, together with this image; it is mirrored at
-the face and clipped by the faces beyond it. The search follows a beam only if a path over it can be strong enough (`Levels`). An edge
-inside a beam is reached by the faces of the beam. Reached twice, out and back, it gives a path with one diffraction. Two edges that see
-each other, directly or over one face, give a path with two diffractions.
+Beams start at the sensor. A beam is the convex part of a face that the sensor's image lights, together with this image; the face mirrors
+the beam, and the faces beyond it clip the mirrored beam. The search follows a beam only if a path over it can be strong enough (`Levels`).
+A path can reach an edge inside a beam over the faces of the beam. Two such paths to one edge, out and back, give a path with one
+diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
 """
 
 import math
@@ -24,8 +24,9 @@ from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vect
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
 FEW = 3  # number of steps to estimate the two points of a double diffraction
-# Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. It is at least 8 for almost all paths of the
-# furnished laboratory and squash court. The signal of these rooms changes by at most 1.1e-3 against a ratio of 1.
+# Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. The actual ratio is at least 8 for almost all
+# paths of the furnished laboratory and squash court. Compared with an assumed ratio of 1, the signal of these rooms changes by at most
+# 1.1e-3.
 BOUND_OF_DOUBLES = 4.0
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
 BOTH = 2.25  # an edge changes a field by a factor of at most 1.5, and a path has at most two edges
@@ -109,7 +110,7 @@ def _level(plane: np.ndarray, i: int, x: Vector) -> float:
 
 @innermost
 def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
-    """Return whether a ball is not wholly behind one of the planes (count, 4)."""
+    """Return False if a ball is wholly behind at least one of the planes (count, 4), otherwise True."""
     i = 0
     while i < count and _level(planes, i, x) >= -radius:
         i += 1
@@ -341,8 +342,8 @@ def _reach(
 def own_reflections(faces: Faces) -> np.ndarray:
     """Return the number of reflections (E,) that an edge wave counts as.
 
-    At its boundaries, an edge wave joins reflections at the faces of the edge, which count like other reflections: one, or several at an
-    inner corner. Otherwise a wave would join a path that is left out.
+    At its shadow and reflection boundaries, an edge wave continues reflections at the faces of the edge: one, or several at an inner
+    corner. These reflections count like other reflections. Otherwise an edge wave could continue a path that is left out.
     """
     return np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
 
@@ -407,7 +408,9 @@ def _taper(start: Vector, along: Vector, length: float, wavenumber: float, place
 
 @innermost
 def _share(faces: Faces, e: int, wavenumber: float, source: Vector, x: Vector, end: Vector) -> float:
-    """Return about the part of the field from source to end that edge `e` diffracts at x, and reflects at its faces: at most 3/2."""
+    """Return the approximate strength, at most 3/2, of the wave of edge `e` at x relative to the field from source to end: the sum of the
+    waves at the shadow boundary and at the reflection boundaries of the two faces.
+    """
     total, length = 0.0, distance(source, x) + distance(x, end)
     for side in range(-1, 2):
         at = source if side < 0 else _mirrored(faces, faces.sides[e, side], source, 1.0)
@@ -423,7 +426,7 @@ def _is_open(faces: Faces, e: int, x: Vector, end: Vector) -> bool:
 
 @innermost
 def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: Vector, end: Vector) -> bool:
-    """Return whether two points lie on the same side of face `p` and the reflected line between them can meet it."""
+    """Return whether two points lie on the same side of face `p` and the reflected line between the points can meet the face."""
     normal, middle = vector(faces.normal, p), vector(centre, p)
     a, b = dot(start, normal) - faces.offset[p], dot(end, normal) - faces.offset[p]
     if a * b <= 1e-12:
@@ -476,7 +479,7 @@ def _linked(
 
 
 def links(faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray) -> np.ndarray:
-    """Return (edge, edge, face or -1) of all edges that see each other, directly or over a face, (L, 3). They hold for every place."""
+    """Return (edge, edge, face or -1) of all edges that see each other, directly or over a face, (L, 3), for any place of the sensor."""
     return _listed(
         lambda piece, pieces, out: _linked(faces, *balls, tree, opaque, loudness, np.array(PLACES), piece, pieces, out), 4 * cores()
     )
@@ -546,7 +549,7 @@ def _doubles(
                     continue
                 if not _is_open(faces, e, y1, y2):
                     continue
-                # the second edge is mirrored in face p, and so are its faces: compare with the line before the mirror
+                # the second edge is mirrored in face p, but `_is_open` uses its unmirrored faces: mirror the line back
                 if over:
                     y1, y2, at_b = _mirrored(faces, p, y1, 1.0), _mirrored(faces, p, y2, 1.0), vector(image, b)
                 if not _is_open(faces, f, y2, y1):
@@ -562,7 +565,7 @@ def _doubles(
 
 @dataclass(frozen=True)
 class Sequences:
-    """Hold K sequences.
+    """Hold K sequences of faces and edges.
 
     Attributes:
         count: (K, 3) reflections before, between and after the edges. edge: (K, 2) edges or -1.
@@ -607,7 +610,8 @@ def _closed(
     used = 0
     points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
     end = receiver[0], receiver[1], receiver[2]
-    last = np.zeros(len(faces.offset))  # largest field at one metre of the reverse of the path's last leg
+    # Largest field at one metre of the beams with one reflection; such a beam is the reverse of a path's last leg.
+    last = np.zeros(len(faces.offset))
     for b in range(len(order)):
         if order[b] == 1:
             last[chain[b, 0]] = strength[b]
@@ -730,7 +734,8 @@ def sequences(
     )
     for double, rows in ((False, once), (True, twice)):
         k = len(rows)
-        # A path at one edge is listed in the direction whose first beam comes first, which is the same at all places.
+        # A path whose two beams reach the same edge is listed in the direction whose first beam has the smaller index, which is the same at
+        # all places.
         a, b = rows[:, 0], rows[:, 2]
         turned = (arrivals[a, 0] == arrivals[b, 0]) & (beam[a] > beam[b])
         rows[turned] = rows[turned][:, ::-1]

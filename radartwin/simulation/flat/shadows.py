@@ -1,9 +1,9 @@
 """Shadows of bodies on straight lines, as factors of the field.
 
-The factor of a line is 1 where it is clear and 0 where a body blocks it, plus the edge waves (`kirchhoff`) of the body's outline as seen
-from the source of the path, which is an image of the sensor behind a mirror. It is smooth across the border of a shadow. The outline
-consists of those edges at which the body begins to hide what is behind. Flat and curved bodies use the same rule, because a curved mesh
-has an edge between each two facets. Transmission is not part of the factor.
+The factor of a line is 1 where the line is clear and 0 where a body blocks it, plus the edge waves (`kirchhoff`) of the body's outline. The
+outline is seen from the source of the path, which is the sensor or, behind a mirror, an image of the sensor. The factor is smooth across
+the border of a shadow. The outline consists of those edges at which the body begins to hide the space behind it. Flat and curved bodies use
+the same rule, because a curved mesh has an edge between each two facets. Transmission is not part of the factor.
 """
 
 import math
@@ -37,8 +37,8 @@ class Outlines(NamedTuple):
         first: (C + 1,) range of each part. centre: (C, 3), radius: (C,) ball around each part, metres. surface: (C,) its surface.
         axis: (C, 3) unit. cone: (C, 2) cosine and sine of the largest angle between the axis and the normals of the faces of the part's
             edges, at most 90 degrees.
-        start, along, length, into, up, opening, sides: of each edge, as in `radartwin.simulation.flat.faces.Faces`; a side is -1 where the
-            body is a mesh without faces.
+        start, along, length, into, up, opening, sides: of each edge, as in `radartwin.simulation.flat.faces.Faces`; a side is -1 if the
+            body is a mesh that is not divided into flat faces.
         other: (E, 3) unit, perpendicular to face n and to the edge, into the open sector.
     """
 
@@ -112,7 +112,9 @@ def _across(way: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _parts(owner: np.ndarray, surface: np.ndarray, edges: Sequence[np.ndarray]) -> Outlines:
-    """Divide edges into parts of one owner each, whose edges are near each other and belong to faces of similar normals."""
+    """Divide the edges of each `owner` (a surface or a connected body) into parts. The edges of a part are near each other and belong to
+    faces of similar normals.
+    """
     start, along, length, into, up, opening, _ = edges
     other = np.sin(np.pi * opening)[:, None] * into - np.cos(np.pi * opening)[:, None] * up
     middle = start + length[:, None] / 2 * along
@@ -147,9 +149,9 @@ def _halved(group: np.ndarray, likeness: np.ndarray) -> list[np.ndarray]:
 
 @innermost
 def near(centre: Vector, radius: float, source: Vector, way: Vector, low: float, high: float, total: float, excess: float) -> bool:
-    """Return whether a ball can reach into the ellipsoid about a path of the length `total` and its part from `low` to `high`.
+    """Return whether a ball can reach into the part from `low` to `high` of the ellipsoid about a straight path of the length `total`.
 
-    On the surface of the ellipsoid, the path is longer by `excess`.
+    A path over a point on the surface of the ellipsoid is longer than the straight path by `excess`.
     """
     along = dot(centre, way) - dot(source, way)
     aside = math.sqrt(max(distance(centre, source) ** 2 - along * along, 0.0))
@@ -202,8 +204,8 @@ def factor(
         outlines, tree: edges and triangles of all bodies. opaque: (surfaces,) whether a surface blocks.
         start, end: (3,) ends of the line. before, after: lengths in metres of the path from its source to `start` and from `end` to its
             receiver, over mirrors at the ends; zero where the line starts at the source or ends at the receiver.
-        normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
-            it is no edge of the body with its image.
+        normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because the
+            body and its image join there without an edge.
         mirror_a, mirror_b: mirrors of the path, or -1; their own edges do not count.
         found, others: (MAX_PANES,) int and (surfaces,) bool, memory.
     """
@@ -213,7 +215,8 @@ def factor(
         return whole
     way = toward(start, end, length)
     source, receiver = moved(start, way, -before), moved(end, way, after)
-    total, excess = before + length + after, math.pi * REACH * REACH / wavenumber  # REACH across and along the edge
+    # `excess` is the excess length for the Fresnel coordinate REACH both across and along an edge.
+    total, excess = before + length + after, math.pi * REACH * REACH / wavenumber
     low, high = before - BEYOND_M - excess, before + length + BEYOND_M + excess
     blocking = 0  # number of surfaces that block
     for i in range(len(opaque)):
@@ -257,7 +260,7 @@ def factor(
 
 @innermost
 def _is_silhouette(outlines: Outlines, e: int, source: Point) -> bool:
-    """Return whether a source sees one of the two faces of edge `e`, so that the edge begins to hide what is behind."""
+    """Return whether a source sees exactly one of the two faces of edge `e`, so that the edge begins to hide the space behind it."""
     over, over_n = 0.0, 0.0
     for k in range(3):
         over += (source[k] - outlines.start[e, k]) * outlines.up[e, k]

@@ -141,15 +141,16 @@ def _projected(body: Skin, viewer: np.ndarray, frame: tuple, away: float) -> np.
 
 @compiled
 def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the edges (N,) at which the number of layers changes, and the change (N,) to the right.
+    """Return the edges (N,) at which the number of layers changes, and the change (N,) of this number from left to right.
 
-    A layer is a face that hides what is behind: one that looks at the viewer if its mesh is closed, and any face of an open mesh.
+    A layer is a face that hides the space behind it: a face that looks at the viewer if its mesh is closed, and any face of an open mesh.
     """
     layer, positive = np.empty(len(body.corners), np.bool_), np.empty(len(body.corners), np.bool_)
     nearest = CLIP * distance(body.centre, viewer)
     for f in range(len(layer)):
         a, b, c = body.corners[f]
-        # The corners of all edges of a face have the same order, so that the changes of a row cancel even for a face seen edge-on.
+        # All edges of a face use this one sign of the order of its corners, so that the changes in a row cancel even for a face seen
+        # edge-on.
         positive[f] = (seen[b, 0] - seen[a, 0]) * (seen[c, 1] - seen[a, 1]) > (seen[b, 1] - seen[a, 1]) * (seen[c, 0] - seen[a, 0])
         side = 0.0
         for k in range(3):
@@ -318,7 +319,7 @@ def _continue(left: np.ndarray, right: np.ndarray, count: np.ndarray, row: int) 
 
 @innermost
 def _thinned(chain: np.ndarray, tolerance: float, kept: np.ndarray) -> int:
-    """Write the indices of the points of a rising chain (N, 3) that a polyline within the tolerance needs to `kept`.
+    """Write to `kept` the indices of those points of a rising chain (N, 3) that a polyline within the tolerance needs.
 
     Returns the number of these points.
     """
@@ -354,8 +355,8 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
 
     Args:
         sensor: (N, 3) first and last point of each path. points: (N, P, 3) the points between, nan beyond the last.
-        mirrors: whether these points are mirror points. A path over mirrors goes on as from the sensor's image, at any other point the
-            wave starts anew.
+        mirrors: whether these points are mirror points. A path over mirrors goes on as if it came from the sensor's image. At any other
+            point, the wave starts anew.
     """
     out = np.ones(len(points), complex)
     if not len(out):
@@ -469,8 +470,8 @@ def _waves(
         edges: (N, 2, 3) of the outline as seen from the source, if `from_start`, or from the receiver of the line.
         start, end: (3,) ends of the line. before, after: lengths in metres of the path from its source to `start` and from `end` to its
             receiver, over mirrors at the ends.
-        normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because
-            it is no edge of the body with its image.
+        normal_a, normal_b: (3,) normals of the mirrors at the ends, or zero. An edge in the plane of a mirror does not count, because the
+            body and its image join there without an edge.
         part: (N,) receives the edge waves relative to the undisturbed path. place: (N, 3) receives the points at which they start.
         found: (MAX_PANES,) memory.
     """
@@ -554,7 +555,7 @@ class _Work(NamedTuple):
 
 @innermost
 def _sum(part: np.ndarray, waves: int) -> complex:
-    """Return the sum of the first edge waves."""
+    """Return the sum of the first `waves` edge waves."""
     total = 0j
     for e in range(waves):
         total += part[e]
@@ -596,9 +597,8 @@ def _over_mirrors(
 
     view: (N, P + 1) outline of each line; -1: none. from_start: (N, P + 1) whether the outline is seen from the source of the line.
 
-    An edge wave of one line of a path goes on along its own ray, which the body beside the later lines shadows in turn. Later lines can
-    shadow such an edge wave again and create further edge waves. The function multiplies the factors of the later lines instead of tracing
-    these further waves.
+    An edge wave of one line of a path goes on along its own ray. Beside the later lines, the body can shadow this ray again and create
+    further edge waves. The function does not trace these further waves, but multiplies the edge wave by the factors of the later lines.
     """
     worker = begin % step
     part, place, found = work.part[worker, 0], work.place[worker, 0], work.found[worker]
@@ -672,7 +672,7 @@ def _onwards(
 
 
 def distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return indices of rows (N, K) among which each row occurs, and for each row its place (N,) among these indices.
+    """Return the index of one row for each set of equal rows (N, K), and for each row the place (N,) of its set among these indices.
 
     The rows are sorted by a hash, because sorting whole rows is slow.
     """

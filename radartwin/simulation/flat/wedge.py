@@ -48,7 +48,7 @@ def scaled_tail(u: float) -> complex:
 
 @innermost
 def _slope(value: complex, i: int) -> complex:
-    """Return the derivative 2j u I - 1 of `scaled_tail`, times the step, where it has a value I, at entry i of the table.
+    """Return the derivative 2j u I - 1 of `scaled_tail`, times the step, at entry i of the table, where `scaled_tail` has the value I.
 
     A table of the derivatives would need half of a processor's first cache, and more constant memory than a GPU has.
     """

@@ -2,7 +2,7 @@
 
 On a GPU, this module replaces `gridding.spread`. Each Dr.Jit lane adds one path to the cells of one channel. Many lanes add to the same
 cell at the same time and in any order. The cells are therefore whole numbers of 64 bits, whose sum does not depend on the order, so that
-equal inputs give byte-identical samples. One unit is at most 2^-57 of the number of paths times the strongest coefficient. Path lengths
+equal inputs give byte-identical samples. One unit is at most 2^-55 of the number of paths times the strongest coefficient. Path lengths
 and positions in the grid have double precision. Kernel weights and phase factors have single precision. Import this module only after a
 Mitsuba variant is active.
 """

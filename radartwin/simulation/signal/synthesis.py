@@ -49,9 +49,9 @@ DELAY_BAND = 0.1
 # The synthesis skips terms of a path that are weaker than this factor times the root mean square amplitude of all paths, because such terms
 # are smaller than the error of the spreading kernel.
 _LEAST = 3e-6
-# A path whose amplitude changes over frequency becomes copies, at up to _BESIDE grid cells, and one more for every two frequency nodes,
-# before and behind its delay. _FIT is the smallest singular value of the fit of the copies, relative to the largest. With both values, the
-# error is 7e-6 of the signal of a furnished room, whose walls have 16 nodes.
+# A path whose amplitude changes over frequency becomes copies in the grid cells before and behind its delay: on each side at most _BESIDE
+# cells, and one more for every two frequency nodes. _FIT is the smallest singular value of the fit of the copies, relative to the largest.
+# With both values, the error is 7e-6 of the signal of a furnished room, whose walls have 16 nodes.
 _BESIDE, _FIT = 12, 1e-5
 _PATHS_PER_TASK = 8192
 _TASKS_PER_FRAME = 16
@@ -187,9 +187,10 @@ def _aligned(shape: tuple[int, ...]) -> np.ndarray:
 
 @functools.cache
 def _fit(samples: int, cells: int, reach: int) -> np.ndarray:
-    """Return the matrix (2 reach + 1, samples) that fits a function of the sample by the phases of delays of -reach to reach grid cells.
+    """Return the matrix (2 reach + 1, samples) that fits a function of the sample by phase factors of delays of -reach to reach grid cells.
 
-    The phases of neighbouring cells are nearly dependent over one chirp, so combinations with a singular value below _FIT are left out.
+    The phase factors of neighbouring cells are nearly linearly dependent over one chirp, so combinations with a singular value below _FIT
+    are left out.
     """
     delays = np.arange(-reach, reach + 1)
     phase = 2 * np.pi / cells * np.outer(np.arange(samples) - samples // 2, delays)
@@ -281,7 +282,8 @@ def planar_phase(paths: Paths, radar: Radar) -> float:
     """Return an upper limit of the phase error, in radians, that the plane-wave assumption causes.
 
     The limit is the sum of k p^2/(2 L) for transmitter and receiver, where k is the wavenumber, p the distance of the outermost antenna
-    element from the phase centre and L the length of the path.
+    element from the phase centre and L the length of the path on this side. For mirror paths, the limit is k (p_t + p_r)^2/(2 L), where L
+    is the whole length.
     """
     if not len(paths):
         return 0.0
@@ -351,7 +353,7 @@ def received(
 
     The sum includes phase noise if `oscillator` is given and the radar has phase noise. To first order in the phase error phi, which is a
     few milliradians, phase noise multiplies an echo of delay tau by 1 + j phi(t; tau). All echoes in one band of delays, whose relative
-    width is DELAY_BAND, get the phase noise of the mean delay of this band, so that the function synthesises each path only once.
+    width is DELAY_BAND, get the phase noise of one delay, the middle of this band, so that the function synthesises each path only once.
 
     Args:
         parts: propagation paths. Each `Paths` object has F poses, or one pose that is valid for all frames.
@@ -394,10 +396,10 @@ def received(
 
 
 def _resting_signals(part: Paths, radar: Radar, elements: str, by_delay: bool) -> list[tuple[np.ndarray, float]]:
-    """Return the signals of paths that do not change over the frames, each with the mean path length in metres.
+    """Return the signals of paths that do not change over the frames, each with the middle of its path lengths in metres.
 
-    If `by_delay` is True, each band of delays has its own signal; otherwise all paths together have one signal. The function keeps the
-    signals in memory as long as the `Paths` object exists.
+    If `by_delay` is True, each band of delays has its own signal; otherwise all paths together have one signal, whose length is given as 0.
+    The function keeps the signals in memory as long as the `Paths` object exists.
     """
     cached = _signals_of_part.setdefault(part, {})
     key = (radar, elements, by_delay)
