@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
-        if error.filename is None:  # an error about no user path is a defect of the program, so the traceback is shown
+        if error.filename is None:  # an error without the path of a file is a defect of the program, so the traceback is shown
             raise
         return _fail(f"{one_line(error.filename)}: {error.strerror}; choose another path", 2)
 

@@ -5,7 +5,8 @@ in the user's cache folder. If both folders are read-only, the machine code stay
 processes that need the function wait and then read it from the cache. The lock is a file next to the machine code.
 
 Machine code contains the functions that it calls and the constants that it reads, also those of other files. Numba compiles a function
-again if its own file changes. This module adds the digest of the files that the function's file imports (`_sources`).
+again if the function's own file changes. With this module, Numba also compiles the function again if a file changes that the function's
+file imports (`_sources`).
 """
 
 import functools
@@ -84,7 +85,8 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 def _sources(module: str) -> str:
     """Return the digest of the files whose functions or constants the machine code of a module can contain.
 
-    These are the modules of this package that it imports, and in turn those that modules with compiled functions import.
+    These are the module's own file and the files of this package that it imports. If one of these files has compiled functions, the files
+    that it imports are included, too.
     """
     found: dict[Path, str] = {}
     spec = None if module == "__main__" else importlib.util.find_spec(module)
@@ -108,7 +110,7 @@ def _source(file: Path) -> tuple[str, tuple[Path, ...]]:
 
 
 def fixed(values: np.ndarray) -> np.ndarray:
-    """Return a contiguous, read-only view or copy of an array, so that compiled functions that take it have one version only."""
+    """Return a contiguous, read-only view or copy of an array. Numba then compiles only one version of each function that takes it."""
     view = np.ascontiguousarray(values).view()
     view.flags.writeable = False
     return view
@@ -130,8 +132,8 @@ def share_cores(busy: Callable[[], int]) -> None:
 def cores() -> int:
     """Return the number of processor cores that this process should use now.
 
-    With more threads than cores, the threads wait for each other: two drives at a time in two processes took 16 to 27 % longer on two cores
-    when each process had two threads.
+    With more threads than cores, the threads wait for each other: two drives that two processes simulated at the same time on two cores
+    took 16 to 27 % longer with two threads per process than with one.
     """
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, allowed // max(1, _sharing()))
@@ -176,7 +178,7 @@ _threads = _Threads()
 
 @functools.cache
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Return a number of threads of this process, which wait between two calls. A fork has threads of its own."""
+    """Return a pool of threads of this process, which wait between two calls. A forked process makes its own pool."""
     return ThreadPoolExecutor(threads, initializer=_mark)
 
 
@@ -188,7 +190,9 @@ os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
 def _mapped(function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-    """Yield function(item) of each item, in order. A call from a thread of the pool gets new threads, because it would wait for itself."""
+    """Yield function(item) of each item, in order. A call from a thread of the pool gets new threads, because the call would otherwise wait
+    for its own thread.
+    """
     if not _threads.pooled:
         yield from _pool(cores()).map(function, items)
         return

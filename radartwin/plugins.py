@@ -82,7 +82,7 @@ def load(plugin: Plugin) -> Any:
 
 
 def refusal(plugin: Plugin, reason: str) -> PluginError:
-    """Return the error that a plug-in cannot be used for a reason."""
+    """Return an error whose message says that the plug-in cannot be used, and gives the reason."""
     return PluginError(f"{plugin} cannot be used: {reason}; correct or uninstall {plugin.package}")
 
 
@@ -113,7 +113,7 @@ def _first_line(error: BaseException) -> str:
 
 @contextlib.contextmanager
 def calling(plugin: Plugin, what: str) -> Iterator[None]:
-    """Within the `with` block, convert an exception of a plug-in's code to a PluginError in one line. The project's own errors pass."""
+    """Within the `with` block, convert an exception of a plug-in's code to a PluginError in one line. A UserError stays unchanged."""
     try:
         yield
     except UserError:

@@ -13,8 +13,9 @@ from radartwin.radar.named import NAMED
 
 
 def build_radar(config: RadarConfig) -> Radar:
-    """Build the radar from the configured radar file, or else from the named radar with the configured values, with the antennas of the
-    configured array table. The table also replaces the gains of the antennas, and the configured element replaces the pattern in the table.
+    """Build the radar from the configured radar file, or else from the named radar with the configured values.
+
+    A configured array table replaces the antennas and their gains. A configured element replaces the antenna pattern in the table.
 
     Raises:
         InputError: a configured value is impossible for a radar.

@@ -1,7 +1,7 @@
-"""Simulate one turntable revolution of each of the user's objects at each distance, and compute feature rows of its copies.
+"""Simulate one turntable revolution of each of the user's objects at each distance, and compute feature rows of copies of the revolution.
 
 The radar is level with the aim height of the object (`OwnObject.aim_m`), and the axis of the turntable is on the boresight. The store keeps
-two results for each revolution: the processed recording without noise, and the feature rows of its copies.
+two results for each revolution: the processed recording without noise, and the feature rows of the copies.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from radartwin.store.products import Store, save_arrays
 REVOLUTION, COPIES = "revolution", "revolution_copies"  # kinds of stored results
 ROOTS = ["radartwin.builders.recording", "radartwin.features.processed"]
 COPIES_ROOTS = ["radartwin.recognize.own.copies", "radartwin.builders.revolutions"]
-FEWEST_FRAMES = 2 * HARMONICS + 1  # the harmonics of a revolution need more than two frames per cycle
+FEWEST_FRAMES = 2 * HARMONICS + 1  # the highest harmonic of a revolution needs more than two frames per cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class Revolution:
 
     @cached_property
     def spec(self) -> dict[str, Any]:
-        """Return the specification that decides the store key of the revolution. The name of the object is not part of it."""
+        """Return the specification that decides the store key of the revolution. The object's name is not part of the specification."""
         course, simulator = self.setup.course, self.config.simulator
         spec: dict[str, Any] = {
             "room": _identity(self.setup.room), "object": _identity(self.setup.target), "radar": self.setup.radar.to_dict(),
@@ -119,7 +119,9 @@ class Revolution:
         }  # fmt: skip
 
     def _echoes(self, strengths: Randomisation, seed: Sequence[int]) -> Sequence[np.ndarray]:
-        """Return the channels of the nominal object alone in free space, and of the drawn objects (`randomise.echoes_alone`)."""
+        """Return the signals of the antenna channels for the nominal object alone in free space, and for each randomly changed object
+        (`randomise.echoes_alone`).
+        """
         course, chosen = self.setup.course, self.config.supervision
         surfaces = [surface for surface in self.setup.target if surface.name == TARGET]
         count, options = min(chosen.variants, chosen.copies), simulator_options(fixed_simulator(self.config.simulator))
@@ -206,7 +208,7 @@ def _check_place(room: Scene, one: OwnObject, sensor: np.ndarray, axis: np.ndarr
 
 
 def _identity(scene: Scene) -> list[dict[str, Any]]:
-    """Return what decides the echo of each surface, for a store key."""
+    """Return the values that determine the echo of each surface, such as mesh, material and roughness, for a store key."""
     return [
         {
             "vertices": array_digest(np.asarray(surface.mesh.vertices, dtype=np.float64)),

@@ -44,8 +44,10 @@ class Course:
 
 
 def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
-    """Return the sensor pose (4, 4) of the first frame: the configured pose, a pose at the room's measurement bench, or a pose inside the
-    end of a scan with the smallest x.
+    """Return the sensor pose (4, 4) of the first frame.
+
+    The sensor stands at the configured position, by default at the room's measurement bench. In a scan, the default position is inside the
+    room, near the end with the smallest x.
     """
     if config.position_m is not None:
         position = np.array(config.position_m)

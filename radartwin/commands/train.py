@@ -161,7 +161,7 @@ def params(trained: TrainedOn, own: Sequence[OwnObject]) -> dict[str, str]:
 
 
 def metrics(tested: HeldOut | None, classes: int) -> dict[str, float]:
-    """Return the numbers that MLflow shows. They are from simulation."""
+    """Return the numbers that MLflow shows. All numbers come from simulation."""
     if tested is None:
         return {"chance": 1 / classes}
     per_distance = {f"simulated_accuracy_{name.replace(' ', '')}": share for name, share in tested.by_distance.items()}

@@ -103,7 +103,9 @@ class Composer:
 
 
 def _with_plugins(read: Callable[[], DictConfig]) -> DictConfig:
-    """Call `read` again after each option that only a plug-in provides, and check that no chosen option has two providers."""
+    """Call `read`. If an option is missing and a plug-in provides it, register the option and call `read` again. At the end, check that no
+    chosen option has two providers.
+    """
     from hydra.errors import MissingConfigException
 
     from radartwin.config import plugged

@@ -46,7 +46,7 @@ class VlmMaterials(MaterialsConfig):
 
     source: str = "vlm"
     missing: str | None = None  # material of surfaces without a recorded answer; null makes a surface without an answer an error
-    model: str | None = None  # model whose recorded answers are used; null accepts all models, and asks the server's default model
+    model: str | None = None  # model whose recorded answers are used, or that is asked; null: all models, or the server's default
     provider: str = unkeyed(choice("recorded", "server", "local"))
     url: str = unkeyed(url("set RADARTWIN_VLM_KEY instead", "http://127.0.0.1:8000/v1"))  # address of an OpenAI-compatible server
     timeout_s: float = unkeyed(positive(120.0))  # time limit of one request to the vision-language model, in seconds
@@ -62,7 +62,7 @@ class RandomMaterials(MaterialsConfig):
     """The source that gives the true materials, but replaces a share of the material labels by wrong labels."""
 
     source: str = "random"
-    p: float = share(0.5)  # share of surfaces with a wrong material label, 0 to 1
+    p: float = share(0.5)  # probability that a surface gets a wrong material label, 0 to 1
     among: str = choice("room", "all")  # wrong labels come from the material categories of the room | from all MINC categories
 
     def arguments(self, seed: int) -> dict[str, Any]:

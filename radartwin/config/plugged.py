@@ -2,7 +2,8 @@
 
 A plug-in needs no configuration file. The option's keys are the fields of the plug-in's dataclass, with their types and defaults. The field
 `code` holds the digest of the plug-in's source code, so that stored results are computed again when this code changes. Worker processes
-unpickle a configuration by the names of its classes, and `__getattr__` of this module makes the class of a plug-in again there.
+unpickle a configuration by the names of its classes. In a worker process, `__getattr__` of this module therefore makes the class of the
+plug-in again.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def check(choices: Mapping[str, Any], options: Mapping[str, list[str]]) -> None:
 
 
 def code_of(plugin: Plugin) -> str:
-    """Return the digest of a plug-in's source code, or of its version if it has no Python source."""
+    """Return the digest of a plug-in's source code, or of the plug-in's version if the plug-in has no Python source."""
     digest.include(plugin.module.partition(".")[0])
     try:
         return digest.source_digest((plugin.module,))

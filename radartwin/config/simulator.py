@@ -92,6 +92,7 @@ class SionnaSimulator(SimulatorConfig):
     backend: str = "sionna"
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # number of rays that Sionna samples; null takes Sionna's default
-    diffuse: bool = False  # whether Sionna computes diffuse scattering, whose paths it adds coherently
+    diffuse: bool = False  # whether Sionna computes diffuse scattering; the diffuse paths add coherently
     diffraction: bool = False  # whether Sionna computes one diffraction at an edge, and refraction
-    separation_m: float = share(0.0)  # distance between transmitter and receiver in Sionna's path search; above 0, corners return paths
+    # distance between transmitter and receiver in Sionna's path search; with a value above 0, Sionna finds the paths in corners
+    separation_m: float = share(0.0)

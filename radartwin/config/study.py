@@ -83,7 +83,7 @@ class GapConfig(_Strengths):
 class MeasuredConfig:
     """The measured recordings that simulations are compared with.
 
-    This option takes them from the virtual measurement campaign (testbed).
+    This option takes the measured recordings from the virtual measurement campaign (testbed).
     """
 
     provider: str = "testbed"
@@ -175,7 +175,7 @@ class RandomiseConfig(_Strengths):
 class SupervisionConfig:
     """The measured recordings that the training of a classifier may use, and the settings of the training."""
 
-    mode: str = choice("label_free", "calibrated", "few_shot")  # training uses no | one unlabelled reflector | some labelled recordings
+    mode: str = choice("label_free", "calibrated", "few_shot")  # measured data in training: none | one reflector | some labelled recordings
     shots: int = 0  # number of labelled measured recordings per class that training uses in mode few_shot
     seeds: int = positive(5)  # number of trainings with different random seeds whose results are averaged
     copies: int = positive(30)  # number of noisy copies of each simulated recording in the training data
@@ -207,7 +207,7 @@ class CampaignConfig:
     turntable_objects: list[str] = field(default_factory=list)
     turntable_distances_m: list[float] = positive([1.0])
     reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
-    frames_per_turn: int = positive(24)  # the rotation features need 13, but 13 do not rank the objects as 24 do
+    frames_per_turn: int = positive(24)  # the rotation features need 13 frames, but 13 frames rank the objects differently from 24
     draws: int = positive(3)  # number of draws of turntable and rail (objects, room, radar and courses are drawn anew for each)
     rover_draws: int = positive(1)  # number of draws of the rover's drives
     turns: int = positive(2)  # number of turntable revolutions in a measured recording; a simulated recording has one revolution
@@ -244,9 +244,9 @@ class ProfileConfig:
     scan_strengths: list[float] = positive([1.0])  # factors on the errors of the simulated phone scan; 1 is the published size
     strengths: list[float] = positive([1.0])  # factors on all gaps (measured.gap) in the table of the paper's main claims
     strength_draws: int = positive(3)  # number of draws of turntable and rail at which these strengths are compared
-    strength_rover_draws: int = positive(1)  # the same number of the rover's drives
+    strength_rover_draws: int = positive(1)  # number of draws of the rover's drives at which these strengths are compared
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
-    exact_objects: bool = False  # whether tables of identity also show a testbed whose objects equal the catalogue
+    exact_objects: bool = False  # whether tables of object recognition also show a testbed whose objects equal the catalogue
     # quantities of supervision.randomise that the table randomisation_ablation leaves out, one at a time
     left_out: list[str] = field(default_factory=lambda: ["level", "if_filter", "channels", "noise"])
     layout_turns: int = not_negative(0)  # revolutions in the recordings of the paper's layout (table labelled_probe); 0 leaves them out

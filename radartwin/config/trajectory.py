@@ -26,7 +26,8 @@ class TrajectoryConfig:
 class StartTrajectory(TrajectoryConfig):
     """Base class of the motions in which the radar starts at a configured pose."""
 
-    position_m: list[float] | None = triple("[x,y,z] in metres")  # radar position; null: the room's bench, or inside a scan's low-x end
+    # radar position; null: the room's measurement bench, or in a scan a position inside the room, near the end with the smallest x
+    position_m: list[float] | None = triple("[x,y,z] in metres")
     heading_deg: float = finite(0.0)  # direction of the radar's boresight, degrees counted from +x to the left
 
 

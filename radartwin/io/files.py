@@ -23,7 +23,8 @@ from radartwin.errors import InputError, OutputError
 if TYPE_CHECKING:
     import numpy as np
 
-TEMPORARY = ".tmp"  # suffix of every unfinished file or folder, so that the next start can remove those of killed processes
+# suffix of every unfinished file or folder; a later process removes the unfinished files and folders of killed processes
+TEMPORARY = ".tmp"
 _UNFINISHED = re.compile(rf"\..+\.radartwin-(?:(.+)-)?(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-HOST-PID.tmp
 LOCK = "lock"  # file in an unfinished folder, locked by the process that fills the folder
 

@@ -62,7 +62,7 @@ class ScratchArray:
             return np.memmap(self._stream, self._dtype, "r+", shape=self._shape)
 
     def close(self) -> None:
-        """Close the file. After an error, this removes the file; a mapped array stays valid."""
+        """Close the file. The system then removes the file, unless an array is mapped to the file; a mapped array stays valid."""
         self._stream.close()
 
     def _failed(self, reason: object) -> OutputError:

@@ -12,7 +12,7 @@ from radartwin.errors import BackendError
 
 HOST = "127.0.0.1"
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-# A server waits in steps of so many seconds. If a signal arrives just before Python begins to wait, Python raises KeyboardInterrupt only
+# A server waits in steps of STEP_S seconds. If a signal arrives just before Python begins to wait, Python raises KeyboardInterrupt only
 # when the wait is over.
 STEP_S = 0.5
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-MAX_BYTES = 256 << 20  # parsed JSON takes up to twenty times the memory; 10,000 poses are 4 MB of JSON
+MAX_BYTES = 256 << 20  # parsed JSON takes up to twenty times the memory of its text; 10,000 poses are 4 MB of JSON text
 
 
 def load(text: str | bytes) -> Any:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def loader() -> type[yaml.SafeLoader]:
-    """Return the class that loads such YAML. For an alias, it raises a yaml.YAMLError with the line number."""
+    """Return a YAML loader for plain types without aliases. For an alias, the loader raises a yaml.YAMLError with the line number."""
     import yaml
     from yaml.composer import ComposerError
 

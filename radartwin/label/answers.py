@@ -152,7 +152,7 @@ def material_of(answer: Answer) -> tuple[str | Layered, Roughness, bool]:
         height_m, source = FINISHES[answer.finish]
         rough = Roughness(height_m, rough.correlation_m, source)
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
-    # If the material name in the answer agrees with the MINC category, the layers of that category are exact.
+    # If the material name in the answer agrees with the MINC category, the layers of that category count as known.
     confirms = found is None or found.category in (answer.material, *COVERED)
     stand_in = entry.stand_in(exact=found is not None or shell != base) if confirms or found is None else found.stand_in
     return shell, rough, stand_in or (shell != base and answer.contents not in ("empty", "solid", "unknown"))
@@ -174,8 +174,10 @@ def specified(answer: Answer) -> Resolved | None:
 
 
 def _build_up(found: Resolved, entry: Row) -> str | Layered:
-    """Return the usual layers of a named material: those in its table row, its common sheet, or a sheet as thick as the category's
-    sheet.
+    """Return the usual layers of the named material `found`. The row `entry` belongs to the MINC category in the answer.
+
+    The layers are those of the table row of the named material, those of its common sheet, or a sheet of the named material that is as
+    thick as the sheet in `entry`.
     """
     if isinstance(found.material, Layered):
         return found.material
@@ -191,9 +193,9 @@ def _build_up(found: Resolved, entry: Row) -> str | Layered:
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:
-    """Return the wall of a hollow object as one layer of the material's outermost layer, backed by the material of the object's contents.
+    """Return the wall of a hollow object as a single layer of the outermost material in `material`, backed by the material of the contents.
 
-    `material` is returned unchanged if the wall thickness or the contents are unknown.
+    `material` is returned unchanged if the wall thickness or the contents are unknown, and if the outermost material is metal or air.
 
     >>> interior("hdpe", 1.0, "water-like liquid")
     Layered(layers=(('hdpe', 0.001),), backing='water')
@@ -218,7 +220,9 @@ def _first_object(text: str) -> dict[str, Any]:
 
 
 def _closest_category(name: str) -> str:
-    """Return the closest MINC category of a material name outside MINC: its listed category, that of the same material, or `other`."""
+    """Return the closest MINC category of a material name outside MINC: the category that the name stands for, else a category with the
+    same material, else `other`.
+    """
     try:
         found = resolve(name)
     except MaterialError:

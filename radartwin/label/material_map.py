@@ -61,7 +61,7 @@ def material_map(scene: Scene) -> Figure:
 
 
 def _materials(scene: Scene, minc: list[str], category: str) -> str:
-    """Return text that names a MINC category's material with the largest area and counts the category's other materials."""
+    """Return a text for a MINC category: the name of its material with the largest area, and the number of its other materials."""
     from radartwin.scene.viewer.page import material_label
 
     areas: dict[str, float] = {}

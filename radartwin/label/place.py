@@ -90,7 +90,7 @@ def overlap(place: Place, other: Place) -> float:
 
 
 def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
-    """Return for each surface in `places` an array (len(among),): the share of its points whose nearest surface is each one in `among`."""
+    """Return for each surface in `places` an array (len(among),): the share of its points that vote for each surface in `among`."""
     from scipy.spatial import KDTree
 
     if not among:

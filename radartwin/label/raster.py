@@ -19,7 +19,8 @@ from radartwin.scene.scene import Scene
 NEAR_M = 0.05
 UNCOLOURED = 200.0  # grey level (0 to 255) of a mesh without colours
 BACKGROUND = 255.0
-COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35  # brightness at grazing incidence, 1 at normal incidence; scan colours already have shading
+# brightness at grazing incidence, relative to normal incidence; larger for scan colours, which already contain shading
+COLOURED_SHADE, UNCOLOURED_SHADE = 0.8, 0.35
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,8 +115,8 @@ class Random:
     """A material source that replaces each true material label by a wrong label with probability p.
 
     A wrong label is drawn uniformly from the MINC categories that differ from the true category, and has the material of the drawn
-    category. A right label keeps the true material. The random numbers do not depend on p, so a surface that is wrong at a probability p is
-    also wrong at every larger p.
+    category. A right label keeps the true material. The random numbers do not depend on p, so a surface that gets a wrong label at a
+    probability p also gets a wrong label at every larger p.
 
     Args:
         p: probability that a surface gets a wrong material label, 0 to 1.
@@ -230,7 +230,7 @@ def material_source(name: str, **options: object) -> MaterialSource:
 
 @dataclass(frozen=True)
 class _PluggedIn:
-    """A plug-in's material source, whose mistakes become one line that names the package."""
+    """A plug-in's material source. An exception of its code becomes a PluginError of one line that names the package."""
 
     inner: MaterialSource
     plugin: plugins.Plugin

@@ -28,7 +28,8 @@ MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of the surface in a crop,
 MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph that is scaled to a width of 256 pixels
 MIN_SHARE = 0.01  # smallest share of a rendered picture that the surface must fill, unless no viewpoint shows more of it
 LARGE_M = 2.5
-MANY_FACES, CELL_M = 50_000, 0.08  # to rank viewpoints, meshes with more faces are simplified to cells of CELL_M, enough for 64 pixels
+# to rank viewpoints, meshes with at least MANY_FACES faces are simplified to grid cells of CELL_M, which suffices for pictures of 64 pixels
+MANY_FACES, CELL_M = 50_000, 0.08
 MIN_ANGLE_DEG = 20.0  # smallest angle between the directions from which two crops show the same surface
 
 
@@ -240,7 +241,7 @@ def outlined(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
     cleaned = binary_opening(mask, iterations=1)
     if np.count_nonzero(cleaned) > 0.7 * np.count_nonzero(mask):
-        mask = np.asarray(cleaned)  # without the isolated specks of a ragged mesh; skipped if most of the mask consists of such specks
+        mask = np.asarray(cleaned)  # without the isolated specks of a ragged mesh; skipped if these specks are 30 % of the mask or more
     edge = mask & np.logical_not(binary_erosion(mask, iterations=2))
     halo = np.logical_and(binary_dilation(edge, iterations=1), np.logical_not(edge))
     out = pixels.copy()

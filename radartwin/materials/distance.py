@@ -24,9 +24,10 @@ from radartwin.materials.permittivity_by_name import permittivity, split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
-# Lower limit of the reflectivity in dB. The limit is about 30 dB below the reflectivity of plaster, like the diffuse echoes of a room.
+# Lower limit of the reflectivity in dB. The limit is about 30 dB below the reflectivity of plaster, and so are the diffuse echoes of a
+# room.
 FLOOR_DB = -40.0
-SMOOTHEST_M = 2e-6  # rms height of a glazed or polished face; a lower one has no measurable diffuse echo
+SMOOTHEST_M = 2e-6  # rms height of a glazed or polished face; a face of lower rms height has no measurable diffuse echo
 
 
 def reflectivity_db(

@@ -67,7 +67,8 @@ P2040 = {
 # ground 0.9, wet ground -0.1. The fits of ground end at 10 GHz, far below the relaxation frequency of water. Very dry ground is therefore
 # compared with its substitute at 10 GHz. Medium dry and wet ground are compared at 77 GHz, as a mixture of grains (permittivity 3.0) with
 # 15 and 30 % water by volume. The average of the refractive indices gives the permittivities 4.0 - j 1.3 and 4.9 - j 3.0 of these mixtures.
-# At 62 GHz, the same substitutes are the closest, and all but the two of moist ground, which were not compared there, are within 0.8 dB.
+# At 62 GHz, the same substitutes are the closest, and their reflection differs from that of the replaced materials by at most 0.8 dB. The
+# substitutes of medium dry and wet ground were not compared at 62 GHz.
 STAND_INS = {
     "brick": "floorboard",
     "clear_acrylic": "chipboard",

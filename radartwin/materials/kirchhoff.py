@@ -66,7 +66,8 @@ def cross_section(roughness_m: float, correlation_m: float, wavenumber: float, c
 def _series(g, t):
     """Return the sums over n >= 1 of exp(-g) g^n/n! exp(-t/n)/n, for g and t of shape (N,).
 
-    For a large g, the terms are smooth in n, and the function adds only every eighth of a standard deviation of n.
+    For a large g, the terms are smooth in n. The function then computes one term per eighth of a standard deviation of n, and multiplies it
+    by the number of terms for which it stands.
     """
     out = np.zeros(len(g))
     for i in range(len(g)):
@@ -92,7 +93,7 @@ def scattered_lobe(roughness_m: float, correlation_m: float, wavenumber: float, 
 
     >>> normal = np.array([0.0, 0.0, 1.0])
     >>> metal, plaster = (float(scattered_lobe(0.1e-3, length, 1613.8, 1.0, normal)) for length in (20e-3, 2e-3))
-    >>> round(metal / plaster), round(np.pi * plaster, 2)  # relative to plaster, and plaster relative to a Lambert lobe
+    >>> round(metal / plaster), round(np.pi * plaster, 2)  # metal relative to plaster, and plaster relative to a Lambert lobe
     (97, 2.61)
     """
     collected = np.exp(_collected(roughness_m, correlation_m, wavenumber)(np.arccos(cosine)))
@@ -116,7 +117,9 @@ def backscatter_lobe(roughness_m: float, correlation_m: float, wavenumber: float
 
 
 def lobe_width(roughness_m: float, correlation_m: float, wavenumber: float) -> float:
-    """Return the sine of the angle of incidence at which the backscatter lobe falls to about 1/e, from the mean n of the sum's terms.
+    """Return the sine of the angle of incidence at which the backscatter lobe falls to about 1/e.
+
+    The sine follows from the mean of n over the terms of the sum.
 
     >>> round(lobe_width(0.1e-3, 2e-3, 1613.8), 3), round(lobe_width(3e-3, 20e-3, 1613.8), 3)  # 1/(k l), and twice the rms height over l
     (0.318, 0.3)

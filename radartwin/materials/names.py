@@ -59,7 +59,7 @@ PERMITTIVITY = {
     "slate": (7.0, 0.03),  # [D]
     "quartz": (3.8, 0.001),  # [L] fused
     "rubber": (3.0, 0.03),  # [D]
-    "abs": (2.75, 0.01),  # [A] 2.5 to 4.0, unfilled at the lower end
+    "abs": (2.75, 0.01),  # [A] gives 2.5 to 4.0; ABS without fillers is at the lower end
     "polycarbonate": (2.75, 0.01),  # [A]
     "polystyrene": (2.54, 0.002),  # [L]
     "nylon": (3.0, 0.02),  # [L]

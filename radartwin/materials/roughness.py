@@ -42,7 +42,7 @@ _MOULDED = "moulded or coated: texture of the mould, 5 to 25 um (VDI 3400)"
 _WOVEN = "half of an upholstery yarn of 0.5 to 1 mm"
 _PILE = "upper end of the paper's range: pile, leaves and strands of millimetres"
 
-# Correlation length in metres of a surface that is given without one, and of classes that are smooth. It is the value of concrete.
+# Correlation length in metres of a surface whose correlation length is not given, and of smooth classes. It is the value of concrete.
 CORRELATION_M = 5e-3
 # Roughness of each class of surface. Published rms heights differ by a factor of two or three from most of these values, and the coherent
 # loss in dB grows with the square of the rms height. A study whose result depends on an rms height must therefore vary this height.

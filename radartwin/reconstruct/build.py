@@ -99,7 +99,7 @@ def reconstruct(
     Raises:
         MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid.
         MaterialError: the material is unknown.
-        OutputError: `out` cannot be written, contains the scan, or holds files of these names that RadarTwin did not write.
+        OutputError: `out` cannot be written, contains the scan, or holds files with the names of scene files that RadarTwin did not write.
     """
     if isinstance(material, str):
         check_name(material)
@@ -127,7 +127,7 @@ def _check_out(out: Path, scan: Path) -> None:
     held = [out / name for name in (GEOMETRY, MANIFEST, INDEX, FOLDER, MESH_FILE, FACE_SURFACES_FILE) if (out / name).exists()]
     if scan.exists() and (scan.resolve().is_relative_to(out.resolve()) or any(path.samefile(scan) for path in held)):
         raise OutputError(f"{out}: the folder contains the scan {scan}; choose another folder for --out")
-    # An interrupted reconstruction leaves no manifest, but a file of face surfaces, which `_save` writes first.
+    # `_save` writes the file of face surfaces first. An interrupted reconstruction therefore leaves this file, but no manifest.
     if held and out / FACE_SURFACES_FILE not in held and not is_scene(out):
         raise OutputError(f"{held[0]}: RadarTwin did not write this file; choose a new or empty folder for --out")
 

@@ -30,7 +30,9 @@ MIN_EXTENT_M = 0.05  # smaller than any object in the library's catalogue
 DEGENERATE_HEIGHT_M = 1e-5  # a thinner triangle has no usable normal in float32
 WELD_DIGITS = 6  # vertices closer than 1 um are merged, because exporters double them along seams
 OBJECT_M = 1.0  # a smaller mesh is an object, as in radartwin/scene/layouts/stock.py
-LARGE_M, HIGH_M = 15.0, 7.0  # a squash court is 9.75 m long and 5.64 m high, the atrium 12 m; the radar's range is unambiguous to 11 m
+# Largest length and height of a room. A squash court is 9.75 m long and 5.64 m high, and the atrium is 12 m long. The radar's range is
+# unambiguous to 11 m.
+LARGE_M, HIGH_M = 15.0, 7.0
 ROOM_M, ROOM_HIGH_M = (1.5, LARGE_M), (1.8, HIGH_M)
 FLOOR_M = 0.15  # faces at most this far from the lowest or highest point count as floor or ceiling
 LEVEL = 0.9  # smallest |z| of the normal of a horizontal face

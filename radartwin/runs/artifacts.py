@@ -97,8 +97,8 @@ def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
 
 @contextlib.contextmanager
 def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
-    """Within the `with` block, sample the load of processor, memory, disk, network and GPU, if SYSTEM_METRICS is set. Yield the samples'
-    list.
+    """Within the `with` block, sample the load of processor, memory, disk, network and GPU, if SYSTEM_METRICS is set. Yield the list of
+    samples.
 
     The caller logs the samples, because MLflow's own thread would write to the SQLite database at any time, and two simultaneous writers
     fail. The environment variable MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL sets the sampling interval in seconds.

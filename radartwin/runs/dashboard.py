@@ -42,7 +42,8 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
     command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
     # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use. Its 40 threads share 15
-    # connections to the database, and a request that gets none for 30 s fails, so the server gets one connection per thread.
+    # connections to the database, and a request that gets no connection for 30 s fails. RadarTwin therefore gives the server one connection
+    # per thread.
     ours = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
     environment = {**ours, **os.environ}
     with contextlib.suppress(KeyboardInterrupt):

@@ -1,9 +1,9 @@
 """Run the jobs of a sweep with one of Hydra's launchers (serial, joblib, SLURM), so that a killed job does not end the sweep.
 
-In Hydra's own multirun command, the first killed worker loses all jobs. Here, each job of the sweep writes whether it succeeded or failed
-to a file outcome.json in the job's own folder (see radartwin/runs/job.py). If the launcher fails, this module takes the jobs that had
-started but not ended, and runs them again one at a time. A job that crashes again when it runs alone has failed. All other jobs continue
-together.
+In Hydra's own multirun command, all jobs are lost as soon as one worker is killed. Here, each job of the sweep writes whether it succeeded
+or failed to a file outcome.json in the job's own folder (see radartwin/runs/job.py). If the launcher fails, this module takes the jobs that
+had started but not ended, and runs them again one at a time. A job that crashes again when it runs alone has failed. All other jobs
+continue together.
 """
 
 from __future__ import annotations

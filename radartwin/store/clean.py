@@ -11,9 +11,9 @@ from radartwin.errors import MissingError, OutputError
 from radartwin.io import files
 from radartwin.store.products import KEY_LENGTH, META
 
-CACHE = "cache"  # in the output folder; everything that RadarTwin wrote in it can be computed again
+CACHE = "cache"  # subfolder of the output folder; RadarTwin can compute again everything that it wrote into this subfolder
 _PRODUCT = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}({re.escape(files.TEMPORARY)})?")
-_ARRAYS = re.compile(r"[0-9a-f]{64}\.npz")  # radartwin/store/array_cache.py, whose key is the whole digest
+_ARRAYS = re.compile(r"[0-9a-f]{64}\.npz")  # file of radartwin/store/array_cache.py, whose key is the whole digest
 
 
 def cache_bytes(output: Path) -> dict[str, int]:

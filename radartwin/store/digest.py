@@ -122,7 +122,7 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 
 @functools.cache
 def _data_digest(package: str) -> str:
-    """Return names and digests of the data files of a package, which its modules read; empty for a name that is no package."""
+    """Return names and digests of the data files that the modules of a package read; empty for a name that is no package."""
     folder = _location(package)
     if not folder or package.count(".") != 1 or not folder.is_dir():
         return ""
@@ -159,7 +159,7 @@ def forget() -> None:
 
 
 DATA = (".csv", ".json", ".npz", ".yaml")  # suffixes of data files
-WRITTEN = "bench_history.csv"  # `make bench` adds lines to it, and no result depends on it
+WRITTEN = "bench_history.csv"  # `make bench` adds lines to this file, and no result depends on the file
 _tops = {"radartwin", "experiments"}  # constraints.txt pins the version of every other package
 
 

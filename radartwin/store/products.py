@@ -1,7 +1,7 @@
 """The store of computed results. A stored result (a product) is a folder that is named by its key and is never incomplete.
 
     output/cache/KIND/KEY/          the product: the files that `build` wrote, and meta.json
-    output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next start removes folders that killed processes left
+    output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next `Store` removes folders that killed processes left
 
 The key is a digest of the specification of the result, of the content of its input files, and of the source code of the packages that
 compute it (radartwin/store/digest.py). The store computes a product again only if the product's files no longer have the sizes and SHA-256

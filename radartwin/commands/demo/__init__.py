@@ -31,7 +31,8 @@ from radartwin.simulation.compile_ahead import compiling
 from radartwin.simulation.origins import echo_origins
 
 SCAN = Path(__file__).resolve().parent / "scan" / "chair.obj.gz"
-POSITION_M = (-1.5, -0.5, 0.6)  # of the radar in the scan's coordinates: 1.5 m before the chair, at the height of its back
+# position of the radar in the scan's coordinates: 1.5 m in front of the chair, at the height of the chair's back
+POSITION_M = (-1.5, -0.5, 0.6)
 STEPS = 6
 
 
@@ -57,7 +58,7 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
     """Run the demonstration into the folder `output`/demo, and return the path of its page.
 
     Args:
-        output: root of everything written.
+        output: root folder of all written files.
         overrides: configuration overrides of the simulation, as for `radartwin simulate`.
     Raises:
         OutputError: the folder cannot be created or written.
@@ -89,7 +90,7 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
         peaks = Peaks(columns["range_m"], columns["doppler_mps"], azimuth_rad, unknown, power, unknown)
         scene, pose = simulated_parts(config.simulator, setup.room), setup.course.sensor_poses[0]
         tracer = simulator_options(config.simulator)["simulator"]
-        paths = tracer.paths(scene, setup.radar, pose[None])  # in the memory of this process since the simulation
+        paths = tracer.paths(scene, setup.radar, pose[None])  # the simulation left these paths in the memory of this process
         origins = echo_origins(scene, paths, setup.radar, pose, peaks.range_m, peaks.azimuth_rad)
         result.append(f"{len(peaks)} peaks")
     with steps.step("write the page") as result:

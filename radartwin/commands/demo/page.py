@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 PAGE = Path(__file__).with_name("page.html")
 SHOWN_DB = 50.0  # powers further below the strongest echo are not shown
 BEYOND_M = 1.0  # range shown beyond the farthest peak
-MIXED_DB = 3.0  # a peak of which its surface alone gives more or less than this has echoes of several surfaces
+# a peak has echoes of several surfaces if the power of its own surface differs from the power of all surfaces by at least this ratio
+MIXED_DB = 3.0
 
 
 @dataclass(frozen=True)

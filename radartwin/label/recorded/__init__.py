@@ -145,7 +145,7 @@ def records_for(scene: Scene, folder: Path | None) -> list[Record]:
 
     Raises:
         MissingError: there are no such answers.
-        LabelError: the answers that ship for the room belong to other questions than the present ones.
+        LabelError: the answers that ship for the room belong to an earlier version of the questions.
     """
     records = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)

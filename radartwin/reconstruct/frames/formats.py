@@ -1,7 +1,7 @@
 """Read folders of frames that other programs write.
 
 ARKit export     3d Scanner App: depth_N.png (uint16 mm), conf_N.png (0..2), frame_N.json (intrinsics of the 1920x1440 picture;
-                 cameraPoseARFrame, camera-to-world by rows, camera x right, y up, z back, world y up), frame_N.jpg for some
+                 cameraPoseARFrame, camera-to-world by rows, camera x right, y up, z back, world y up), frame_N.jpg for some frames
 pose.txt         slambook2: color/N.png, depth/N.pgm or .png (uint16 mm), pose.txt with a line tx ty tz qx qy qz qw per frame
 TUM RGB-D        rgb.txt, depth.txt (time file), groundtruth.txt (time tx ty tz qx qy qz qw); depth in 1/5000 m. See Sturm et
                  al. 2012, A Benchmark for the Evaluation of RGB-D SLAM Systems, and the data set's file format page
@@ -220,11 +220,11 @@ def _from_quaternions(rows: np.ndarray) -> np.ndarray:
 def _upward(poses: np.ndarray, folder: Path) -> str:
     """Return the world axis nearest to the mean upward direction of the cameras.
 
-    This axis points up, because people hold cameras upright.
+    The function assumes that this axis points up, because people hold cameras upright.
     """
     mean = -poses[:, :3, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(mean)))
-    if np.abs(mean[axis]) < 0.6:  # the mean is the cosine 0.64 if upright cameras look 50 degrees downwards
+    if np.abs(mean[axis]) < 0.6:  # upright cameras that look 50 degrees downwards give the cosine 0.64
         raise ScanError(
             f"{folder}: the cameras' mean up vector {np.round(mean, 2).tolist()} is near no axis; give --up {', '.join(TO_Z_UP)}"
         )

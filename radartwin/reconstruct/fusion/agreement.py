@@ -29,7 +29,7 @@ MEDIAN_M = 2.0  # all views are scaled to this median depth
 CLEARLY_BETTER = 0.5  # ratio of two median distances between views, at or below which the smaller distance is clearly better
 EQUAL_RATIO = 1.5  # two median distances between views with a smaller ratio count as equal
 GOOD_M = 0.01  # depth noise and pose drift of a phone explain a smaller distance between views at the median depth MEDIAN_M
-# a larger distance between views at MEDIAN_M shows a wrong unit or convention; twice the drift of a phone in a large hall gives 0.05
+# a larger distance between views at MEDIAN_M shows a wrong unit or convention; twice the drift of a phone in a large hall gives 0.05 m
 SUSPECT_M = 0.06
 MIN_PAIRS = 0.7  # smallest number of overlapping view pairs under another unit or convention, relative to the number under the user's
 

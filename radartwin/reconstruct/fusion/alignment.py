@@ -1,12 +1,12 @@
 """Correct the drift of a scan: adjust all poses together so that the surfaces of overlapping views coincide.
 
 The surface samples of each view are compared with every other view that sees the same surface. The residual is r = n . (q - x), where x is
-a sample with normal n, and q is the other view's surface point at the projection of x (point-to-plane distance, Chen and Medioni 1992).
-All pairs of views are solved together, as in Pulli 1999, Multiview registration for large data sets. Two priors limit the corrections of
-the poses: the phone's own estimate of its motion between neighbouring views, and the direction of gravity for roll and pitch. A
-Geman-McClure kernel reduces the weight of outliers. During the iterations, the scale of the kernel shrinks from the size of the drift to
-the size of the depth noise. The residuals do not determine the position of the whole scan, so the first part of the camera path keeps its
-position. The solver and the assembly of its equations stay in one file, which is therefore over 300 lines long.
+a sample with normal n, and q is the other view's surface point at the projection of x (point-to-plane distance, Chen and Medioni 1992). One
+system of equations contains all pairs of views, as in Pulli 1999, Multiview registration for large data sets. Two priors limit the
+corrections of the poses: the phone's own estimate of its motion between neighbouring views, and the direction of gravity for roll and
+pitch. A Geman-McClure kernel reduces the weight of outliers. During the iterations, the scale of the kernel shrinks from the size of the
+drift to the size of the depth noise. The residuals do not determine the position of the whole scan, so the first part of the camera path
+keeps its position. The solver and the assembly of its equations stay in one file, which is therefore over 300 lines long.
 
 Symbols: delta_i -> correction of view i in world coordinates: a rotation vector, for a rotation about `centre`, and a shift.
 """
@@ -25,14 +25,16 @@ from radartwin.compiled import compiled, shared_out
 from radartwin.reconstruct.fusion.views import Views
 from radartwin.reconstruct.fusion.volume import View, pinhole
 
-SAMPLES_ACROSS = 28  # samples along the width of a view: about 550 samples of a phone's depth map, which has 576 laser spots
-NORMALS_ACROSS = 43  # view width / distance of the neighbours that define a sample's normal; 6 pixels for a phone's depth map
+# samples along the width of a view; a phone's depth map, which has 576 laser spots, then has about 550 samples
+SAMPLES_ACROSS = 28
+# width of a view / distance from a sample to the neighbours that define its normal; this distance is 6 pixels for a phone's depth map
+NORMALS_ACROSS = 43
 OVERLAP = 0.15  # two views are compared if the second view sees at least this fraction of the first view's samples
 SCALES_M = (0.12, 0.12, 0.08, 0.05, 0.04, 0.03, 0.02, 0.02, 0.015, 0.015)  # scale of the outlier kernel, one per iteration
 NOISE_M = 0.05  # standard deviation of a residual; several times the depth noise of a pixel, because neighbouring residuals are correlated
-# Standard deviation of the phone's motion estimate between views: per metre of path, and at rest. The shift is that of ARKit (Kim et al.
-# 2022, Sensors 22:9873: 0.02 m in three axes per second of walking). Kim et al. give no rotation error; the value below moves a point 3 m
-# away as far as the shift.
+# Standard deviation of the phone's motion estimate between views: after one metre of path (the variance grows with the path), and at rest.
+# The error of the shift is that of ARKit (Kim et al. 2022, Sensors 22:9873: 0.02 m in three axes per second of walking). Kim et al. give no
+# error of the rotation. A rotation by the value below moves a point 3 m away as far as the error of the shift.
 SHIFT_M, REST_M = 0.012, 0.002
 TURN_RAD, REST_RAD = np.radians(0.2), np.radians(0.05)
 LEVEL_RAD = np.radians(0.2)  # error of the gravity direction on phones

@@ -17,7 +17,7 @@ from radartwin.reconstruct.fusion.volume import View
 NOISE_FLOOR_M, NOISE_PER_M = 0.003, 0.002
 NOISE = np.array([[0.0, 0.0, 0.0105], [0.0, 0.0, 0.0041], [NOISE_FLOOR_M, NOISE_PER_M, 0.0]], np.float32)
 REFERENCE_NOISE_M = NOISE_FLOOR_M + NOISE_PER_M  # noise of a pixel with weight 1: high confidence, 1 m, normal incidence
-STEP = 2  # distance in pixels of the two pixels, on either side, from which the slope is computed
+STEP = 2  # the slope at a pixel is computed from the pixels at this distance on either side, in pixels
 MIN_COSINE = 0.15  # cosine of the angle of incidence; pixels beyond 81 degrees from the surface normal are discarded as edges
 CACHE_BYTES = 1_000_000_000
 
@@ -100,9 +100,10 @@ def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:
 
 @compiled
 def _slope(depth, sigma, fx, fy, cx, cy):
-    """Return the slope |n . r| and the weight (inverse variance) of each depth pixel, each of shape (h, w).
+    """Return the slope |n . r| (surface normal n, pixel ray r of depth component 1) and the weight of each depth pixel. The weight is
+    the inverse variance, multiplied by the cosine of the angle of incidence.
 
-    Slope and weight are 0 at pixels without depth and at pixels without a surface around them.
+    Both arrays have the shape (h, w). Slope and weight are 0 at pixels without depth and at pixels without a surface around them.
     """
     height, width = depth.shape
     slope, weight = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)

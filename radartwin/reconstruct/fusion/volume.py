@@ -34,7 +34,8 @@ class View:
         intrinsics: (3, 3) pinhole matrix of the depth picture, pixels.
         depth: (h, w) float32 depth along the camera's z axis, metres; 0 at pixels without depth.
         slope: (h, w) float32 |n . r| of surface normal n and pixel ray r (depth component 1).
-        weight: (h, w) float32 inverse variance of the depth, relative to a pixel of high confidence at 1 m and normal incidence.
+        weight: (h, w) float32 inverse variance of the depth, multiplied by the cosine of the angle of incidence, relative to a pixel of
+            high confidence at 1 m and normal incidence.
         colour: (H, W, 3) uint8 sRGB picture, or None.
         colour_intrinsics: (3, 3) pinhole matrix of `colour`, or None.
     """

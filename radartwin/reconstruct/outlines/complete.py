@@ -135,7 +135,11 @@ def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
 
 
 def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
-    """Return whether several viewpoints see most of a gap, or at least half as many viewpoints as see the plane beside the gap."""
+    """Return whether enough viewpoints see most of a gap.
+
+    The required number is VIEWPOINTS. It is smaller if the scan has few viewpoints, and at most half of the number of viewpoints that see
+    the plane beside the gap.
+    """
 
     def seen(where: np.ndarray) -> np.ndarray:
         cells = np.argwhere(where)

@@ -55,8 +55,8 @@ def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: floa
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
     """Return a rectangle along the grid axes if the marked cells are nearly rectangular, as of a door or poster; otherwise None.
 
-    Each side of the rectangle lies at the median end of the rows or columns of marked cells. The marked cells may differ from the rectangle
-    by one cell along the edges on average, and by the fraction RAGGED of the rectangle's area.
+    Each side of the rectangle lies at the median end of the rows or columns of marked cells. The number of cells in which the marked cells
+    and the rectangle differ must not exceed the circumference of the rectangle in cells, nor the fraction RAGGED of its area in cells.
     """
     sides = []
     for cells in (mask.T, mask):

@@ -26,7 +26,7 @@ ACROSS = 2.5  # distance from a border in cells; nearer to a border, colours are
 WITHIN = 0.5
 ROUNDS = 12  # largest number of divisions per plane
 CELL_M = 0.02  # cell size of the picture, about the resolution of the scan
-STEP = 7.0  # smallest colour difference across the edge of a piece (weighted L*a*b*; 2 is just visible side by side)
+STEP = 7.0  # smallest weighted L*a*b* difference across the edge of a piece; side by side, a difference of 2 is just visible
 CONTRAST = 2.0  # smallest ratio of the colour difference to the colour variation outside the edge
 WIDTH_M, AREA_M2 = 0.12, 0.12  # narrower or smaller pieces (painted lines, frames) are not separated
 

@@ -20,7 +20,8 @@ PARTS = {
 }  # fmt: skip
 STANDS_ON_M2 = 0.002  # smallest horizontal area in m^2 on which an object can stand
 MAX_TILT_DEG = 15.0  # on a steeper supporting surface an object slides (wood on wood at about 15 degrees)
-FACING = 0.6  # smallest ratio |sum of area vectors| / area at which a surface counts as flat, so that its normal is its front
+# smallest ratio |horizontal part of the sum of area vectors| / area of a flat surface; the front of a flat surface is its normal
+FACING = 0.6
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
 

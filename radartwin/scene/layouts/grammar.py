@@ -53,7 +53,7 @@ def parse(sentence: str) -> Layout:
     for clause in filter(None, _JOINTS.split(text)):
         phrases = list(_PHRASE.finditer(clause))
         start = _START.match(clause)
-        assert start is not None  # it matches the empty string
+        assert start is not None  # the pattern also matches the empty string
         head = clause[: phrases[0].start()].strip() if phrases else clause
         subject = head[start.end() :].strip() if len(head) > start.end() else ""
         if not subject:

@@ -12,7 +12,7 @@ The following text is an example of an object layout file, in YAML:
         position_m: [4.3, 1.2]       # x and y only: the height is that of the surface
       - object: mug
         on: table
-        relations:                   # the place on it; anchors are surfaces, earlier objects, or the sensor
+        relations:                   # the place on the table; anchors are surfaces, earlier objects, or the sensor
           - {relation: in front of, anchor: door, distance_m: 1.5}
       - object: corner_reflector
         position_m: [3.0, 0.0, 1.0]

@@ -22,7 +22,8 @@ from radartwin.scene.trajectories.trajectory import pose
 
 FLOATING_M = 0.02  # largest height above the supporting surface; a higher object floats
 COVER_M = 0.03  # objects may stand on flat covers up to this thickness, such as a rug
-# gap between object and supporting surface; faces in contact would shadow each other, because rays start up to 1 mm off a face (at 10 m)
+# gap between object and supporting surface; faces in contact would shadow each other, because rays start off a face, by up to 1 mm at
+# coordinates of 10 m
 GAP_M = 0.005
 BASE_M = 0.005  # vertices up to this height above the lowest vertex belong to the base of an object
 STANDS_SHARE = 0.5  # smallest fraction of an object's base that must lie on the supporting surface

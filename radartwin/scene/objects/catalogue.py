@@ -102,8 +102,8 @@ class Entry:
         Args:
             pose: (4, 4) object-to-world pose; by default the parts stay in the object's own frame.
             name: name of the surfaces; by default the name of the catalogue object.
-            contents: "filled" builds walls and contents of the catalogue. "unknown" knows the surface only: every part is a half-space of
-                its outermost material.
+            contents: "filled" builds walls and contents of the catalogue. "unknown" is for a simulation that knows only the surface: every
+                part is a half-space of its outermost material.
         """
         parts = self.build(self.contents or "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}

@@ -4,8 +4,9 @@ The world frame has its origin on the floor, x along the room, y to the left and
 
 Walls, floor and ceiling are single-sided rectangles that face into the room. Windows and doors fill openings in their walls, so that
 surfaces never overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls. The gap is needed because the ray tracer
-starts rays up to 1 mm off a face (at 10 m), so that faces in contact would shadow each other. Every surface has a material, a roughness and
-a texture (a name in `textures.LOOKS`). The provenance of a surface contains its true category in the MINC data set of material photographs.
+starts rays off a face, by up to 1 mm at coordinates of 10 m. Without a gap, faces in contact would shadow each other. Every surface has a
+material, a roughness and a texture (a name in `textures.LOOKS`). The provenance of a surface contains its true category in the MINC data
+set of material photographs.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Build a furnished atrium (entrance hall) with wood-panelled walls, glass doors, metal fixtures and plasterboard.
 
-The paper that RadarTwin reproduces names these features ("a furnished atrium (glass doors, metal fixtures, plasterboard walls)", and the
-caption of its rover setup) without dimensions. The size and the furniture here are therefore those of an ordinary entrance hall. A strip 2
-m wide along the long axis of the atrium is free for the rover.
+The paper that RadarTwin reproduces names these features ("a furnished atrium (glass doors, metal fixtures, plasterboard walls)", and in the
+caption of its rover setup) but gives no dimensions. The size and the furniture here are therefore those of an ordinary entrance hall. A
+strip 2 m wide along the long axis of the atrium is free for the rover.
 """
 
 from __future__ import annotations

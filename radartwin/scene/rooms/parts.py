@@ -30,7 +30,7 @@ GAP = 0.01  # gap in metres between furniture and the floor or a wall
 STUD_WALL = common_sheet("stud wall")
 CONCRETE_WALL = Layered([("concrete", 0.20)])
 DOOR_LEAF = common_sheet("door")
-CLOTH = common_sheet("fabric")  # over foam, which is nearly air
+CLOTH = common_sheet("fabric")  # the foam behind the cloth is nearly air
 
 
 class Finish(NamedTuple):
@@ -151,7 +151,9 @@ def room_scene(
 
 
 def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh whose coordinates are float32 numbers, as in a saved scene. A room that is saved and read has the same vertices."""
+    """Return a mesh whose coordinates are float32 numbers, as in a saved scene. A room therefore has the same vertices after it was saved
+    and read.
+    """
     points = np.asarray(mesh.vertices, np.float32)
     return trimesh.Trimesh(points, mesh.faces, vertex_normals=mesh.vertex_normals, visual=mesh.visual, process=False)
 

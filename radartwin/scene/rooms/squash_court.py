@@ -2,8 +2,8 @@
 
 Ref: World Squash Federation, court specifications (singles): 9.75 x 6.40 m, clear height 5.64 m, lines 50 mm wide; lower edges of the front
 wall line at 4.57 m and of the service line at 1.78 m, top of the tin at 0.48 m with its upper 50 mm as a line; the side wall lines fall
-from 4.57 m to the 2.13 m of the back wall line; short line 4.26 m from the back wall, service boxes 1.60 m inside; door in the middle of
-the back wall, 0.90 x 2.13 m at most.
+from 4.57 m to the 2.13 m of the back wall line; short line 4.26 m from the back wall, service boxes of 1.60 m; door in
+the middle of the back wall, 0.90 x 2.13 m at most.
 """
 
 from __future__ import annotations
