@@ -3,9 +3,9 @@
     python -m analysis.numbers docs/findings.md README.md
 
 A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of
-these tables, rounded like the number, has the same value. A number before a per cent sign may be a hundredth in the table. Code, links and
-headings are left out. The command prints each number that it does not find. Its exit status is 1 if such a number stands in a table of the
-text or in an interval, because these come from tables only.
+these tables, rounded like the number, has the same value. The table may hold a number before a per cent sign as a fraction of one. Code,
+links and headings are left out. The command prints each number that it does not find. Its exit status is 1 if such a number stands in a
+table of the text or in an interval, because such numbers come from tables only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LEFT_OUT = re.compile(r"`[^`]*`|\]\([^)]*\)|https?://\S+|\d{4}-\d{2}-\d{2}")
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a text: its line, its text, the rest of the line, and whether it must come from a table."""
+    """A number of a text: its line number, its text, the line, and whether it must come from a table."""
 
     line: int
     text: str

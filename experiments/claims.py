@@ -29,8 +29,8 @@ class Claim:
 
     text: str = ""  # the claim in words
     paper: str = ""  # the value in the paper
-    above: float = -math.inf  # lower bound of our whole confidence interval
-    below: float = math.inf  # upper bound of our whole confidence interval
+    above: float = -math.inf  # our whole confidence interval must lie above this value
+    below: float = math.inf  # our whole confidence interval must lie below this value
     contains: float | None = None  # value that our interval must be near; used for a claim of no effect
     reaches: float | None = None  # value that our interval must not exceed; used for a claim that nothing exceeds this value
     margin: float = 0.0  # largest deviation from `contains` or `reaches` that still counts as no effect
@@ -103,7 +103,7 @@ class Row(dict[str, Any]):
         case: columns that say what the row is about.
         recordings: store keys of the recordings.
         count: number that column n shows; None stands for the number of keys, or without keys for the number of items.
-        domain: what the value was compared with; None stands for the configured measured recordings.
+        domain: data with which the value was compared; None stands for the configured measured recordings.
     """
 
     case: Mapping[str, Any]

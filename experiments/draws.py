@@ -24,7 +24,7 @@ from radartwin.store.products import Store
 
 UNKNOWN, EXACT = "contents unknown", "objects of the catalogue"
 OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that change the target
-AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns of a row whose values depend on the draw
+AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns whose values differ between draws
 
 
 def scored(config: Config, store: Store, progress: Progress, score: Callable[[Campaign], Result], rover: bool = False) -> Result:
@@ -40,8 +40,8 @@ def scored(config: Config, store: Store, progress: Progress, score: Callable[[Ca
 def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Result:
     """Return the result of a table, with further rows for a simulation that does not know the contents of vessels.
 
-    The column `twin` of these rows says "contents unknown", and they state no claim. Rows that equal ours, such as those of measurements
-    alone, are left out. Only a profile with `unknown_contents` has these rows.
+    The column `twin` of the further rows says "contents unknown", and these rows state no claim. A further row is left out if its value
+    does not depend on the contents, as for rows that use only measurements. Only a profile with `unknown_contents` has further rows.
 
     Args:
         scored_of: function that returns the result of the table for a configuration.
@@ -51,19 +51,20 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
         return result
     ours = {(row["metric"], *row.case.items()): row["value"] for row in result.rows if isinstance(row, Row)}
     other = scored_of(replace(config, contents="unknown"))
-    # Rows of measurements alone are equal.
+    # Rows that use only measurements have equal values in both results.
     return _beside(result, other, {"twin": UNKNOWN}, lambda row: row["value"] != ours.get((row["metric"], *row.case.items())))
 
 
 def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], kept: Callable[[Row], bool] = lambda row: True) -> Result:
     """Return the result of a table, with further rows for a testbed whose objects equal the catalogue.
 
-    The column `truth` of these rows says "objects of the catalogue", and they state no claim. They belong to one draw of the testbed
-    without the gaps OBJECT_GAPS. Only a profile with `exact_objects` has these rows, and a recording set has none.
+    The column `truth` of the further rows says "objects of the catalogue", and these rows state no claim. They belong to one draw of the
+    testbed without the gaps OBJECT_GAPS. There are no further rows if the profile has no `exact_objects`, or if the measurements come from
+    a recording set.
 
     Args:
         scored_of: function that returns the result of the table for a configuration.
-        kept: function that tells whether a row of the other testbed is kept.
+        kept: function that tells whether a row of the testbed without these gaps is kept.
     """
     result = scored_of(config)
     if not config.profile.exact_objects or config.measured.provider != "testbed":
@@ -74,7 +75,7 @@ def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], 
 
 
 def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Callable[[Row], bool]) -> Result:
-    """Return a result with the rows of another one that `kept` chooses, without their claims. `column` is added to each of them."""
+    """Return `result` with those rows of `other` that `kept` chooses. The added rows get the entries of `column` and lose their claims."""
     rows = list(result.rows)
     for row in other.rows:
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
@@ -87,7 +88,7 @@ def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Call
 def numbers(config: Config, rover: bool = False) -> list[int]:
     """Return the numbers of the draws that a table reads. A recording set is a single draw.
 
-    A configured draw beyond the last draw of the drives stands for the last draw of the drives.
+    If the configured draw is greater than the last draw of these recordings, the table reads the last draw.
     """
     if config.measured.provider != "testbed":
         return [0]

@@ -43,8 +43,9 @@ class Estimate:
     def p_beyond(self, bound: float) -> float:
         """Return the one-sided p value against the hypothesis that the true value is on the other side of `bound` than the estimate.
 
-        The p value is that of Student's t distribution whose interval is this interval, so that p is 0.025 if the bound is at its end. The
-        bootstrap samples of few items or draws have no tails that could give a smaller p value. NaN if the interval has no width.
+        The p value is that of Student's t distribution with the same interval, so that p is 0.025 if the bound is at an end of the
+        interval. The p value does not come from the bootstrap samples, because the samples of few items or draws have no tails. NaN if the
+        interval has no width.
         """
         from scipy.stats import t
 
@@ -218,13 +219,14 @@ def holm(p: ArrayLike) -> NDArray[np.float64]:
 def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
     """Join the estimates of several draws of the measurement to an estimate of their mean.
 
-    The interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample draws
-    estimates with replacement, and takes the same bootstrap sample of items of each. Estimates without bootstrap samples get normal samples
-    with the widths of their intervals, the same for all draws, because their items may be the same. The deviations of the estimates from
-    their mean are multiplied by `widening` for the number of draws. The degrees of freedom follow Welch and Satterthwaite. The p value is
-    twice the median of the p values, which is valid for any dependence between the draws (L. Rueschendorf, Advances in Applied Probability
-    14 (1982) 623). n is the number of items of a draw, or the number of draws if every draw has a single item. Draws without items are left
-    out. The bootstrap samples are clipped to the limits of the quantity.
+    The interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample draws the
+    estimates with replacement, and takes the same bootstrap sample of items from each drawn estimate. Estimates without bootstrap samples
+    get normal samples with the widths of their intervals. All draws share the random numbers of the normal samples, because the draws may
+    have the same items. The deviations of the estimates from their mean are multiplied by `widening` for the number of draws. The degrees
+    of freedom follow Welch and Satterthwaite. The p value is twice the median of the p values, which is valid for any dependence between
+    the draws (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). n is the smallest number of items of a draw, or the number
+    of draws if every draw has a single item. Draws without items are left out. The bootstrap samples are clipped to the limits of the
+    quantity.
     """
     found = [one for one in found if one.n] or found[:1]
     draws, first = len(found), found[0]
@@ -240,7 +242,7 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     inner = samples[chosen, np.arange(resamples)].mean(axis=0)
     between = widening(draws) * (values[chosen].mean(axis=0) - value)
     items = min(one.n for one in found)
-    with np.errstate(invalid="ignore"):  # of samples without a value, or that are infinite
+    with np.errstate(invalid="ignore"):  # some samples may be NaN or infinite
         within, across = float(np.nanvar(inner)), float(np.var(values, ddof=1)) / draws
     spread = within**2 / max(items - 1, 1) + across**2 / (draws - 1)
     freedom = (within + across) ** 2 / spread if 0 < spread < math.inf else draws - 1
@@ -281,7 +283,7 @@ def _interval(drawn: NDArray, value: float) -> tuple[float, float]:
     drawn = np.sort(drawn[~np.isnan(drawn)])
     if not len(drawn):
         return value, value
-    with np.errstate(invalid="ignore"):  # between two equal infinities
+    with np.errstate(invalid="ignore"):  # the interpolation between two equal infinities is NaN
         low, high = np.quantile(drawn, [0.025, 0.975])
     low, high = (drawn[round(at * (len(drawn) - 1))] if np.isnan(one) else one for one, at in ((low, 0.025), (high, 0.975)))
     return min(float(low), value), max(float(high), value)

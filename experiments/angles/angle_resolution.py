@@ -1,12 +1,12 @@
 """Resolution of two targets at one range by Bartlett, Capon and MUSIC: probability over noise draws, and two traced spheres.
 
-The draws have K = 2 M snapshots of M antennas of a uniform line, half a wavelength of 77 GHz apart, at the middle frequency of the IWR1843.
-The two targets have equal power and independent random phases in each snapshot, and the noise is white. The signal-to-noise ratio is the
-power of one target over the noise power of one antenna in one snapshot. The unit of separation is the Rayleigh width lambda / (M d) of
-sin(azimuth). Both targets of a draw are resolved if the two highest maxima of the spectrum are on different sides of the middle, each
-closer than half of the separation to its target. MUSIC knows the number of targets.
+Each draw has K = 2 M snapshots of M antennas. The antennas form a uniform line with a spacing of half a wavelength at 77 GHz, and the
+signal has the middle frequency of the IWR1843. The two targets have equal power and independent random phases in each snapshot, and the
+noise is white. The signal-to-noise ratio is the power of one target over the noise power of one antenna in one snapshot. The unit of
+separation is the Rayleigh width lambda / (M d) of sin(azimuth). Both targets of a draw are resolved if the two highest maxima of the
+spectrum are on different sides of the middle, each closer than half of the separation to its target. MUSIC knows the number of targets.
 
-The spheres are at rest, so that their echoes are coherent; there the methods have the settings of `radartwin process --angle`.
+The spheres are at rest, so that their echoes are coherent. For the spheres, the methods have the settings of `radartwin process --angle`.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def spheres(seed: int) -> tuple[Any, np.ndarray]:
 
 
 def sphere_error_deg(recording: Any, true_rad: np.ndarray, method: str) -> float:
-    """Return the larger distance of a sphere's azimuth from the nearest peak that the method detects, in degrees."""
+    """Return the larger of the two spheres' distances in azimuth from the nearest peak that the method detects, in degrees."""
     found = detect(recording.iq, RADAR, angle=method).azimuth_rad
     return float(np.degrees(np.abs(found[:, None] - true_rad).min(axis=0).max()))
 

@@ -181,7 +181,7 @@ class Campaign:
 
 
 def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
-    """Join the missing recordings of several campaigns. A recording is also processed if one of the campaigns reads it processed."""
+    """Join the tasks of several campaigns. The joined task also processes a recording if one campaign needs the processed recording."""
     found: dict[str, RecordingTask] = {}
     for missing in some:
         for key, task in missing.items():
@@ -193,7 +193,8 @@ def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTa
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()) -> None:
     """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
 
-    A single worker is the calling process. Recordings of one track are simulated one after the other, because they share a set-up.
+    If there is only one worker, the calling process simulates the recordings. Recordings of one track are simulated one after the other,
+    because they share a set-up.
 
     Args:
         calls: further simulations, which the workers start before the recordings.
@@ -222,9 +223,10 @@ def _called(function: Callable[..., object], *arguments: Any) -> None:
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording that a task names. Worker processes call this function and share the traced paths of resting radars.
+    """Simulate the recording that a task names. Worker processes call this function.
 
-    No other recording reads the paths of a drive.
+    The workers share the traced paths of radars at rest through a folder. The paths of a drive are not put into this folder, because no
+    other recording reads them.
     """
     campaign = _campaign_of(task.config, task.root)
     with nullcontext() if task.case.motion in ROVER else array_cache.in_folder(task.root / "paths"):

@@ -30,8 +30,9 @@ TURN_S = 25.0  # time of one turntable revolution in seconds
 BENCH_HEIGHT_M = 1.0  # height of the radar in front of the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
-# Length of each of the two ways of a depth drive: 24 steps of 2 cm at 10 frames per second, so that a recording of every second, third or
-# fourth frame contains the smallest distance and the end. Both ways together are the 1 m and the about 50 frames of the paper's sweep.
+# Length of a depth drive in one direction: 24 steps of 2 cm at 10 frames per second, so that a recording of every second, third or fourth
+# frame contains the smallest distance and the end. Forward and return drive together have about the length (1 m) and the number of frames
+# (about 50) of the paper's sweep.
 DEPTH_M = 0.48
 LATERAL_M, LATERAL_MPS = 1.2, 0.24
 _TRAVEL = {  # length in metres, speed in metres per second

@@ -1,8 +1,9 @@
 """Simulate one part of the campaign's recordings, so that the jobs of a sweep on several machines share the campaign.
 
-Part k of n has the k-th n-th of the recordings in the order of `Campaign.plan`, in which recordings along the same path of the radar are
-adjacent. Parts have no recording in common. The store locks every result under construction, so that two jobs never make the same scan. A
-part that was killed keeps its finished recordings, and the next call makes the rest.
+The recordings in the order of `Campaign.plan` are cut into n parts of about equal size, and part k of n is one job. In this order,
+recordings along the same path of the radar are adjacent. Parts have no recording in common. The store locks every result under
+construction, so that two jobs never make the same scan. If a job is killed, the store keeps its finished recordings, and the next call of
+the job simulates the others.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ NAME = "campaign_part"
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the recordings of one part that the store lacks, in config.jobs workers. Raises UserError if one cannot be simulated."""
+    """Simulate the recordings of one part that the store lacks, in config.jobs workers.
+
+    Raises UserError if a recording cannot be simulated.
+    """
     campaign, chosen = Campaign(config, store, progress), config.experiment
     wanted = part(campaign.plan(), chosen.part, chosen.parts)
     campaign.prepare(wanted)

@@ -35,7 +35,7 @@ def seen(
             each other.
         apart: other objects at rest (posts, motors, cables); paths of these objects that also reflect at faces of the room are ignored.
         aside: (3,) offset in metres of the target's true position from its logged position, for a moving radar.
-        shadow: whether to include the shadow of the target on the paths of the room. A moving radar always has it.
+        shadow: whether to include the shadow of the target on the paths of the room. For a moving radar, this shadow is always included.
     """  # fmt: skip
     parts: list[Paths] = []
     if len(sensor) > 1:

@@ -95,7 +95,8 @@ def record(case: Case, config: Config) -> Recording | Turned:
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # drives keep 1.0: interpolation along the track (radartwin/simulation/drives.py) has a larger error than finer tubes remove
+        # drives keep 1.0: the error of the interpolation along the track (radartwin/simulation/drives.py) is larger than the error that
+        # finer tubes would remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
         coupled_rays_per_wavelength2=0.5 if fine else 1.0,  # docs/decisions/017-run-time-of-tables.md has the errors
         variant=config.simulator.variant,
@@ -123,7 +124,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
 
 @functools.cache
 def aspects(target: str, gaps: testbed.Gaps) -> int:
-    """Return the number of target angles (aspects) to trace per revolution. A recording with more frames per revolution is
+    """Return the number of target angles (aspects) to trace per revolution. A recording with more frames is
     interpolated between the traced target angles.
     """
     entry = with_other_reflectors()[target]
@@ -158,7 +159,7 @@ def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
 
 @functools.lru_cache(maxsize=4)
 def _true_room(room: str, sensor: bytes, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the true room of a rover, or that of a radar at rest with the bytes `sensor` of its pose (4, 4)."""
+    """Return the true room. For a radar at rest, `sensor` holds the bytes of its pose (4, 4); for a rover, `sensor` is empty."""
     scene = rooms.room(room, detail="cluttered")
     if sensor:
         scene = scene + fixtures.radar_rig(np.frombuffer(sensor).reshape(4, 4))
@@ -166,7 +167,7 @@ def _true_room(room: str, sensor: bytes, gaps: testbed.Gaps, seed: int) -> Scene
 
 
 def _of_room(gaps: testbed.Gaps) -> testbed.Gaps:
-    """Return the strengths without those that do not change the room and the stand, so that more recordings share them."""
+    """Return the strengths with zero for gaps that change neither room nor stand, so that more recordings share cached rooms and stands."""
     return replace(gaps, hardware=0.0, trajectory=0.0, placement=0.0, object_shape=0.0, object_material=0.0)
 
 
@@ -188,7 +189,10 @@ def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[lis
 
 @functools.lru_cache(maxsize=4)
 def _true_stand(sensor: bytes, top: bytes, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the true stand whose top has the bytes `top` (3,). With the pose `sensor` of the radar, it has the parts of a turntable."""
+    """Return the true stand whose top has the position with the bytes `top` (3,).
+
+    If `sensor` holds the bytes of the radar's pose, the stand has the parts of a turntable.
+    """
     at = np.frombuffer(top)
     parts = rooms.support(at)
     if sensor:
@@ -255,7 +259,7 @@ class _Turning:
         return angle + more[:, None, None]
 
     def _poses(self, angles: np.ndarray) -> np.ndarray:
-        """Return the poses (A, 4, 4) of the target at angles (A,) of the table. Table and placement are the same at every angle."""
+        """Return the target's poses (A, 4, 4) at angles (A,) of the table. Table and placement have the same errors at every angle."""
         gaps, (_, table, placing) = self.place.gaps, self._generators()
         first = self.place.log.target_poses[:1]
         poses = np.repeat(first, len(angles), axis=0)

@@ -56,7 +56,7 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
         spec |= {
             "families": _families(config, case),
             "limits": Limits.shipped(case.motion, case.object).of,
-        }  # simulator=auto chooses by these two
+        }  # the choice of simulator=auto depends on families and limits
     if materials.source == VOID:
         return spec | {"materials": VOID}
     return spec | {"materials": materials, "scan": virtual_scan.key(config, store, case.room, config.measured.gap.geometry)}
@@ -119,15 +119,16 @@ def noisy(clean: Recording, case: Case, config: Config) -> Recording:
 
 @functools.lru_cache(maxsize=4)
 def _stand(top: bytes) -> Scene:
-    """Return the target's stand whose top has the bytes `top` (3,). As for the target, its materials do not come from the material source,
-    because who places a target on a stand knows both.
+    """Return the target's stand whose top has the position with the bytes `top` (3,).
+
+    The materials of stand and target do not come from the material source, because the user who places the target on the stand knows them.
     """
     return rooms.support(np.frombuffer(top))
 
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:
-    """Return the feature families that simulator=auto must preserve: the configured families that exist for the motion, else all of
-    them.
+    """Return the feature families that simulator=auto must preserve: the configured families if all of them exist for the motion, else all
+    families of the motion.
     """
     fit = set(feature_set(config.features.name)) <= set(MOTION_FAMILIES[case.motion])
     return families_of(config.features if fit else FeaturesConfig(), case.motion)

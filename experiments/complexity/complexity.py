@@ -168,7 +168,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     found = [_found(one, choice, fixed.model, seconds[one.name]) for one, choice in progress.over(pairs, "errors")]
     rows = table(config, found, fixed)
     claimed = [r for r in rows if r["claim"] and r["value"] is not None]
-    # metric names must not contain other characters
+    # a metric name may contain only the characters in this pattern
     metrics = {re.sub(r"[^\w .:/-]", "", f"{r['metric']} {r['case']} {r['features']}"): r["value"] for r in claimed}
     return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows)}, metrics)
 

@@ -43,9 +43,8 @@ LOWEST_DB = -200.0  # level that stands for zero power
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
     """Return the configuration with one gap at a strength and all other gaps off. `gap=None` switches all gaps off.
 
-    A measured turntable makes `turns` revolutions. Frames beyond the number of traced angles are interpolated
-    (experiments/campaign/truth.py).
-    Raises ConfigError for an unknown gap.
+    A measured turntable makes `turns` revolutions. If it then has more frames than traced angles, its frames are interpolated
+    (experiments/campaign/truth.py). Raises ConfigError for an unknown gap.
     """
     if gap is not None and gap not in GAPS:
         raise ConfigError(f"measured.gap.{gap}: unknown gap; choose {', '.join(GAPS)}")

@@ -42,8 +42,9 @@ TESTBED = tuple(gap for gap in case_set.GAPS if gap != "geometry")
 # Gaps that need a new set-up of the testbed's room
 SETS_UP = ("clutter", "solver", "materials", "roughness", "contents", "hardware")
 FEATURES = "rotation"
-# The angular extent is left out of the feature error. At 1 m all objects are narrower than the array's beam, so its standard deviation over
-# objects is only 0.0015 rad. Channel mismatch alone changes it by 27 such deviations, which dominated the error in the first run.
+# The angular extent is left out of the feature error. At 1 m all objects are narrower than the array's beam, so the standard deviation of
+# the extent over objects is only 0.0015 rad. Channel mismatch alone changes the extent by 27 such standard deviations. This change
+# dominated the feature error in the first run.
 WITHOUT = ("extent",)
 FRAMES = 16  # per revolution; six harmonics need thirteen frames
 ERROR, PROFILE, RECOGNITION = "feature error", "range-profile correlation lost", "recognition lost"
@@ -60,7 +61,7 @@ def cases(objects: Iterable[str]) -> list[Case]:
 def configured(config: Config, on: Collection[str]) -> Config:
     """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames.
 
-    The answers of the model belong to the scan. Surfaces of the exact room that the scan lacks become plasterboard.
+    The answers of the vision-language model belong to the scan. Surfaces of the exact room that the scan lacks become plasterboard.
     """
     strengths = {gap: 1.0 for gap in on if gap != LABELS}
     materials = config.materials if LABELS in on else TrueMaterials()

@@ -5,8 +5,8 @@ fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets 
 "Alone" is the loss that the gap causes if all other gaps are off. "Left out" is the decrease of the loss if the gap is switched off while
 all other gaps are on. "Share" is the gap's Shapley value, exact over groups of gaps; the shares of all groups sum to the total loss
 (experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide its effect. The claims of the gap
-attribution were written before its first run, but the constants LEAST and AT_MOST after it. The quick profile takes 86 core-seconds on a
-busy machine; 28 of these core-seconds set up the scanned laboratory.
+attribution were written before its first run. The constants LEAST and AT_MOST were set after the first run. The quick profile takes 86
+core-seconds on a busy machine; 28 of these core-seconds set up the scanned laboratory.
 """
 
 from __future__ import annotations
@@ -107,10 +107,11 @@ PLANS = {
     ),
 }  # fmt: skip
 
-# A loss is near its minimum without gaps, so that any change increases it, and "above 0" could not fail. The smallest effect that counts as
-# one equals the largest effect that the claims of a small share allow: 0.05 of a correlation, and a tenth of a standard deviation.
+# Without gaps, a loss is near its minimum. Any change therefore increases the loss, and a claim "above 0" could not fail. The smallest loss
+# that counts as an effect equals the largest effect that the claims of a small share allow: 0.05 of a correlation, and a tenth of a
+# standard deviation.
 LEAST = {PROFILE: 0.05, ERROR: 0.1}
-AT_MOST = 0.05  # a share has the unit of its loss, the share of wrongly classified objects: 0.05 is one object in twenty
+AT_MOST = 0.05  # a Shapley share of RECOGNITION is a share of wrongly classified objects: 0.05 is one object in twenty
 CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, measure
     (PROFILE, ROOM, ALL, "part of the total"): Claim("the room's walls and materials bring most of what its profile loses", above=0.5),
     (PROFILE, "geometry", ALL, ALONE): Claim("a scan's walls return another profile", above=LEAST[PROFILE]),

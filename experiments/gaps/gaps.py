@@ -3,11 +3,11 @@
 A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. Each gap is switched on alone at
 strength 1. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
 
-A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The draws of the solver gap
-are equal, so it has one. Roughness takes power from the specular reflection, and this power returns as diffuse scatter, so a rougher room
-can become brighter. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the simulated scan
-contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate the recordings, and
-150 core-seconds more if the scans of both rooms are not in the store.
+A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The solver gap always has
+one draw, because nothing about it is random. Roughness takes power from the specular reflection, and this power returns as diffuse scatter,
+so a rougher room can become brighter. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap,
+the simulated scan contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate
+the recordings, and 150 core-seconds more if the scans of both rooms are not in the store.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """
     check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
-    # the solver gap is only on or off, and nothing about it is drawn
+    # the solver gap is only on or off, and nothing about it is random
     steps = [
         (gap, s, draw) for gap in GAPS for s in strengths for draw in range(DRAWS.get(config.profile.name, 1))
         if gap != "solver" or (s, draw) == (1, 0)
@@ -74,7 +74,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
     def recorded(domain: str, gap: str | None = None, strength: float = 1.0, draw: int = 0) -> dict[Case, Reading]:
         alone = case_set.alone(config, gap, strength)
-        if domain == "twin":  # the scan is drawn with the seed
+        if domain == "twin":  # the seed decides the random errors of the scan
             alone = replace(alone, seed=alone.seed + DRAW_STEP * draw)
             return {case: case_set.recorded(alone, store, progress, domain, case) for case in CASES}
         return {case: case_set.recorded(alone, store, progress, domain, replace(case, draw=draw)) for case in CASES}
@@ -140,7 +140,7 @@ def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Readi
 
 
 def add_rows(rows: RowList, step: tuple[str, float], moves: Sequence[Mapping[Case, dict[str, float]]], keys: list[str]) -> None:
-    """Add the rows of one gap at one strength: every feature for the case groups in SHOWN, and only the predicted features for others.
+    """Add the rows of a gap at a strength: all features for the case groups in SHOWN, only the predicted features for other groups.
 
     `moves` holds for each draw the changes of the features of each case.
     """
@@ -169,7 +169,7 @@ def _add(
 
 
 def _in_decibels(found: Estimate) -> Estimate:
-    """Convert the estimate of an amplitude to decibels. The amplitudes of draws are averaged in decibels, so that no bound is negative."""
+    """Convert the estimate of an amplitude to decibels. Draws are averaged in decibels, so that no bound of an amplitude is negative."""
     value, low, high = (case_set.decibels(one**2) for one in (found.value, found.low, found.high))
     drawn = None if found.drawn is None else 20 * np.log10(found.drawn)
     return replace(found, value=value, low=low, high=high, drawn=drawn)

@@ -4,9 +4,9 @@ Each row is one claim, which another table judges. That table is computed for ev
 store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths`
 says "depends on strength". The column `why` explains a claim that fails, with figures of the same table.
 
-An interval over more draws is narrower, so that a verdict may depend on the number of draws. The strengths are therefore compared at the
-same number of draws, also strength 1 (profile.strength_draws and profile.strength_rover_draws). In the paper profile this number is smaller
-than that of the value and the verdict of a row, which saves two fifths of its recordings.
+An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
+therefore compared at the same number of draws (profile.strength_draws and profile.strength_rover_draws). The value and the verdict of a row
+use all draws. In the paper profile, the smaller number of draws for the comparison saves two fifths of the recordings.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Headline:
         table, metric: the table and the metric of the row. where: further columns of the row.
         claim: the condition that the table checks; None stands for "above chance", where chance is a column of the row.
         beside: a sentence with a figure that explains a failure, and the columns of the row of the same table that has this figure.
-        unless: columns of a row of the same table; a table with such a row leaves the claim out.
+        unless: columns of a row of the same table; the claim is left out if the table has such a row.
     """
 
     text: str
@@ -200,14 +200,14 @@ def at_strength(config: Config, table: str, strength: float) -> Config:
 
 
 def strengths(config: Config) -> list[float]:
-    """Return the strengths of the profile, with NOMINAL first. A recording set has no other strength than its own."""
+    """Return the strengths of the profile, with NOMINAL first. Measurements from a recording set have the strength NOMINAL only."""
     if config.measured.provider != "testbed":
         return [NOMINAL]
     return [NOMINAL, *(one for one in config.profile.strengths if one != NOMINAL)]
 
 
 def compared(config: Config) -> Config:
-    """Return the configuration with the number of draws at which the strengths are compared, without rows that no claim needs."""
+    """Return the configuration with the number of draws at which the strengths are compared, and without the rows that no claim needs."""
     profile, campaign = config.profile, config.profile.campaign
     few = replace(
         campaign, draws=min(campaign.draws, profile.strength_draws), rover_draws=min(campaign.rover_draws, profile.strength_rover_draws)
@@ -216,7 +216,9 @@ def compared(config: Config) -> Config:
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:
-    """Return the configuration of each table that the rows compare, by strength and name. The first ones have all draws at strength 1."""
+    """Return the configuration of each table that the rows compare, by strength and name. Entries with ALL_DRAWS in place of a strength
+    have all draws at strength 1.
+    """
     found: dict[tuple[float | str, str], Config] = {(ALL_DRAWS, name): at_strength(config, name, NOMINAL) for name in SOURCES}
     several = strengths(config)
     if len(several) > 1:
@@ -226,7 +228,7 @@ def tables(config: Config) -> dict[tuple[float | str, str], Config]:
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    """Return the recordings of all tables at all strengths that the store lacks, of those tables that list their recordings."""
+    """Return the recordings that the store lacks, at all strengths, for those tables that have a function `recordings`."""
     listed = {name: module.recordings for name, module in SOURCES.items() if hasattr(module, "recordings")}
     return joined([listed[name](own, store, progress) for (_, name), own in tables(config).items() if name in listed])
 
@@ -268,7 +270,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
 
 
 def _row(rows: Rows, headline: Headline) -> Mapping[str, Any] | None:
-    """Return the row with a claim that has the metric and the columns of a headline, or None. Raises ValueError if several rows do."""
+    """Return the row with a claim that has the metric and the columns of a headline, or None. Raises ValueError if several rows fit."""
     fits = [row for row in rows if row["metric"] == headline.metric and row.get("claim") and _has(row, headline.where)]
     if len(fits) > 1:
         raise ValueError(f"headline {headline.text!r}: {len(fits)} rows of the table {headline.table} fit; give more columns of its row")

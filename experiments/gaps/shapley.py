@@ -29,7 +29,7 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
     """Compute the Shapley share of each player.
 
     Args:
-        value: dictionary or function from every coalition to its value, an array whose shape (...) is the same for all coalitions.
+        value: mapping from every coalition to its value, an array whose shape (...) is the same for all coalitions.
     Returns:
         Dictionary {player: Shapley share}; each share is an array with the same shape (...) as the values.
 

@@ -5,7 +5,7 @@ to ORDERS bounces. The sixth problem holds the full-wave rooms: thirty seeded ro
 rooms of the project's reference data. The reference data lie beside the checkout, and the script needs them. No answer uses
 RadarTwin's tracer. The script takes about two minutes on one core.
 
-Raise VERSION whenever an answer, a scene or the score changes: the first number if old and new scores cannot be compared.
+Raise VERSION whenever an answer, a scene or the score changes. Raise its first number if old and new scores cannot be compared.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ROOMS = "fullwave_rooms"
 GATE_M = (NEAR_M, FAR_M)  # range gate of the features of the study
 # The full-wave fields lack the waves from the upper and lower ends of the walls, 1.6 m above and below the radar.
 FULL_WAVE_GATE_M = (fullwave.NEAR_M, fullwave.FAR_M)
-# For each problem: what the answer rests on, the signal error to which it is known, and how that is known (docs/benchmark.md).
+# For each problem: the method of the answer, the signal error of the answer, and how this error is known (docs/benchmark.md).
 RESTS_ON = {
     "canonical": (
         "Mie series (sphere); series and Fresnel integral (cylinder); physical optics by near-field quadrature (plate, trihedral)",

@@ -3,12 +3,13 @@
     python -m experiments.generators.choices            writes experiments/recognition/recognition_choices.json in about half a core-hour
 
 The recordings are those of the testbed's draw DRAW. It has other objects, rooms, radar boards and motions than the reported draws 0 to 9.
-Each candidate is trained on copies of simulated revolutions and scored on the measured revolutions of this draw: without labels, and by the
-nearest class centroid of other recordings and of a few labelled revolutions. The kind of copies with the highest mean of the first two
-accuracies of the two-layer network is chosen, then the learner with the highest accuracy for each of the two, and the share of labelled
-rows in a training on simulation and labels. 48 recordings give an
-accuracy of 0.4 a standard error of 0.07, so near candidates are not told apart. The output file lists the scores and the recordings, beside
-the settings that were chosen without them.
+Each candidate is trained on copies of simulated revolutions and scored on the measured revolutions of this draw in three ways: without
+labels, by the nearest class centroid of other recordings, and by the nearest class centroid of a few labelled revolutions. The script
+chooses the kind of copies for which the two-layer network has the highest mean of the first two accuracies. For this kind of copies, it
+chooses the learner with the highest first accuracy and the learner with the highest second accuracy. It also chooses the share of labelled
+rows for a training on simulated and labelled rows. With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice
+between candidates of similar accuracy is uncertain. The output file lists the scores and the recordings. The file also contains settings
+that were chosen without these recordings.
 """
 
 from __future__ import annotations
@@ -97,7 +98,9 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
 
 
 def chosen(found: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the kind of copies with the highest mean of the two accuracies of the network, and the best method of each probe for them."""
+    """Return the kind of copies for which the network has the highest mean of the two accuracies CHOSEN_BY, and for this kind of copies the
+    best method of each probe in CHOSEN_BY.
+    """
     network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in found if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])
     trained = [row for row in found if row["copies"] == kind and "method" in row]
@@ -105,7 +108,7 @@ def chosen(found: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def chosen_share(found: Sequence[Mapping[str, Any]]) -> float:
-    """Return the share of labelled training rows with the highest mean accuracy over the numbers of labels, the smallest of equal ones."""
+    """Return the share of labelled training rows with the highest mean accuracy over the numbers of labels, or the smallest such share."""
     rows = [row for row in found if "labelled share" in row]
     return max(rows, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
 

@@ -1,9 +1,11 @@
-"""Measure the standard deviation of turntable features between recordings of the same object, the floor of their scaling.
+"""Measure the standard deviation of turntable features between recordings of the same object.
+
+The scaling of features divides a feature by this standard deviation or by a larger one.
 
     python -m experiments.generators.feature_floor      writes radartwin/recognize/feature_floor.json in about five core-minutes
 
 The testbed records each object as in repeatability.py, but with a standing person. No table reports the draw DRAW, and no learner is chosen
-on it.
+on recordings of this draw.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@
 
 The testbed (virtual measurement) records each object REPEATS times at one metre, in draw DRAW, which no table reports. For each recording,
 the object is placed again, and the drive's slip, the turntable's wobble, the room's drift and the receiver noise are drawn again. Nobody
-stands in the room: a person who stands elsewhere in each recording changes the mean range profile by 12 dB instead of 2 dB, and such limits
-would allow a simulation without a room. The output file has a repeatability limit for each object, and a pooled limit for unknown objects.
-The standard deviation of so few recordings is uncertain by a third, so the limits include a margin.
+stands in the room. A person at another place in each recording would change the mean range profile by 12 dB instead of 2 dB. With limits of
+this size, simulator=auto would accept a simulation without a room. The output file has a repeatability limit for each object, and a pooled
+limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
 
     def check() -> tuple[str, bool]:
         nearest = min(float(part.length_m.min()) / 2 for part in _traced(simulator(), _box()))
-        return words, abs(nearest - 1.05) < 0.02  # the floor
+        return words, abs(nearest - 1.05) < 0.02  # range of the floor in metres
 
     return check
 

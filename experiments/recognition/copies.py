@@ -1,8 +1,8 @@
 """Make randomised copies of simulated turntable revolutions, and read their feature rows.
 
-A copy draws what the user of a simulation cannot know (radartwin.recognize.randomise). Drawn turntables and targets are simulated alone in
-free space, `supervision.variants` of them for each recording. The store keeps their echoes and the rows of the copies. The noise power of
-the copies follows from target energies and noise floors of measured recordings, but from no class label.
+A copy draws the quantities that the user of a simulation cannot know (radartwin.recognize.randomise). Drawn turntables and targets are
+simulated alone in free space, `supervision.variants` of them for each recording. The store keeps their echoes and the rows of the copies.
+The noise power of the copies follows from target energies and noise floors of measured recordings, but from no class label.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ROOTS = [
     "radartwin.features.sets", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise",
     "radartwin.builders.simulator", "experiments.recognition.copies",
 ]  # fmt: skip
-NEAR_TARGET_M = 0.75  # the stored echoes of a target end this far from its nominal range; beyond it they are below -60 dB
+NEAR_TARGET_M = 0.75  # largest distance of a stored echo from the nominal range of the target; farther echoes are below -60 dB
 
 
 def strengths(config: Config) -> randomise.Randomisation:
@@ -140,7 +140,7 @@ def _seeded(config: Config, simulated: Sequence[Case]) -> list[tuple[Case, list[
 
 def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: list[int]) -> list[NDArray[np.complex64]]:
     """Return the channels (F, A, B) of the nominal target alone in free space, and of each drawn target on its drawn turntable."""
-    # The receiver does not change the target, so copies with other receivers share the echoes.
+    # The receiver does not change the target, so copies that differ only in the receiver share the echoes.
     physical = replace(strengths(config), level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
     own, log = campaign.config, campaign.log(case, TWIN)
     radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)

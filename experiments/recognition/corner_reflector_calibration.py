@@ -47,7 +47,7 @@ BRIGHTNESS = "brightness_db"
 BEFORE, AFTER = "before calibration", "after calibration"
 FILLED = "filled plastic"
 ALIGNED_DB = 3.0  # a factor of two in power
-LEAST_DB = 1.0  # smallest difference of brightness that counts as one
+LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -5,10 +5,11 @@ network of the paper and gradient-boosted trees read the rotation features. The 
 two-layer network is trained towards two kinds of texts: what an object looks like, and how its radar echo varies over a revolution.
 
 Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the class with the nearest centroid of
-the labelled revolutions is predicted, in the embedding of the learner. Two further networks use the labels in their training: alone, or
-together with the simulation. Labelled revolutions come from one half of each object's recordings,
-and the other half is scored. The largest k depends on the number of revolutions of a recording (profile.campaign.turns). The probe "other
-recordings" knows the labels of all recordings but the one that it classifies; these are at other distances.
+the labelled revolutions is predicted, in the embedding of the learner. Two further networks use the labels in their training: one network
+is trained on the labelled revolutions alone, and the other network on these revolutions and the simulation. Labelled revolutions come from
+one half of each object's recordings, and the other half is scored. The largest k depends on the number of revolutions of a recording
+(profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one that it classifies. The other
+recordings of the same object are at other distances.
 """
 
 from __future__ import annotations
@@ -113,7 +114,9 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
 
 
 def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
-    """Train the learner of a method on scaled rows of copies, once for each seed. Boosted trees draw nothing at random: they have one."""
+    """Train the learner of a method on scaled rows of copies, once for each seed. Boosted trees use no random numbers, so they are trained
+    once.
+    """
     kind, text = methods()[method]
     chosen = learner(kind)
     split, texts = label_free(copies[chosen.reads], measured[chosen.reads]), anchors(measured["features"].classes, text)
@@ -156,7 +159,7 @@ def _add_shots(
     chance: float,
     curve: Mapping[str, list],
 ) -> None:
-    """Add the accuracy with k labelled measured revolutions per class, and the gain of each learner over raw features.
+    """Add the accuracy with k labelled measured revolutions per class, and two gains of training on simulation and labels.
 
     Each draw of the measurement has label sets of its own, so that the mean over draws does not depend on a few sets.
     """

@@ -113,7 +113,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the drawn targets of all simulations (experiments/together.py)."""
+    """Return the simulations of the drawn targets for every compared simulation (experiments/together.py)."""
     own = [config, rf_genesis(config)] + ([replace(config, contents="unknown")] if config.profile.unknown_contents else [])
     return [call for one in own for call in copies.calls(one)]
 
@@ -125,7 +125,10 @@ def rf_genesis(config: Config) -> Config:
 
 
 def _layout_campaign(config: Config, store: Store, progress: Progress) -> Campaign | None:
-    """Return the campaign with as many revolutions in a recording as in the paper, or None if the profile or the recording set has none."""
+    """Return the campaign with as many revolutions in a recording as in the paper, or None if the table has no rows of this layout.
+
+    There are no such rows if the profile has no `layout_turns`, or if the measurements come from a recording set.
+    """
     turns = config.profile.layout_turns
     if not turns or config.measured.provider != "testbed":
         return None
@@ -141,7 +144,7 @@ def score(
 
     Args:
         rivals: the campaigns that other simulators simulated, by name.
-        layout: the campaign from which the paper's layout is taken; None leaves its rows out.
+        layout: the campaign from which the recordings in the layout of the paper are taken; None leaves out the rows of this layout.
     """
     data = gather_data(config, source, store, progress, rivals or {})
     measured = data.measured
@@ -213,9 +216,10 @@ def _add_layout(
 
 
 def as_in_paper(cases: Sequence[Case]) -> list[Case]:
-    """Choose cases so that each object stands at one distance, and as many objects as there are distances at a second distance.
+    """Choose cases so that each object stands at one distance, and some objects also at a second distance.
 
-    Twelve objects and four distances give four objects at each distance.
+    The number of objects with a second distance equals the number of distances. Twelve objects and four distances give four objects at each
+    distance.
     """
     objects, distances = sorted({case.object for case in cases}), sorted({case.distance_m for case in cases})
     count = len(distances)

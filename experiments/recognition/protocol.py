@@ -22,8 +22,8 @@ from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
-LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as one: one recording in fifty
-FEWEST_UNEQUAL = 6  # with fewer groups that two methods answer differently, the bootstrap interval of a gain is too narrow
+LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
+FEWEST_UNEQUAL = 6  # groups in which two methods have different accuracies; with fewer, the bootstrap interval of a gain is too narrow
 CHANCE_MARGIN = 0.1  # an accuracy within one recording in ten of chance counts as chance
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
@@ -141,7 +141,8 @@ class RecognitionRows(RowList):
     ) -> Row:
         """Append the mean of the accuracies `shares` (shuffles,) with shuffled labels. The claim is that this mean is at chance level.
 
-        Only the shuffles are independent. The recordings of one shuffle are not, because they are classified by the same few labels.
+        Only the shuffles are independent of each other. The recordings of one shuffle are not independent, because the same few labels
+        classify all of them.
         """
         spread = "all shuffles have the same accuracy" if np.ptp(shares) == 0 else ""
         claim = Claim("at chance", contains=chance, margin=CHANCE_MARGIN, untestable=spread)

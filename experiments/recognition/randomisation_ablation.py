@@ -2,8 +2,8 @@
 
 The encoder is trained on copies of simulated turntable revolutions. The user of a simulation does not know some quantities, such as the
 wobble of the turntable, so the copies draw them at random (radartwin.recognize.randomise). The table trains the encoder with all quantities
-drawn, with none of them drawn (as in the paper, where only noise differs), and with each quantity left out. Measured revolutions are
-classified without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
+drawn, with none of them drawn (as in the paper, where only noise differs), and with all but one drawn. Measured revolutions are classified
+without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
 """
 
 from __future__ import annotations

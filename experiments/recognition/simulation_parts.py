@@ -2,7 +2,7 @@
 
 The protocol is that of labelled_probe. The encoder is trained on copies of simulated revolutions, without one part of the simulation at a
 time:
-- "plane waves" assumes plane waves across the antenna array, so that the channels know nothing of the near field.
+- "plane waves" assumes plane waves across the antenna array, so that the channels contain no near-field effect.
 - "no level" leaves the brightness out of the features, in both domains.
 - "no room" simulates target and stand without the room.
 - RF-Genesis (corrected) is our re-implementation of another simulator (radartwin/simulation/backends/rfgenesis.py). It has no mirror

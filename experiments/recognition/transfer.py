@@ -29,7 +29,7 @@ from radartwin.recognize.probes import forest, match_signatures
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
 
-ENERGY = "_db"  # names of features that depend on energy end so; the reflector calibrates them
+ENERGY = "_db"  # ending of the names of features that depend on energy; the reflector calibrates these features
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,12 +3,12 @@
 The two-layer network classifies measured turntable revolutions without any measured class label. The methods differ in what they take from
 the measured batch (radartwin.recognize.adaptation and alignment):
 - "none" scales the measured features by the mean and the spread of the simulated features.
-- "statistics" standardises each domain by its own mean and spread, as all other tables do. It assumes equally frequent classes.
+- "statistics" standardises each domain by its own mean and spread, as all other tables do. This method assumes equally frequent classes.
 - "weighted statistics" gives the measured batch the mean and spread of simulated rows that are weighted by class shares. It estimates the
   shares from the batch.
 - "continued training" trains the encoder further on simulated rows alone, as the control of the two methods below.
-- "prototypes" and "views" train it further with a loss of the unlabelled measured rows: towards confident nearest texts, or so that two
-  noisy views of a row are neighbours.
+- "prototypes" and "views" train the encoder further with an additional loss of the unlabelled measured rows. The loss of "prototypes" moves
+  a row towards its nearest text, with more weight for more confident rows. The loss of "views" makes two noisy views of a row neighbours.
 In the balanced batch, all classes are equally frequent. In the skewed batch, a third of the classes has a single recording.
 """
 
@@ -88,7 +88,7 @@ def _predict(
     config: Config,
     seed: int,
 ) -> NDArray[np.str_]:
-    """Return the class of each row of the batch. Its class labels are not used."""
+    """Return the predicted class of each row of the batch. The class labels of the batch are not used."""
     chosen, classes = settings(config), sorted(texts)
 
     def probabilities(rows: Unlabelled) -> NDArray:

@@ -1,8 +1,9 @@
 """Are the detections of a measured drive where the simulated drive has detections, frame by frame?
 
 Both recordings of a drive give one point cloud per frame (radartwin.features.cloud). The table compares the clouds of the same frame of the
-logged motion. The control moves the simulated cloud along range, around the ends of the profile, by several steps. It keeps the number, the
-spacing and the azimuths of the detections, and removes the agreement in range.
+logged motion. The control moves the simulated cloud along range by several steps. A detection that leaves the range profile at one end
+enters it again at the other end. The control keeps the number, the spacing and the azimuths of the detections, and removes the agreement in
+range.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ TABLE = Table(
     "5.5 m). "
     "Intervals are bootstraps over recordings.",
 )
-SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # of the control
+SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # steps of the control
 BETTER = Claim("measured detections are where the simulation has some, not where the control has", "", above=0.05)
 
 

@@ -1,9 +1,10 @@
 """Does the simulated signal follow the measured signal along a drive, and do simulated and measured features rank the objects equally?
 
 The start of the simulated drive is aligned with the start of the measured drive by correlating the target energies of both. Range profiles
-are compared as amplitudes from 0.3 to 5.5 m. Features depend on each other, and so do places with the same objects. The p values of the
-shares of features and of places with one sign therefore come from permutations of the objects; the paper reports binomial p values, which
-are too small. Paper: signal fidelity along trajectories.
+are compared as amplitudes from 0.3 to 5.5 m. Two kinds of rows give a share: the share of features with a positive rank correlation over
+objects, and the share of places where the brightness contrast of metal and plastic has the same sign in both domains. Features depend on
+each other, and so do places with the same objects. The p values of both shares therefore come from permutations of the objects; the paper
+reports binomial p values, which are too small. Paper: signal fidelity along trajectories.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ TABLE = Table(
 )
 
 MIN_OBJECTS = 5  # with fewer objects no assignment of objects reaches p < 0.05
-MOST_DRAWN = 300  # largest number of resamples and assignments of objects, because each ranks every feature again
+MOST_DRAWN = 300  # largest number of resamples and assignments of objects; it limits the run time, because each ranks every feature
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", above=0.5)
 PLACED = Claim("mean range profiles of metals correlate", "up to +0.73", above=0.2)
 AGREE = {
@@ -58,7 +59,7 @@ AGREE = {
         "more features order objects alike than chance allows", "63 %, p 0.014", above=0.5, p_below=LEVEL, least=MIN_OBJECTS
     ),
 }
-# the interval of six places with one sign is above 0.5, that of five places is not
+# if all places have one sign, the interval of the share is above 0.5 for six places, but not for five
 SIGNS = Claim("metal over plastic has the same sign in both domains", "9 of 9", above=0.5, p_below=LEVEL, least=6)
 SEPARATES = Claim("the simulation separates metal from plastic more", "about 25:1", above=1.5)
 RELIABLE = Claim("the multipath share is the most reliable feature", "first", above=1 - 1e-9, least=1)
@@ -306,5 +307,5 @@ def _brightness(drives: Drives, names: list[str], place: Place) -> float:
 
 
 def _level(drives: Drives, name: str, place: Place) -> float:
-    """Return the mean brightness of an object at a place in dB, NaN if the object was not there."""
+    """Return the mean brightness of an object at a place in dB, or NaN if the place has no recording of the object."""
     return float(np.mean([one.values["brightness_db"] for one in drives[name, place]])) if (name, place) in drives else np.nan

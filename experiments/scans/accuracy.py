@@ -111,7 +111,7 @@ def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
     """Return a function that decides which points of the scene a simulated scan saw, for `experiments.scans.segment_score`.
 
     A pixel saw a point on a surface facing the camera under two conditions: the pixel hit the point's surface, and the pixel's true depth
-        equals the depth at which its ray meets the plane through the point. Therefore the far side of a thin plate does not count as seen.
+    equals the depth at which its ray meets the plane through the point. Therefore the far side of a thin plate does not count as seen.
     """
     lenses = [frame.intrinsics for frame in frames]
     height, width = truth.depth_m.shape[1:]

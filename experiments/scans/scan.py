@@ -43,7 +43,7 @@ TABLE = Table(
 ROOTS = ["experiments.scans.scan"]
 SCORES = "scan_scores"
 SHELL = re.compile("floor|ceiling|wall_[a-z]+")  # names of the true surfaces that are the room's shell
-SHELL_IOU = 0.8  # intersection over union from which a wall, floor or ceiling is one segment
+SHELL_IOU = 0.8  # a wall, floor or ceiling is one segment above this intersection over union
 # metric -> (claim, limit or None, whether the limit is a minimum)
 TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "median_mm": ("half of the surface is this near the truth", 15.0, False),

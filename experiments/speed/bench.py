@@ -175,8 +175,8 @@ def drives(repeats: int, values: Values, variant: str) -> None:
     """Time drives along one track past an object: a corner reflector on a stand, traced as a campaign traces them
     (`campaign.target.seen`), and a metal can alone.
 
-    The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. Another
-    room compiles the kernels, so that the set-up takes no results from a cache.
+    The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. A drive
+    through another room compiles the kernels before the timing, so that the timed set-up takes no results from a cache.
     """
     bench = rooms.bench("lab")
     nominal = trajectory.lateral_sweep(bench.sensor_pose)
@@ -199,7 +199,7 @@ def _driven(
     """Time drives past objects in a room.
 
     Args:
-        objects_of: by the end of the names of the results, groups of surfaces; only the first group has paths with the room.
+        objects_of: {ending of the names of the results: groups of surfaces}; only the first group has paths with the room.
     Returns:
         Wall time and processor time (repeats, 2) in seconds: of each part of a frame, of the whole frame ("drive frame"), and of each part
         of the set-up. The samples of room and object alone are not part of the frame.

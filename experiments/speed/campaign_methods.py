@@ -5,10 +5,9 @@ The feature error is the root mean square of the differences over features, in s
 recordings. Brightness is compared after one common gain, which a measured corner reflector would give, so that methods without an absolute
 level are not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from asymmetric objects. The
 classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong
-class. The run
-time is in processor seconds: the median over the recordings that reused a traced room, plus the longest time to trace the room divided by
-the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. The quick profile uses its own
-recordings, the paper profile those of LONGER.
+class. The run time is in processor seconds: the median over the recordings that reused a traced room, plus the longest time to trace the
+room divided by the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. The quick profile
+uses its own recordings. The paper profile uses the recordings of the quick profile with the changes LONGER.
 """
 
 from __future__ import annotations

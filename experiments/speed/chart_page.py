@@ -26,7 +26,7 @@ ERRORS = {
     "recognition_error": "share not recognised",
 }  # fmt: skip
 DETAILS = {"setup_s": "set-up (s)", "frames timed": "frames timed", "offset_db": "level offset (dB)", "n": "rounds"}
-LOWEST = dict.fromkeys(COSTS, 1e-4) | dict.fromkeys(ERRORS, 1e-3)  # smaller values are drawn here, because both axes are logarithmic
+LOWEST = dict.fromkeys(COSTS, 1e-4) | dict.fromkeys(ERRORS, 1e-3)  # smaller values are drawn at this value; both axes are logarithmic
 COLUMNS, PANEL_HEIGHT_PX = 2, 420
 PLOT_ID = "chart"
 

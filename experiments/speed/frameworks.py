@@ -3,8 +3,9 @@
     python -m experiments.speed.frameworks
 
 The diffraction coefficient is the largest part of the field of a path with an edge. The three programs compute the same sum of wedge terms
-in double precision on all processor cores. A time is the smallest wall-clock time of REPEATS calls. The first call, which compiles the
-program, does not count. The search for paths and the tests of visibility, which have many branches, are not part of the comparison.
+in double precision on all processor cores. A time is the smallest wall-clock time of REPEATS calls. The first two calls, the first of which
+compiles the program, do not count. The search for paths and the tests of visibility, which have many branches, are not part of the
+comparison.
 """
 
 import math
@@ -90,7 +91,7 @@ def by_drjit(paths: np.ndarray) -> Callable[[], np.ndarray]:
 
 
 def _terms(at: SimpleNamespace, phi: Any, phi0: Any, n: Any, distance: Any) -> Any:
-    """Return the sum of the four wedge terms by array operations `at`, as `wedge.coefficients` without its slopes and limits."""
+    """Return the sum of the four wedge terms with the array operations `at`, as in `wedge.coefficients` but without slopes and limits."""
     total, kl = 0, K * distance
     for beta in (phi - phi0, phi + phi0):
         for sign in (1.0, -1.0):

@@ -181,7 +181,7 @@ def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], k
 
 
 def slope(sizes: np.ndarray, spent: np.ndarray) -> Estimate:
-    """Return the slope of a line through the logarithms of sizes and times, and the range of the slopes without one of the points.
+    """Return the slope of a line through the logarithms of sizes and times, and the range of the slopes with one point left out.
 
     >>> slope(np.array([1.0, 2.0, 4.0]), np.array([3.0, 12.0, 48.0])).value.round(6)
     np.float64(2.0)

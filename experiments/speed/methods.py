@@ -99,7 +99,7 @@ def _peers(full: bool) -> list[Method]:
         for grid in (128, 512) if full else (128,):
             peers.append(Method(RFGENESIS, f"{version}, {grid} x {grid}", "rfgenesis", (("version", version), ("grid", grid))))
     peers.append(Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 128)), published=True))
-    peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # where it finds the most paths
+    peers.append(Method(SIONNA, "3 cm apart", "sionna", (("separation_m", 0.03),)))  # Sionna RT finds the most paths at this separation
     if full:
         peers.append(Method(SIONNA, "in one place", "sionna"))
     return peers

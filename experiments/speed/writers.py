@@ -5,7 +5,7 @@
 Each writer is a process. It writes results of `--bytes` into one store, and then logs runs to one MLflow server on this machine, which
 `radartwin dashboard` starts on an SQLite database. A measurement has the parts `store` and `server`. In each part, all writers start to
 write at the same time. The script prints, for each number of writers, the median and the 95 % quantile of the time of one write and the
-number of writes per second. A write that takes longer than LIMIT_S counts as failed. The script deletes what it wrote.
+number of writes per second. A write that has not ended after LIMIT_S counts as failed. The script deletes what it wrote.
 """
 
 from __future__ import annotations

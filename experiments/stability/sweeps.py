@@ -207,7 +207,7 @@ def _missing(method: Method, value: float) -> float:
 
 
 def _far(method: Method, value: float) -> float:
-    """Return the level error in dB of a metal ball. Beyond the unambiguous range no range bin holds the ball: the error is DYNAMIC_DB."""
+    """Return the level error in dB of a metal ball. It is DYNAMIC_DB beyond the unambiguous range, where no range bin holds the ball."""
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])

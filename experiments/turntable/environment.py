@@ -227,7 +227,7 @@ def _add_correlations(
 
 
 def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
-    """Add the correlation gain by the room at the largest distance minus the gain at the smallest distance, if there are two or more."""
+    """Add the correlation gain by the room at the largest distance minus the gain at the smallest distance, if the distances differ."""
     distances = [distance for _, distance in gains]
     if not gains or min(distances) == max(distances):
         return

@@ -42,7 +42,7 @@ TABLE = Table(
 
 TRACKERS = ("continuous", "brightest")
 WITHIN_M = 0.02
-SHORTER_M = 0.1  # smallest difference of excursions that counts as one; the paper has 0.20 m
+SHORTER_M = 0.1  # smallest difference of excursions that counts as an effect; the paper has 0.20 m
 PAPER = {
     ("radial", MEASURED): "0.50", ("radial", TWIN): "0.51", ("diagonal", MEASURED): "0.22", ("diagonal", TWIN): "0.44",
 }  # fmt: skip

@@ -94,8 +94,8 @@ def without_lobes(config: Config) -> Config:
 def compared_lobes(config: Config) -> tuple[bool, ...]:
     """Return whether the measuring antennas have lobes, for each antenna that the table compares.
 
-    The result is empty if the table has no operating points. It has operating points if the testbed measures at the paper's distance and
-    the simulation has a room.
+    The result is empty if the table has no operating points. The table has operating points if the testbed measures at the paper's distance
+    and the simulation has a room.
     """
     chosen = config.experiment.distances_m
     if config.measured.provider != "testbed" or config.materials.source == VOID or (chosen and DISTANCE_M not in chosen):

@@ -42,7 +42,7 @@ TABLE = Table(
 
 BRIGHTNESS = "brightness_db"
 CLASSES = ("metal", "ceramic", "plastic")
-LEAST_DB = 1.0  # smallest difference of brightness that counts as one
+LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 OVER = Claim("metal is brighter than plastic", "above 0", above=LEAST_DB)
 EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=LEAST_DB)

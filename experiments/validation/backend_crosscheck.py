@@ -10,7 +10,8 @@ Sionna's paths are used, and the length of each path is computed again for a sin
 
 The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
 RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately. The metric
-"share of ours it has" is the fraction of the image paths of RadarTwin within DYNAMIC_DB of the strongest that the reference has too.
+"share of ours it has" is the fraction of RadarTwin's strong image paths that the reference also finds. A path is strong if its level is
+within DYNAMIC_DB of the strongest path.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ PUBLISHED = {  # metric: (result of the published program, tolerance)
     "power of the number of rays the level grows with": (2.0, 0.2),
     "speed read of 0.2 m/s": (0.743, 0.005),
 }
-EXPONENTS = {"shipped": (3.0, 5.0), "columns": (9.0, 13.0)}  # of the published program's range law, for three targets
+EXPONENTS = {"shipped": (3.0, 5.0), "columns": (9.0, 13.0)}  # smallest and largest exponent of the published range law over three targets
 SPEED_MPS = 0.2
 TARGETS: dict[str, Callable[[], trimesh.Trimesh]] = {
     "trihedral": lambda: objects.trihedral(SIZE_M),

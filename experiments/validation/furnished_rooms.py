@@ -37,7 +37,7 @@ class Score:
     name: str
     compared: fullwave.Compared
     paths: int
-    seconds: float  # of the simulation
+    seconds: float  # wall time of the simulation
 
 
 def simulated(scene: Scene) -> tuple[np.ndarray, int]:
@@ -63,7 +63,7 @@ def rooms() -> list[tuple[Path, str]]:
 
 
 def worst(full: bool) -> Score:
-    """Return the seeded room with the largest profile difference; if `full` is false, of the first room of each kind."""
+    """Return the seeded room with the largest profile difference. If `full` is false, only the first room of each kind counts."""
     names = fullwave.names(furnished.ROOMS)[: None if full else len(furnished.KINDS)]
     return max((score(furnished.ROOMS, name) for name in names), key=lambda one: one.compared.profile_db)
 

@@ -1,8 +1,8 @@
 """Compare RadarTwin with real measurements of others: every comparison whose data may be used, with source, licence and n.
 
 The measured echo levels of two dihedrals are part of this repository (experiments/validation/measured). The captures and the scan lie in
-../shared/data beside the checkout, because they are too large for it. A comparison whose data are absent gives one row with the verdict
-"untestable". The limits were stated before the comparisons were made:
+../shared/data beside the checkout, because they are too large for the repository. A comparison whose data are absent gives one row with the
+verdict "untestable". The limits were stated before the comparisons were made:
 
 - dihedrals: the standard deviation that near-field physical optics reaches on the same levels (source: the reference of the levels), which
   is 0.6 to 1.1 dB for each size and 2.1 dB over both sizes with one common offset;
@@ -72,7 +72,7 @@ DISTANCE_M, HEIGHT_M = 0.896, 0.067  # from the radar to the corner edge; of the
 BINS = slice(17, 24)  # the level is the strongest of these range bins
 CENTRE_HZ = 78.5e9
 SIZE_LIMIT_DB, COMMON_LIMIT_DB = 1.1, 2.1
-BLOCK = 8  # aspects; the errors of neighbouring aspects correlate with 0.65 to 0.78
+BLOCK = 8  # aspects in a bootstrap block; errors of neighbouring aspects have a correlation of 0.65 to 0.78
 METHODS = {"simulator": True, "physical optics": True, "far field": False}  # name -> whether the rows have a limit
 
 # (peak ranges in m, strongest first, as the README of each capture lists them)
@@ -116,7 +116,7 @@ class Compared:
 
 
 def identity() -> dict[str, Any]:
-    """Return the digests of the real data, so that the key of a stored result changes with the data that are here."""
+    """Return the digests of the real data, so that the key of a stored result changes if the data beside the checkout change."""
     return {"measurements": {m.name: path_digest(m.path) if m.path.exists() else "" for m, _ in COMPARISONS}}
 
 
@@ -243,7 +243,9 @@ def _peaks(ranges_m: np.ndarray, described_m: Sequence[float], bin_m: float, whe
 
 
 def compare_scan(config: Config) -> Iterator[Compared]:
-    """Yield distances between our mesh of the camera frames and the vendor's mesh, their scale, and the error of the scene's surfaces."""
+    """Yield distances and scale error between our mesh of the camera frames and the vendor's mesh, and the distance from the vendor's mesh
+    to the surfaces of our scene.
+    """
     frames = load_frames(CHAIR)
     vendor, fused = load_scan(CHAIR / "export.obj", up="y")[0], fuse(frames)[0]
     distances = [_distances(fused, [vendor]), _distances(vendor, [fused])]

@@ -5,9 +5,9 @@ method of moments at 64 frequencies of the chirp. The nine scenes of GIVEN come 
 furnished.ROOMS were solved by moments_2d.py. The strips are extruded to surfaces from z = -1.6 m to z = +1.6 m.
 
 A path of length L between points has sqrt(-j lambda/L) times the amplitude that it has between lines. A linear map of the samples applies
-this factor: the map is the least-squares solution over paths between ranges of 0.2 m and 2.6 m, for which its error is below 0.01 dB.
-(The product of the range profile with sqrt(lambda/(2 range)) has an error of 0.4 dB and 0.027, because the factor is not constant within
-the width of an echo.)
+this factor. The map is the least-squares solution over paths at ranges of 0.2 m to 2.6 m, and the error of the map for these paths is below
+0.01 dB. (The product of the range profile with sqrt(lambda/(2 range)) has a profile error of 0.4 dB and a complex error of 0.027, because
+the factor is not constant within the width of an echo.)
 """
 
 import json

@@ -2,8 +2,8 @@
 
 Every room has walls (one wall, a corner, a corridor, an alcove, or none) and furniture (cabinets, posts, screens, shelves). The radar is at
 the origin and looks along x. The scenes and the fields are stored in fullwave_2d/rooms, in the format of shared/reference/fullwave_2d. The
-command `python -m experiments.validation.oracles.furnished` solves the rooms again and writes the files: 64 frequencies, 5 nodes per
-wavelength (experiments/validation/oracles/moments_2d.py), half a minute to a minute a room on one core.
+command `python -m experiments.validation.oracles.furnished` solves the rooms again and writes the files. It solves each room at 64
+frequencies with 5 nodes per wavelength (experiments/validation/oracles/moments_2d.py), which takes half a minute to a minute on one core.
 """
 
 import argparse
@@ -25,7 +25,7 @@ SEEDS = range(1, 31)
 EVERY = 4  # the fields are at every fourth sample of a chirp
 NEAREST_M, FARTHEST_M = 0.25, 1.25  # all strips are between these distances from the radar
 CLEARANCE_M = 0.03  # smallest distance between two surfaces
-TURN_DEG = 4.0  # smallest angle between faces that face each other, so that no echo rings up to the range wrap of 2.79 m
+TURN_DEG = 4.0  # smallest angle between facing faces, so that multiple echoes between them end before the unambiguous range of 2.79 m
 NODES = (1_100, 2_500)  # smallest and largest number of nodes of a room
 FURNITURE = 4  # largest number of pieces of furniture
 
@@ -51,7 +51,7 @@ def box(depth_m: float, width_m: float) -> Strips:
 
 
 def _shelf(rng: np.random.Generator) -> Strips:
-    """Return a shelf that opens towards -x. Its boards spread, so that they do not ring."""
+    """Return a shelf that opens towards -x. Its boards are not parallel, so that no long series of echoes arises between them."""
     width, depth, spread = rng.uniform(0.1, 0.18), rng.uniform(0.05, 0.08), np.radians(rng.uniform(6, 10))
     outwards = depth * np.tan(spread)
     back = chain((0, -width / 2), (0, 0), (0, width / 2))

@@ -14,7 +14,7 @@ from radartwin.scene.trajectories import trajectory
 
 FOLDER = FIELDS / "motions"
 DRIVEN = ("wall_01", "corridor_03", "alcove_04")
-STEP_M = 0.004  # way of the radar from frame to frame
+STEP_M = 0.004  # distance that the radar moves from frame to frame
 ALCOVE = "alcove_04"  # room whose walls surround the turning box
 BOX_M, PLACE_M, START_DEG = (0.06, 0.09), (0.45, 0.05, 0.0), 20.0
 FRAMES = 3  # frames with a full-wave field

@@ -2,11 +2,12 @@
 
 Ref: Harrington, Field Computation by Moment Methods (1968), section 3-2, for the equation; Wu and Martinsson, Adv. Comput. Math. 47 (2021)
 45, for the quadrature; Senior, IEEE Trans. AP 27 (1979) 577, for resistive sheets. Symbols: G(r) = (j/4) H0(1)(k r) is the field of a unit
-line source, so a path of length L turns as exp(+j k L). The unknown q is the surface current times j k eta, so that the scattered field is
-the integral of q G along all strips.
+line source, so a path of length L has the phase exp(+j k L). The unknown q is the surface current times j k eta, so that the scattered
+field is the integral of q G along all strips.
 
 The electric-field integral equation sets the total field to zero on metal. The equation holds at the nodes of all strips (point matching),
-and the integral is the trapezoidal rule over the same nodes. Two corrections of this rule replace the cells of constant current (pulses):
+and the integral is the trapezoidal rule over the same nodes. The module uses two corrections of this rule instead of cells of constant
+current (pulses):
 
 - The kernel has the singularity log(r) at the node of the equation. The weights of this node and of two nodes on each side are corrected by
   the zeta function, so that the rule is of order 7.
@@ -171,7 +172,7 @@ def damping_sheet(body: np.ndarray) -> np.ndarray:
 
 
 def nodes(surfaces: Iterable[np.ndarray], frequency_hz: float, per_wavelength: float = PER_WAVELENGTH) -> Nodes:
-    """Return the nodes of surfaces, each of which is a number of strips (S, 2, 2), up to a highest frequency.
+    """Return the nodes of surfaces for frequencies up to `frequency_hz`. Each surface is an array of strips (S, 2, 2).
 
     A surface is a closed body if each strip starts where the strip before it ends.
     """

@@ -27,7 +27,7 @@ def effective(amplitude: complex, distance_m: float) -> float:
 
 
 def corner_level(mesh: trimesh.Trimesh, distance_m: float) -> float:
-    """Return by quadrature of all its paths the effective cross-section in dBsm of a plate, dihedral or trihedral on its axis."""
+    """Return the effective cross-section in dBsm of a plate, dihedral or trihedral on its axis, by quadrature of all its paths."""
     return effective(corner_quadrature(corner_faces(mesh), np.array([distance_m, 0.0, 0.0]), WAVELENGTH_M), distance_m)
 
 

@@ -34,7 +34,7 @@ def optics(strips: np.ndarray, frequency_hz: float) -> complex:
 
 
 def exact(strips: np.ndarray, frequency_hz: float) -> complex:
-    """Return the same field by the method of moments."""
+    """Return the field that `optics` approximates, by the method of moments."""
     origin = np.zeros(2)
     return complex(moments_2d.field(moments_2d.nodes([strips], frequency_hz), frequency_hz, origin, origin[None], np.complex128)[0])
 
@@ -92,7 +92,7 @@ def corner(face_m: float, distance_m: float, turn_deg: float) -> np.ndarray:
 
 
 def error(shapes: Sequence[np.ndarray]) -> float:
-    """Return the norm of the error of physical optics over that of the exact field, over shapes and FREQUENCIES_HZ."""
+    """Return the norm of the error of physical optics divided by the norm of the exact field, over all shapes and FREQUENCIES_HZ."""
     pairs = np.array([(optics(one, f), exact(one, f)) for one in shapes for f in FREQUENCIES_HZ])
     return float(np.linalg.norm(pairs[:, 0] - pairs[:, 1]) / np.linalg.norm(pairs[:, 1]))
 

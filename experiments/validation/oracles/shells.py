@@ -90,8 +90,9 @@ class Room:
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
-        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone at the zone's widest place. `_beside` shortens
-        them.
+        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone at the zone's widest place.
+
+        `_beside` shortens these vectors at other places.
         """
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
         turn = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
