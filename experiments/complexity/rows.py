@@ -78,7 +78,7 @@ def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[st
         metric = f"error of the {name} default between the frames of the choice, worst of all (limits)"
         rows.append(_row(config, case, metric, exact(worst.between[who][0], len(found)), SUFFICIENT))
     dearer = [timing.ratio(one.seconds[SHIPPED], one.seconds[FIXED]) for one in own]
-    claim = Claim("no setting that is known to do for all is more than 10 % cheaper than the shipped default", below=1.1)
+    claim = Claim("no setting known to be sufficient for all cases is more than 10 % cheaper than the shipped default", below=1.1)
     case = every | {"model": fixed.model.told}
     rows.append(_row(config, case, "cost of the shipped default over the fixed one's, median", _median(dearer, config), claim))
     return rows
@@ -86,8 +86,8 @@ def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[st
 
 SUFFICIENT = Claim("every feature within its repeatability", below=1.0, least=1)
 ROOM_CLAIMS = {
-    SHAPE: Claim("its shape needs no room", below=0.5, least=1),
-    MULTIPATH: Claim("its multipath share needs a room", above=0.5, least=1),
+    SHAPE: Claim("the shape features of the reflector need no room", below=0.5, least=1),
+    MULTIPATH: Claim("the multipath share of the reflector needs a room", above=0.5, least=1),
 }
 
 

@@ -30,28 +30,29 @@ def expected(gap: str, strength: float) -> list[Expected]:
 
 EXPECTED: dict[str, tuple[Expected, ...]] = {
     "geometry": (
-        ("turntable", "room change (dB)", Claim("a wall off by a quarter of a wavelength is off by half a turn", above=-3.0)),
-        ("drive", "room change (dB)", Claim("a wall off by a quarter of a wavelength is off by half a turn", above=-3.0)),
+        ("turntable", "room change (dB)",
+         Claim("a wall position error of a quarter wavelength changes the phase by 180 degrees", above=-3.0)),
+        ("drive", "room change (dB)", Claim("a wall position error of a quarter wavelength changes the phase by 180 degrees", above=-3.0)),
         ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
         ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
     ),
     "materials": (
-        ("turntable", "room change (dB)", Claim("layers of other thickness return another room", above=-20.0)),
-        ("turntable", "track rms (mm)", Claim("nothing stands elsewhere", below=10.0)),
+        ("turntable", "room change (dB)", Claim("other layer thicknesses change the echoes of the room", above=-20.0)),
+        ("turntable", "track rms (mm)", Claim("no object changes its position", below=10.0)),
         ("turntable", "profile correlation", Claim("peaks stay where they were", above=0.9)),
         ("turntable, metal", "target brightness (dB)", Claim("metal stays as it was", above=-0.5, below=0.5)),
     ),
     "roughness": (
         ("turntable", "room level (dB)",
-         Claim("heights drawn about a median are rougher in the mean square: specular walls darken", below=0.0)),
-        ("turntable", "track rms (mm)", Claim("nothing stands elsewhere", below=10.0)),
+         Claim("random heights around the median have a larger mean square, so the specular echoes of walls become weaker", below=0.0)),
+        ("turntable", "track rms (mm)", Claim("no object changes its position", below=10.0)),
         # Ament: at 0.1 mm a surface loses 0.45 dB at normal incidence and the reflector 3 x 0.15 dB; less roughness cannot gain more
-        ("turntable, metal", "target brightness (dB)", Claim("metal gains no more than its own loss", below=0.5)),
+        ("turntable, metal", "target brightness (dB)", Claim("the echo of metal rises by at most its roughness loss", below=0.5)),
     ),
     "contents": (
-        ("turntable, metal", "target change (dB)", Claim("what holds no liquid is the same", below=-80.0)),
-        ("drive", "target change (dB)", Claim("what holds no liquid is the same", below=-80.0)),
-        ("turntable, filled bottle", "target change (dB)", Claim("a bottle that is not full is another", above=-40.0)),
+        ("turntable, metal", "target change (dB)", Claim("objects without liquid do not change", below=-80.0)),
+        ("drive", "target change (dB)", Claim("objects without liquid do not change", below=-80.0)),
+        ("turntable, filled bottle", "target change (dB)", Claim("a bottle that is not full has another echo", above=-40.0)),
         # only the upper tenth of the bottle is empty, and the radar sees the middle
         ("turntable, filled bottle", "target brightness (dB)", Claim("most of the bottle is still full", above=-6.0, below=3.0)),
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
@@ -63,29 +64,29 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
     ),
     "object_material": (
-        ("turntable, metal", "target change (dB)", Claim("sheet metal has no wall that a wave sees", below=-80.0)),
+        ("turntable, metal", "target change (dB)", Claim("the wall thickness of sheet metal does not change the echo", below=-80.0)),
         ("turntable, filled bottle", "target change (dB)", Claim("a thicker wall shifts phase and level", above=-40.0)),
         ("turntable, filled bottle", "target brightness (dB)", Claim("a wall of 0.8 mm moves the level little", above=-3.0, below=3.0)),
         ("turntable", "room level (dB)", Claim("the room is the same", above=-0.5, below=0.5)),
     ),
     "person": (
-        ("turntable", "room level (dB)", Claim("a person returns more than nothing", above=0.0)),
+        ("turntable", "room level (dB)", Claim("a person adds echo power", above=0.0)),
         ("turntable", "multipath share", Claim("more of the energy is not the target's", above=0.0)),
         ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
         ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-        ("drive", "room level (dB)", Claim("a person returns more than nothing", above=0.0)),  # in the first run above -0.5
+        ("drive", "room level (dB)", Claim("a person adds echo power", above=0.0)),  # in the first run above -0.5
     ),
     "clutter": (
-        ("turntable", "room level (dB)", Claim("more things return more", above=0.0)),
-        ("drive", "room level (dB)", Claim("more things return more", above=0.0)),
+        ("turntable", "room level (dB)", Claim("more objects return more power", above=0.0)),
+        ("drive", "room level (dB)", Claim("more objects return more power", above=0.0)),
         ("turntable", "multipath share", Claim("more of the energy is not the target's", above=0.0)),
         ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
     ),
     "solver": (
-        ("turntable", "target brightness (dB)", Claim("converged to a tenth of a decibel or three", above=-0.3, below=0.3)),
-        ("turntable", "room level (dB)", Claim("converged to a tenth of a decibel or three", above=-0.3, below=0.3)),
-        ("drive", "target brightness (dB)", Claim("a bounce more, and carried from other places", above=-0.3, below=0.3)),
-        ("drive", "room level (dB)", Claim("a bounce more, and carried from other places", above=-0.3, below=0.3)),
+        ("turntable", "target brightness (dB)", Claim("converged to 0.1 to 0.3 dB", above=-0.3, below=0.3)),
+        ("turntable", "room level (dB)", Claim("converged to 0.1 to 0.3 dB", above=-0.3, below=0.3)),
+        ("drive", "target brightness (dB)", Claim("one more bounce, and interpolation from other track positions", above=-0.3, below=0.3)),
+        ("drive", "room level (dB)", Claim("one more bounce, and interpolation from other track positions", above=-0.3, below=0.3)),
     ),
 }  # fmt: skip
 
@@ -100,7 +101,8 @@ def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
              Claim(f"ripples of both antennas, {ripple:.0f} dB, of one draw", above=ripple - 8, below=ripple + 6)),
             ("drive", "target change (dB)",
              Claim(f"ripples of both antennas, {ripple:.0f} dB, of one draw", above=ripple - 8, below=ripple + 6)),
-            ("turntable, metal", "target brightness (dB)", Claim("means over eight channels, 0.5 dB", above=-1.5 * s, below=1.5 * s)),
+            ("turntable, metal", "target brightness (dB)",
+             Claim("the mean over eight channels changes by about 0.5 dB", above=-1.5 * s, below=1.5 * s)),
             ("drive", "target brightness (dB)", Claim("means over eight channels and many angles", above=-1.5 * s, below=1.5 * s)),
             ("turntable", "room change (dB)", Claim("ripples, and echoes of floor and back lobe", above=ripple - 8, below=ripple + 10)),
             ("drive", "room change (dB)", Claim("ripples, and echoes of floor and back lobe", above=ripple - 8, below=ripple + 10)),
@@ -114,7 +116,7 @@ def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
              Claim(f"lines and filter take {-level:.1f} dB", above=level - 1, below=level + 1)),
             ("turntable", "noise floor (dB)",
              Claim(f"thermal noise, {THERMAL_DB:.1f} dB, or more", above=THERMAL_DB - 1, below=THERMAL_DB + 6)),
-            ("turntable", "level at zero range, risen by (dB)", Claim("antennas couple", above=20.0)),
+            ("turntable", "level at zero range, risen by (dB)", Claim("leakage between the antennas appears", above=20.0)),
             ("turntable, metal", "track rms (mm)", Claim("bright targets stay in their bin", below=10.0)),
             ("turntable", "profile correlation", Claim("peaks stay where they were", above=0.9)),
         ),

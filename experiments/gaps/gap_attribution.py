@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="gap_attribution",
-    title="Which gap costs what",
+    title="The loss that each gap causes",
     caption="A gap is one kind of difference between testbed and twin. The rows give the loss that each gap causes: alone (all "
     "others off), left out (the decrease if only this gap is switched off), and as its Shapley share of the total loss. "
     "Shapley values are exact over the groups, so the shares sum to the total. Losses are computed for turntable recordings "
@@ -113,16 +113,14 @@ PLANS = {
 LEAST = {PROFILE: 0.05, ERROR: 0.1}
 AT_MOST = 0.05  # a Shapley share of RECOGNITION is a share of wrongly classified objects: 0.05 is one object in twenty
 CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, measure
-    (PROFILE, ROOM, ALL, "part of the total"): Claim("the room's walls and materials bring most of what its profile loses", above=0.5),
-    (PROFILE, "geometry", ALL, ALONE): Claim("a scan's walls return another profile", above=LEAST[PROFILE]),
-    (PROFILE, "object", ALL, SHARE): Claim(
-        "what the target is like is not in the room's profile", above=-LEAST[PROFILE], below=LEAST[PROFILE]
-    ),
-    (ERROR, "hardware", ALL, SHARE): Claim("lines and filter move every brightness", above=LEAST[ERROR]),
-    (ERROR, "object", FILLED, ALONE): Claim("a bottle as made and not full is another", above=LEAST[ERROR]),
-    (ERROR, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", above=-LEAST[ERROR], below=LEAST[ERROR]),
-    (RECOGNITION, "hardware", ALL, SHARE): Claim("ranks do not know a level", contains=0.0, margin=AT_MOST),
-    (RECOGNITION, "geometry", ALL, SHARE): Claim("the target's echo knows little of walls", contains=0.0, margin=AT_MOST),
+    (PROFILE, ROOM, ALL, "part of the total"): Claim("geometry and materials cause most of the profile loss", above=0.5),
+    (PROFILE, "geometry", ALL, ALONE): Claim("walls from a scan change the range profile", above=LEAST[PROFILE]),
+    (PROFILE, "object", ALL, SHARE): Claim("the object gaps hardly change the range profile", above=-LEAST[PROFILE], below=LEAST[PROFILE]),
+    (ERROR, "hardware", ALL, SHARE): Claim("line loss and IF filter change the brightness of every object", above=LEAST[ERROR]),
+    (ERROR, "object", FILLED, ALONE): Claim("a manufactured, partly filled bottle has another echo", above=LEAST[ERROR]),
+    (ERROR, "geometry", ALL, SHARE): Claim("walls hardly change the echo of the target", above=-LEAST[ERROR], below=LEAST[ERROR]),
+    (RECOGNITION, "hardware", ALL, SHARE): Claim("rank features do not depend on the level", contains=0.0, margin=AT_MOST),
+    (RECOGNITION, "geometry", ALL, SHARE): Claim("walls hardly change the echo of the target", contains=0.0, margin=AT_MOST),
 }
 
 

@@ -135,7 +135,7 @@ def _add_agreement(
 def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Reading) -> None:
     """Add the difference between a turntable revolution interpolated from traced angles and the revolution with every frame traced."""
     change = case_set.change_db(blended, traced, traced.target)
-    claim = Claim("aspects stand for every frame", below=-20.0, least=1)
+    claim = Claim("interpolation between traced angles replaces tracing every frame", below=-20.0, least=1)
     _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [[change]], [traced.key, blended.key], claim)
 
 

@@ -51,9 +51,9 @@ TABLE = Table(
     title="The paper's main claims",
     caption="Each row is one claim of the paper, as judged by the table in the column 'table'. Value, interval and verdict are those with "
     "all differences between testbed and simulation at their published size (strength 1), over all draws. The columns 'strength' give "
-    "value, interval and verdict at each strength with the number of draws in brackets, which is the same at all strengths and may be "
-    "smaller than that of the verdict. 'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 "
-    "alone.",
+    "value, interval and verdict at each strength, with the number of draws in brackets. This number is the same at all strengths and "
+    "may be smaller than the number of draws of the verdict. 'Over all strengths' compares the verdicts of these columns. The quick "
+    "profile has strength 1 alone.",
 )
 
 
@@ -94,7 +94,8 @@ def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]
             ("Raw features alone reach {:.2f}.", {**case, "metric": "accuracy", "method": labelled_probe.RAW}), unless,
         ),
         Headline(
-            f"our simulation teaches more than RF-Genesis ({probe})", "labelled probe", "labelled_probe", "gain in accuracy",
+            f"training on our simulation is more accurate than on RF-Genesis ({probe})", "labelled probe", "labelled_probe",
+            "gain in accuracy",
             {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"}, GAIN,
             ("RF-Genesis reaches {:.2f}.", {**case, "metric": "accuracy", "method": labelled_probe.RIVAL}), unless,
         ),
@@ -111,7 +112,7 @@ HEADLINES = (
         turntable_shape.STRUCTURE,
     ),
     Headline(
-        "cans are flatter than reflector and bottles", "turntable, shape", "turntable_shape", "ratio of harmonic ratios",
+        "cans have smaller harmonic ratios than reflector and bottles", "turntable, shape", "turntable_shape", "ratio of harmonic ratios",
         {"case": "least peaked over least flat", "of": "measured"}, turntable_shape.SPLIT,
     ),
     Headline(
@@ -123,7 +124,7 @@ HEADLINES = (
         "excess of contrast (dB)", AT_1_M, turntable_material.EXAGGERATES,
     ),
     Headline(
-        "the measured diagonal falls short of the rail's", "linear rail", "linear_rail", "excursion less the rail's (m)",
+        "the measured diagonal excursion is smaller than the rail's", "linear rail", "linear_rail", "excursion less the rail's (m)",
         {"object": REFLECTOR, "motion": "diagonal", "tracker": "continuous", "of": "measured"}, linear_rail.SHORT,
     ),
     Headline(

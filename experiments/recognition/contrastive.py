@@ -69,7 +69,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
             for method, values in ((RAW, [split.test]), (EMBEDDED, [encoder.embedded(split.test) for encoder in trained])):
                 predictions = [linear_probe(one.take(scored).relabelled(classes), groups[scored]) for one in values]
                 paper = PAPER[attribute] if left_out == "recording" else ""
-                claim = Claim(f"{attribute} is read off measured embeddings", paper) if method == EMBEDDED else Claim()
+                claim = Claim(f"a classifier finds {attribute} from measured embeddings", paper) if method == EMBEDDED else Claim()
                 case = {"level": f"{split.level} encoder, labelled probe", "attribute": attribute, "left out": left_out, "method": method}
                 hits = correct(predictions, truth.label)
                 row = rows.share(case, hits, truth, keys, 1 / len(truth.classes), claim, balanced=True)

@@ -109,7 +109,7 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
         found = resampled(value, drawn, min(np.unique(group).size for group in groups))
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
         claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
-        rows.add(case, "difference of what is left (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
+        rows.add(case, "difference of the remaining errors (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
 
 
 def _kinds(recordings: Samples) -> NDArray[np.str_]:

@@ -61,8 +61,8 @@ TABLE = Table(
     name="labelled_probe",
     title="What training on simulation is worth",
     caption="An encoder is trained on randomised copies of simulated revolutions and frozen. Measured revolutions are classified by the "
-    "nearest class centroid of other revolutions. For 'other recordings' these are at other distances, so that no part of a "
-    "recording classifies another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same "
+    "nearest class centroid of other revolutions. For 'other recordings', the other revolutions are at other distances, so that no "
+    "part of a recording classifies another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same "
     "physics as our tracer, so the comparison favours our tracer. n counts recordings; the column answers counts revolutions. "
     "Intervals are bootstraps over pairs of object and distance. Rows with an entry in the column 'twin' belong to a simulation that "
     "knows only the surface of vessels (paper profile). Rows with the layout 'as in the paper' have four objects at each distance and "
@@ -188,7 +188,7 @@ def _add_probe(
         shown[method] = rows.share(case | {"method": method}, found, data.measured, data.keys_of(method), chance, claim)
     claims = {RAW: Claim("training on simulation beats the raw features", gain)}
     claims |= {
-        method: Claim("our simulation teaches more", "+5.2 points" if probe == REVOLUTIONS else "")
+        method: Claim("training on our simulation is more accurate than on RF-Genesis", "+5.2 points" if probe == REVOLUTIONS else "")
         for method in data.copies if method != PRETRAINED
     }  # fmt: skip
     for method, claim in claims.items():

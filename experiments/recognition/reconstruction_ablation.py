@@ -90,7 +90,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
         for method, frames in read.items():
             predictions = transfer.predict(config, transfer.ranked_split(frames, names))
             hits[classes, method] = correct(predictions, truth.label)
-            text = "the twin's room makes objects known: above chance" if (classes, method) == ("object", LABELLED) else ""
+            text = "with the room in the simulation, object accuracy is above chance" if (classes, method) == ("object", LABELLED) else ""
             case, claim = {"classes": classes, "method": method}, Claim(text, PAPER[classes][method])
             shown.setdefault(classes, {})[method] = rows.share(case, hits[classes, method], truth, frames.keys, chance, claim)
             if names is None:

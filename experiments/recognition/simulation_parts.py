@@ -46,7 +46,8 @@ TABLE = Table(
 
 EVERYTHING, PLANE, NO_LEVEL, NO_ROOM = "everything", "plane waves", "no level", "no room"
 HELPS = {
-    PLANE: "the near field helps", NO_LEVEL: "the level helps", NO_ROOM: "the room helps", RIVAL: "our simulation teaches more",
+    PLANE: "the near field helps", NO_LEVEL: "the level helps", NO_ROOM: "the room helps",
+    RIVAL: "training on our simulation is more accurate than on RF-Genesis",
 }  # fmt: skip
 WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that a simulation leaves out
 

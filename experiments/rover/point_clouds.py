@@ -46,7 +46,7 @@ TABLE = Table(
     "Intervals are bootstraps over recordings.",
 )
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # steps of the control
-BETTER = Claim("measured detections are where the simulation has some, not where the control has", "", above=0.05)
+BETTER = Claim("more measured detections agree with the simulation than with the control", "", above=0.05)
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ SHOWN = ("measured", "room", "void")  # sides of the range-time figure
 PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.1)
-WIDENS = Claim("the gain widens with distance", "above 0", above=0.1)
+WIDENS = Claim("the gain in correlation increases with distance", "above 0", above=0.1)
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
 # the paper says "essentially uncorrelated or weakly anti-correlated"; here: an upper bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)

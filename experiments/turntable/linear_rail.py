@@ -48,7 +48,7 @@ PAPER = {
 }  # fmt: skip
 AS_FAR = Claim("the excursion is within 2 cm of the rail's", "0.51 to 0.50", above=-WITHIN_M, below=WITHIN_M, least=1)
 SHAPE = Claim("the trajectory has the measured one's shape", "0.78", above=0.3)
-SHORT = Claim("the measured diagonal falls short of the rail's", "0.22 to 0.42", below=-SHORTER_M)
+SHORT = Claim("the measured diagonal excursion is smaller than the rail's", "0.22 to 0.42", below=-SHORTER_M)
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ ORDER = Claim("the order of objects is kept", "0.76", above=0.0, p_below=0.05, l
 CLEAN = Claim("the order of cleanly localised objects is kept", "0.89", above=0.0, p_below=0.05, least=MIN_OBJECTS)
 STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", above=0.0, p_below=0.05, least=MIN_OBJECTS)
 ALIKE = Claim("", "0.76")
-OWN = Claim("a signature is more like its own twin's than like another object's", "", above=0.05)
+OWN = Claim("a measured signature is more similar to the simulation of the same object than to that of other objects", "", above=0.05)
 _STABLE = "the reflector's ratio is stable with distance: it varies less than between objects"
 STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefront is curved across the reflector
 Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # [measured object, simulated object]: SSIM values

@@ -122,7 +122,7 @@ def test_the_labelled_probe_is_judged_on_other_recordings_if_the_table_has_them(
         rows = headline.score(config("headline"), table).rows
         return [row["claim of the paper"] for row in rows if row["table"] == "labelled_probe"]
 
-    claims = ("training on simulation beats raw features", "our simulation teaches more than RF-Genesis")
+    claims = ("training on simulation beats raw features", "training on our simulation is more accurate than on RF-Genesis")
     assert told({"other recordings", "other revolutions"}) == [f"{claim} (other recordings)" for claim in claims]
     assert told({"other revolutions"}) == [f"{claim} (other revolutions)" for claim in claims]
 
