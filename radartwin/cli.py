@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"interrupted; the same command {'resumes where it stopped' if options.resumes else 'starts over'}", 1)
     except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
         with contextlib.suppress(OSError):
-            _fail("the reader of the output has closed it, so that the command stopped", 1)
+            _fail("the program that reads the output has closed the pipe, so the command stopped", 1)
         with contextlib.suppress(OSError):  # Python would complain about unwritten output at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1

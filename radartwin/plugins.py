@@ -64,7 +64,9 @@ def check(group: str, name: str, built_in: Collection[str]) -> None:
         packages = " and ".join(plugin.package for plugin in found)
         raise PluginError(f"packages {packages} both provide '{name}' in {group}; uninstall one of them")
     if found and not _NAME.fullmatch(name):
-        raise PluginError(f"{found[0]}: a name needs letters, digits and underscores only, and no digit at its start")
+        raise PluginError(
+            f"{found[0]}: a name may hold only letters, digits and underscores, and no digit at its start; rename the plug-in"
+        )
 
 
 def find(group: str, name: str, built_in: Collection[str] = ()) -> Plugin | None:

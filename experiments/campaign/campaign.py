@@ -144,7 +144,7 @@ class Campaign:
         self._check(domain)
         if domain == MEASURED:
             if self._recorded is not None:
-                raise InputError("measured=recordings has no recordings without receiver; use measured=testbed")
+                raise InputError("measured=recordings has no recordings without receiver effects; use measured=testbed")
             spec = {"domain": MEASURED, **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaign.truth"]
         chosen, case = self._materials(domain, materials), case.condition

@@ -35,7 +35,7 @@ def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
     """
     measured = campaign.config.measured
     if isinstance(measured, RecordingsConfig):
-        raise InputError(f"measured={measured.provider} is a recording set already: copy {measured.folder}")
+        raise InputError(f"measured={measured.provider} is a recording set already; copy the folder {measured.folder} instead")
     files.check_folder(Path(folder))
     target = RecordingSet.create(folder, card(campaign.config))
     for case in campaign.progress.over(campaign.cases("measured"), "recordings written"):

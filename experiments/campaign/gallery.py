@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="gallery",
-    title="Side by side",
+    title="Measured and simulated recordings side by side",
     caption="Recordings of the campaign, measured (above) and simulated (below), with one decibel scale per column: range over "
     "time, over Doppler and over azimuth. On a turntable, Doppler is computed across the frames of a revolution and folds "
     "at the frame rate in both domains; for other motions the middle frame is shown. The twin is the scanned room with "
@@ -116,7 +116,7 @@ def parse(pair: str) -> Case:
         raise ConfigError(f"{where}: unknown motion {motion!r}; choose {', '.join(get_args(Motion))}")
     rooms = DRIVEN if motion in ROVER else ("lab",)
     if room not in rooms:
-        raise ConfigError(f"{where}: {motion} is recorded in {' and '.join(rooms)}, not in {room!r}")
+        raise ConfigError(f"{where}: motion {motion} is not recorded in {room!r}; choose {' or '.join(rooms)}")
     try:
         distance = float(text)
     except ValueError as error:
@@ -201,7 +201,7 @@ def draw(views: dict[str, View], title: str, domain: str) -> Figure:
     turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
     labels = {
         "time": "time (s)",
-        "Doppler": "Doppler over the turn (Hz)" if turning else "radial velocity (m/s)",
+        "Doppler": "Doppler over the revolution (Hz)" if turning else "radial velocity (m/s)",
         "azimuth": "azimuth (degrees), left positive",
     }
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=4.6, sharey=True, sharex="col")
@@ -227,7 +227,7 @@ def _title(case: Case) -> str:
         "on a turntable" if case.motion == "turntable" else f"on a rail, {case.motion}" if case.motion in RAIL else f"{case.motion} drive"
     )
     room = case.room.replace("_", " ")
-    return f"{catalogue()[case.object].label} in the {room}, {motion}, {case.distance_m:g} m; dashed and ringed: the logged target"
+    return f"{catalogue()[case.object].label} in the {room}, {motion}, {case.distance_m:g} m; dashed line and ring: logged target"
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:

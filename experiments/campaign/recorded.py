@@ -54,13 +54,13 @@ class Recorded:
                 assert row.distance_m is not None
                 self._rows[Case(row.object, row.room, row.motion, row.distance_m, row.repetition)] = row  # type: ignore[arg-type]
         if left:
-            progress.say(f"{folder}: left out {', '.join(f'{number} of {reason}' for reason, number in left.items())}")
+            progress.say(f"{folder}: left out {', '.join(f'{number} recordings of {reason}' for reason, number in left.items())}")
         if not self._rows:
             raise InputError(f"{folder}: no recording of a known object on a turntable, rail or rover in a known room; check {INDEX}")
         radar, twin = self._set.radar, build_radar(config.radar)
         like = replace(twin, **{name: getattr(radar, name) for name in _FREE})
         if radar != like:
-            raise InputError(f"{folder}: its radar differs from the simulated one: {difference(radar, like)}; choose radar=... to match")
+            raise InputError(f"{folder}: its radar differs from the simulated one: {difference(radar, like)}; choose a matching radar=")
         self.cases = list(self._rows)
         self.conditions = list(dict.fromkeys(case.condition for case in self.cases))
 

@@ -47,7 +47,7 @@ def read_both(
     common = set.intersection(*({place(case) for case in some} for some in cases.values()))
     if not common:
         raise ConfigError(
-            f"the campaign has no {' or '.join(motions)} recordings of the same object and place in both domains; "
+            f"the campaign has no {' or '.join(motions)} recordings of one object and place, both measured and simulated; "
             "add objects or distances to profile.campaign or to the recording set"
         )
     wanted = [(domain, case) for domain in COMPARED for case in cases[domain] if place(case) in common]

@@ -41,7 +41,7 @@ from radartwin.testbed.testbed import Gaps
 
 TABLE = Table(
     name="campaign",
-    title="The recordings of both domains",
+    title="Run time and disk space of the campaign",
     caption="Time and disk space on this machine for the recordings that all tables share. Each recording is simulated without "
     "receiver effects and then processed to features; both parts count. Turntables are traced at the aspects (target "
     "angles) of one revolution; drives share the set-up of their track. The project, not the paper, chose the limits of "
@@ -94,7 +94,7 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
     progress.say(
-        f"campaign: {len(wanted)} recordings, {len(missing)} of them to be made: {frames:,} frames from {traced:,} traced states, "
+        f"campaign: {len(wanted)} recordings, {len(missing)} of them to be simulated: {frames:,} frames from {traced:,} traced poses, "
         f"about {size / 1e9:.2g} GB"
     )
     campaign.prepare(missing, fresh=True)

@@ -45,10 +45,11 @@ from radartwin.store.products import Store
 
 TABLE = Table(
     name="complexity",
-    title="How much model a scene needs",
-    caption="simulator=auto chooses the cheapest model whose features stay within their repeatability limit of the finest model's "
-    "features, on a few frames of a recording. The finest model traces the whole room with five bounces and four tubes per "
-    "square wavelength. The repeatability limit is the difference that 95 % of repeated set-ups of the same object at 1 m stay "
+    title="How detailed the simulation of a scene must be",
+    caption="A model is one set of simulator settings. simulator=auto chooses the cheapest model whose features differ from those of the "
+    "finest model by at most their repeatability limit, on a few frames of a recording. The finest model traces the whole room with "
+    "five bounces and four tubes per square wavelength. "
+    "The repeatability limit is the difference that 95 % of repeated set-ups of the same object at 1 m stay "
     "below, in the testbed. The error is that of the worst feature, in units of its repeatability limit, and is judged on an equal "
     "number of held-out frames. The fixed default is the cheapest single setting known to work for all cases. A value is the "
     "processor time per frame of the fixed default divided by that of the chosen model: the median and the range over n rounds. "
@@ -154,10 +155,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):  # the models of one case share cached rooms
             mine = [one for one in asked if one.name == name]
             alone += [choose([(one.kept, one.limits)]) for one in progress.over(mine, name)]
-    fixed = choose([(one.kept, one.limits) for one in progress.over(asked, "one for all")])
+    fixed = choose([(one.kept, one.limits) for one in progress.over(asked, "one model for all cases")])
     seconds: dict[str, dict[Model, list[float]]] = {}
     names = dict.fromkeys(one.name for one in asked)
-    for name in progress.over(list(names), "costs"):
+    for name in progress.over(list(names), "run times"):
         mine = [(one, choice) for one, choice in zip(asked, alone, strict=True) if one.name == name]
         models = [fixed.model, DEFAULT, *(choice.model for _, choice in mine)]
         seconds[name] = timing.seconds(mine[0][0].probe_of, models, 1 if config.profile.name == "quick" else ROUNDS, store)

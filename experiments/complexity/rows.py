@@ -29,8 +29,8 @@ AUTO, FIXED, SHIPPED = "auto", "fixed", "shipped"
 SAVED = "cost of the fixed default over auto's"
 NEEDED = "parts of the room that are needed (0 none, 1 large, 2 whole)"
 HEADS = {
-    "parts": "room", "max_bounces": "bounces", "rays_per_wavelength2": "tubes\nper λ²", "coupling": "ways over\nthe room",
-    "elements": "elements", "diffuse": "diffuse\ncloud",
+    "parts": "room", "max_bounces": "bounces", "rays_per_wavelength2": "tubes\nper λ²", "coupling": "paths over\nthe room",
+    "elements": "elements", "diffuse": "diffuse\nscatter",
 }  # fmt: skip
 TICKS = [factor * 10.0**power for power in range(-3, 3) for factor in (1, 3)]
 WORDS = {True: "yes", False: "no"}
@@ -152,7 +152,7 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     bars.barh(range(len(cases)), auto, color=PALETTE[0], height=0.6, label="auto")
     bars.plot(shipped, range(len(cases)), "k|", ms=7, label="shipped default")
     bars.axvline(1.0, color="0.5", lw=0.8)
-    bars.set(xscale="log", xlabel="cost over the\nfixed default's")
+    bars.set(xscale="log", xlabel="run time over that\nof the fixed default")
     low, high = min(*auto, *shipped) / 1.5, max(*auto, *shipped) * 1.5
     ticks = [tick for tick in TICKS if low <= tick <= high]
     bars.set_xlim(low, high)

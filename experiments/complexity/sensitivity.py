@@ -153,7 +153,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
         try:
             result = module.score(replace(_own(module), **same), campaign, progress, **quick)
         except UserError as error:  # the campaign lacks the motion, or has too few objects
-            progress.say(f"sensitivity: without {_name(module)}: {error}")
+            progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():
             found.figures[_name(module), metric] = value, result.keys
@@ -227,7 +227,7 @@ def chart(rows: Sequence[dict[str, Any]]) -> Figure:
                 cost, max(value(name, motion, ERROR) or 0.0, 1e-3), marks[k % len(marks)], color=PALETTE[k % len(PALETTE)], label=name
             )
         axes.set(xscale="log", yscale="log", xlabel=COST, title=motion)
-    panels[0][0].set_ylabel("feature error (spreads)")
+    panels[0][0].set_ylabel("feature error (standard deviations)")
     handles, labels = panels[0][0].get_legend_handles_labels()
     drawing.legend(handles, labels, loc="outside upper center", ncols=4)
     return drawing

@@ -191,7 +191,7 @@ def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:
             feature = part + CHANGE
             off = [10 ** (r["value"] / 20) for r in rows if r["gap"] == "none" and r["metric"] == feature and r["cases"] in names]
             values = np.array([20 * np.log10(np.mean(off)), *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)])
-            label = "target gate" if part == "target" else "room, 0.5 m and more from it"
+            label = "target gate" if part == "target" else "room, 0.5 m or more from the target"
             panel.plot(np.maximum(values, LOWEST_SHOWN_DB), places + shift, marker, color=colour, ms=4.5, label=label, clip_on=False)
         panel.axvline(0, color="0.6", lw=0.6)
         panel.grid(axis="x", color="0.9", lw=0.5)

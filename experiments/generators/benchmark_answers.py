@@ -137,7 +137,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=answers.FOLDER, help="folder of the files (default: the package's)")
     folder = parser.parse_args().output
     if not fullwave.GIVEN.is_dir():
-        parser.error(f"the reference data {fullwave.GIVEN} are not here; they hold nine of the full-wave rooms")
+        parser.error(f"the reference data {fullwave.GIVEN} are missing; copy them, because they hold nine of the full-wave rooms")
     entries = {}
     for problem in problems():
         arrays, entry = frozen(problem)

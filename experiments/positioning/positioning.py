@@ -67,7 +67,7 @@ SAID: dict[tuple[str, str], str] = {
 
 TABLE = Table(
     name="positioning",
-    title="Among other systems",
+    title="Capabilities of RadarTwin and other systems",
     caption="Table 1 of the paper. The cells of other systems are the paper's. Our cells are the result of checks of the code; a cell "
     "is empty where the check contradicts the paper. Two cells each of Sionna RT and of the re-implemented RF-Genesis are "
     "checked too. The verdict of a row is that all its checked cells agree with the paper. n counts checked cells.",
@@ -122,7 +122,7 @@ def others_with_all() -> dict[str, Any]:
         "method": "only one that does all", **dict.fromkeys(AXES, ""),
         "sources": 'caption of Table 1: "the only method that infers per-surface materials automatically from an available 3D scene '
         'representation while modeling environment multipath and requiring no RF data"',
-        "checked here": f"{note}; whether Shenron's reflectivity is inferred by surface the paper does not say",
+        "checked here": f"{note}; the paper does not say whether Shenron infers the reflectivity of each surface",
         "metric": "other systems with every mark", "run_keys": "", "paper": "0", "value": float(len(rivals)), "low": float(len(rivals)),
         "high": float(len(rivals)), "n": len(CELLS) - 1, "domain": "paper", "verdict": "untestable",
     }  # fmt: skip

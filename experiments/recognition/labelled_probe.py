@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="labelled_probe",
-    title="What training on simulation is worth",
+    title="Gain by training on simulation",
     caption="An encoder is trained on randomised copies of simulated revolutions and frozen. Measured revolutions are classified by the "
     "nearest class centroid of other revolutions. For 'other recordings', the other revolutions are at other distances, so that no "
     "part of a recording classifies another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same "
@@ -233,7 +233,7 @@ def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
     single = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
     if not single:
         return list(PROBES)
-    progress.say(f"{len(single)} objects have a single recording: no probe on other recordings")
+    progress.say(f"{len(single)} objects have a single recording, so the probe on other recordings is left out")
     return [probe for probe in PROBES if probe != RECORDINGS]
 
 

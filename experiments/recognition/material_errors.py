@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="material_errors",
-    title="What wrong materials cost",
+    title="Effect of wrong materials",
     caption="Label-free recognition of lateral drives in the squash court, with a share of the room's material labels replaced at "
     "random. The level error is the root mean square difference of the range profile in decibels, 0.3 to 5.5 m, from the "
     "twin with true materials.",

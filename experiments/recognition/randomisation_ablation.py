@@ -30,7 +30,7 @@ from radartwin.store.products import Store
 
 TABLE = Table(
     name="randomisation_ablation",
-    title="What randomised copies are worth",
+    title="Effect of randomised copies",
     caption="An encoder is trained on copies of simulated revolutions in which the named quantities are drawn at random. Measured "
     "revolutions are classified by the nearest text (no labels), and by the nearest class centroid of other recordings. 'noise only' "
     "draws nothing but noise, as in the paper. The differences are against copies in which every quantity is drawn. "

@@ -58,7 +58,9 @@ def shared_cases(source: RecordingSource, motion: str, room: str | None = None, 
     shared = {(o, where, distance) for o, where, distance in places if len(objects[where, distance]) > 1}
     if not shared:
         place = f" in {room}" if room else ""
-        raise InputError(f"the campaign has no {motion} recordings{place} of two objects at one distance, both measured and simulated")
+        raise InputError(
+            f"the campaign has no {motion} recordings{place} of two objects at one distance, both measured and simulated; add objects"
+        )
     measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in shared] for side in cases)
     return balanced(measured), simulated
 

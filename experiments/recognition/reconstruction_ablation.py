@@ -37,7 +37,7 @@ from radartwin.store.products import Store
 
 TABLE = Table(
     name="reconstruction_ablation",
-    title="What the reconstruction is worth",
+    title="Effect of the reconstructed room",
     caption="Label-free recognition of lateral drives in the squash court, from twins with labelled materials, with plasterboard on "
     "every surface, and without the room. An unequal answer is a recording that only one of two twins classifies correctly, "
     "by the majority over seeds; the columns first_only and second_only count them.",

@@ -38,8 +38,9 @@ TABLE = Table(
     caption="Random forests classify frames; a recording gets the majority label of its frames. Label-free: features are replaced "
     "by ranks within domain and distance. Calibrated: energy features are mapped by one unlabelled recording of the "
     "reflector, which is not scored. For material classes, chance is the share of the largest class (accuracy) or one third "
-    "(balanced accuracy). p is the exact binomial probability over pairs of object and distance, or for classes "
-    "over objects. Rows with an entry in the column 'truth' belong to a testbed whose objects equal the catalogue (paper profile).",
+    "(balanced accuracy). p is the exact binomial probability over pairs of object and distance; for material "
+    "classes it is over objects. Rows with an entry in the column 'truth' belong to a testbed "
+    "whose objects equal the catalogue (paper profile).",
 )
 
 ROOMS, MOTIONS = ("squash_court", "atrium"), ("lateral", "depth")

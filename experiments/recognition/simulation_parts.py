@@ -37,7 +37,7 @@ from radartwin.store.products import Store
 
 TABLE = Table(
     name="simulation_parts",
-    title="What each part of the simulation is worth",
+    title="Effect of each part of the simulation",
     caption="An encoder is trained on copies of simulated revolutions with one part of the simulation switched off. Measured revolutions "
     "are classified by the nearest text (no labels), and by the nearest class centroid of other recordings. Differences are 'everything' "
     "minus the named simulation. The testbed uses the same physics as our tracer. "

@@ -41,8 +41,8 @@ from radartwin.store.products import Store
 
 TABLE = Table(
     name="unlabelled_adaptation",
-    title="What unlabelled measured recordings are worth",
-    caption="Accuracy of the two-layer network without measured labels, by what it takes from the unlabelled measured batch. In a balanced "
+    title="Effect of unlabelled measured recordings",
+    caption="Accuracy of the two-layer network without measured labels, for several uses of the unlabelled measured batch. In a balanced "
     "batch all classes are equally frequent; in a skewed batch a third of them has a single recording. Differences are against "
     "'statistics', which the other tables use. n counts recordings. Intervals are bootstraps over draws and "
     "pairs of object and distance.",

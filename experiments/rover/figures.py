@@ -63,7 +63,7 @@ def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
                 panel.plot(values, i + spread, ".", ms=4, color=PALETTE[0], alpha=0.7)
                 panel.plot([values.mean()] * 2, [i - 0.35, i + 0.35], color=PALETTE[1], lw=1.5)
         panel.axvline(0, color="0.5", lw=0.8)
-        panel.set(title=f"{room.replace('_', ' ')}, {motion}", xlabel="Spearman over objects", xlim=(-1.05, 1.05))
+        panel.set(title=f"{room.replace('_', ' ')}, {motion}", xlabel="rank correlation over objects (Spearman)", xlim=(-1.05, 1.05))
         panel.set_yticks(range(len(families)), families)
     return drawing
 

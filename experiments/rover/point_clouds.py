@@ -41,8 +41,8 @@ TABLE = Table(
     caption="Detections (CFAR in range, maxima of the azimuth spectrum) of each frame of a drive, measured against simulated. Rows give "
     "the Chamfer distance of the clouds, and the share of the detections of one domain that have a detection of the other domain within "
     "10 cm and 15 degrees, as means over frames and then over recordings. A frame in which one of the clouds is empty has no Chamfer "
-    "distance. In the control, the simulated clouds are moved along range by 0.65 m to 4.55 m, around the ends of the profile (0.3 m to "
-    "5.5 m). "
+    "distance. In the control, the simulated clouds are moved along range by 0.65 m to 4.55 m; a point that leaves one end of the "
+    "profile (0.3 m to 5.5 m) enters at the other end. "
     "Intervals are bootstraps over recordings.",
 )
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # steps of the control

@@ -39,12 +39,13 @@ from radartwin.store.products import Store
 
 TABLE = Table(
     name="rover_fidelity",
-    title="Along trajectories",
+    title="Features along drives",
     caption="Objects in front of a driving rover. Rows give the tracked range after removal of the start offset, the mean "
     "normalised range profile, the velocity from Doppler against the log, the rank correlation of each feature over objects "
     "at equal distance (Spearman, measured against simulated), and the brightness of metal minus plastic. p of "
-    "the share of positive rank correlations is the share of random assignments of objects that reach it. p of the share of places with "
-    "one sign is the share of assignments of the material labels to the objects whose contrast is as large, in the domain with the "
+    "the share of positive rank correlations is the fraction of random assignments of objects with at least this share. p of the share "
+    "of places with one sign is the share of assignments of the material labels to the objects whose contrast is as large, "
+    "in the domain with the "
     "larger p. Intervals are 95 % bootstraps; the share of places with one sign has a Clopper-Pearson interval, which takes places as "
     "independent.",
 )

@@ -103,7 +103,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
             if source != "vlm" and line["minc"] != "all":
                 continue
             named = {"room": room, "source": source, "category": line["minc"], "area_m2": round(float(line["area_m2"]), 2)}
-            note = f"{line['guessed']:.0%} of the area has a stand-in or an uncertain build-up" if line["guessed"] else ""
+            note = f"{line['guessed']:.0%} of the area has a substitute material or uncertain layers" if line["guessed"] else ""
             rest = {"run_keys": key[:8], "paper": "", "n": int(line["n"]), "domain": "virtual scan", "verdict": "untestable", "note": note}
             if source != "uniform":  # the uniform material has no category
                 score = {"value": line["accuracy"], "low": line["low"], "high": line["high"]}

@@ -24,7 +24,7 @@ SHORT = {
     "room by tubes, by the width rule": "room by tubes",
     " tubes per square wavelength": " tubes", "object and room uncoupled": "uncoupled", "planar elements": "planar", "tubes, ": "tubes ",
     " million": "M", "far-field table": "table", " x 128": "", " x 512": "", "shipped, 128": "shipped", "shipped,": "shipped",
-    "corrected, 128": "mended", "corrected,": "mended", "in one place": "Sionna, one place",
+    "corrected, 128": "corrected", "corrected,": "corrected", "in one place": "Sionna, one place",
     "3 cm apart": "Sionna", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
 }  # fmt: skip
 OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
@@ -144,11 +144,11 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
             handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc=face, mec=colour, label=words.get(family, family)))
     marker, colour = LOOKS["RF-Genesis style"]
     handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc="white", mec=colour, label="RF-Genesis style, as published"))
-    handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: no method beats these in both"))
+    handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: no method is better in time and error"))
     panel.legend(handles=handles, loc="upper left", fontsize=6.5, borderaxespad=0)
     lines = [
         "Left is fast, low is accurate. Bars: range over rounds.",
-        "Profiles count within 40 dB of their peak.",
+        "Error of profiles: within 40 dB of their peak.",
         "(n x): time relative to the default.",
         "Without a label: other settings; the table lists all.",
         *(textwrap.fill(machine, 52) for machine in dict.fromkeys(row["machine"] for row in measured)),

@@ -22,7 +22,7 @@ COSTS = {
 }  # fmt: skip
 ERRORS = {
     "profile_error_db": "error of the range profile (dB)", "signal_error": "error of the signal",
-    "free_error_db": "error of the range profile after one gain (dB)", "feature_error": "error of the features (standard deviations)",
+    "free_error_db": "error of the range profile after a fitted gain (dB)", "feature_error": "error of the features (standard deviations)",
     "recognition_error": "share not recognised",
 }  # fmt: skip
 DETAILS = {"setup_s": "set-up (s)", "frames timed": "frames timed", "offset_db": "level offset (dB)", "n": "rounds"}

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="environment",
-    title="The room in the signal",
+    title="Effect of the room on the signal",
     caption="A corner reflector on a turntable in a laboratory room. Rows give the Pearson correlation of simulated and measured "
     "mean range profiles, for simulations in void and in the reconstructed room, and the share of energy that arrives from "
     "beyond the target. Rows with a ratio of target to room belong to one operating point: the leg of the reflector, the lobes of the "
@@ -189,7 +189,9 @@ def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
         have = ", ".join(f"{distance:g}" for distance in sorted(set.union(*recorded.values()))) or "none"
         raise ConfigError(f"experiment.distances_m: the campaign has no turning {TARGET} at {missing[0]:g} m; it has {have}")
     if not chosen:
-        raise ConfigError(f"the campaign has no turning {TARGET} that is both measured and simulated")
+        raise ConfigError(
+            f"the campaign has no turning {TARGET} that is both measured and simulated; add its distances to profile.campaign"
+        )
     return [(side, case) for side, case in cases if case.distance_m in chosen]
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="linear_rail",
-    title="Translation",
+    title="Translation on a rail",
     caption="A corner reflector moves 60 cm along a rail from a distance of one metre, radially and at 45 degrees. Rows give the "
     "power-weighted range of the tracked peak, searched over the whole span of the rail. 'continuous' follows the strongest "
     "track without jumps; 'brightest' takes the strongest bin of each frame.",

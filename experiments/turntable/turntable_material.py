@@ -65,7 +65,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     turns = rotations.read(source, progress)
     where = compared_distances(turns[MEASURED])
     if not where:
-        raise ConfigError("turntable_material needs objects of two classes of material at one distance, and the campaign has none")
+        raise ConfigError("turntable_material needs objects of two material classes at one distance; add objects to profile.campaign")
     rows = RowList(config)
     for distance in where:
         _add_rows(rows, turns, distance)

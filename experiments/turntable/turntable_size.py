@@ -54,7 +54,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     turns = rotations.read(source, progress)
     cans = [name for name in rotations.objects(turns[MEASURED]) if rotations.is_can(name)]
     if len(cans) < 3:
-        raise ConfigError(f"turntable_size needs three cans or more, and the campaign has {len(cans)}")
+        raise ConfigError(f"turntable_size needs three cans or more, but the campaign has {len(cans)}; add cans to profile.campaign")
     rows = RowList(config)
     for distance in (*rotations.distances_m(turns[MEASURED]), None):
         for domain in COMPARED:

@@ -99,7 +99,7 @@ def drawing(shown: Score) -> Figure:
 def _worst(measure: str, folder: Path, few: int, full: bool) -> Finding:
     """Return the worst value of a property of `Compared` over the rooms of a folder, or over its first `few` rooms."""
     if not folder.is_dir():
-        raise Untestable(f"the folder {folder} is not here")
+        raise Untestable(f"the folder {folder} is missing")
     chosen = fullwave.names(folder)[: None if full else few]
     found = max(float(getattr(score(folder, name).compared, measure)) for name in chosen)
     return Finding(0.0, found, found, len(chosen))

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="reality",
-    title="Against real measurements",
+    title="Comparison with real measurements",
     caption="Every comparison with measurements of real radars and scanners whose data may be used. The rows of the dihedrals compare the "
     "simulator with measured echo levels. The rows of the captures compare only the processing with the descriptions of the captures, "
     "because the scenes are not described well enough to simulate them. The rows of the scan compare the reconstruction with the "

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 TABLE = Table(
     name="validation",
-    title="What the tracer is checked against",
+    title="Checks of the tracer",
     caption="Every check of the simulator against an independent reference: closed forms, Mie and layered-cylinder series, near-field "
     "quadrature, image sources of rectangular rooms, full-wave fields of furnished rooms, transfer matrices and exact kinematics. "
     "No reference shares code with the tracer, but references of oil, PET and HDPE take their permittivity from its material table. "

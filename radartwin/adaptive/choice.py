@@ -22,8 +22,8 @@ from radartwin.errors import InputError
 
 HALF = 0.5  # fraction of the remaining tolerance that one dimension may use in the first round
 WORDS = {
-    "parts": "parts of the room", "coupling": "ways between thing and room", "max_bounces": "bounces", "diffuse": "diffuse cloud",
-    "rays_per_wavelength2": "tubes per square wavelength", "elements": "elements",
+    "parts": "parts of the room", "coupling": "paths between object and room", "max_bounces": "bounces", "diffuse": "diffuse scatter",
+    "rays_per_wavelength2": "ray tubes per square wavelength", "elements": "antenna elements",
 }  # fmt: skip
 
 
@@ -54,8 +54,8 @@ class Step:
 
     @property
     def told(self) -> str:
-        verdict = "enough" if self.taken else "too little"
-        return f"{WORDS[self.dimension]} {self.value}: {self.feature} moves {self.error:.2g} of its limit, {verdict}"
+        verdict = "accepted" if self.taken else "rejected"
+        return f"{WORDS[self.dimension]} {self.value}: {self.feature} changes by {self.error:.2g} times its repeatability limit, {verdict}"
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Choice:
 
     def lines(self) -> list[str]:
         """Return one line of text for the chosen model, then one line for each tried model."""
-        first = f"{self.model.told} ({self.feature} within {self.error:.2g} of its limit)"
+        first = f"{self.model.told} ({self.feature} changes by {self.error:.2g} times its repeatability limit)"
         return [first, *dict.fromkeys(f"  {step.told}" for step in self.steps)]  # a model that both rounds refuse is listed once
 
     def to_dict(self) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def choose(probes: Sequence[tuple[Probe, Limits]], tolerance: float = 1.0, pinne
     if not tolerance > 0:
         raise InputError(f"tolerance must be above zero, not {tolerance:g}")
     if unknown := set(pinned or {}) - set(LADDER):
-        raise InputError(f"{min(unknown)} is not a dimension of a model; choose {', '.join(LADDER)}")
+        raise InputError(f"{min(unknown)} is not a setting that the search changes; choose {', '.join(LADDER)}")
     finest = replace(FINEST, **(pinned or {}))
 
     def error(model: Model) -> tuple[float, str]:

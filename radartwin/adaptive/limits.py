@@ -56,7 +56,7 @@ class Limits:
         """
         stored = json.loads(SHIPPED.read_text(encoding="utf-8"))
         if motion not in stored["motions"]:
-            raise InputError(f"there is no repeatability of {motion or 'such'} recordings; there is of {', '.join(stored['motions'])}")
+            raise InputError(f"no repeatability limits are known for motion {motion!r}; choose {', '.join(stored['motions'])}")
         known = stored["motions"][motion]
         own = known["objects"].get(thing, known["pooled"])
         return cls({name: max(limit, MIN_SHARE * known["pooled"][name]) for name, limit in own.items()}, stored["source"])
@@ -71,7 +71,7 @@ class Limits:
         """
         apart = distances(names, values, reference)
         if missing := [name for name in apart if not self.of.get(name, 0.0) > 0]:
-            raise InputError(f"there is no repeatability of {missing[0]} ({self.source}); leave its family out")
+            raise InputError(f"no repeatability limit is known for feature {missing[0]} ({self.source}); leave its feature family out")
         worst = max(apart, key=lambda name: apart[name] / self.of[name])
         return apart[worst] / self.of[worst], worst
 

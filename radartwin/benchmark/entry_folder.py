@@ -27,7 +27,7 @@ from radartwin.radar.chirp import Radar
 
 DESCRIPTION, FORMAT = "method.json", "radartwin benchmark entry 1"
 SAME_HZ = 1e3  # a frequency that is wrong by this much changes the phase at a range of 11 m by 0.7e-4 of a cycle
-REMEDY = "radartwin.benchmark.entry_folder.write writes correct folders"
+REMEDY = "write the folder with radartwin.benchmark.entry_folder.write"
 Signals = Mapping[str, np.ndarray]
 
 
@@ -106,7 +106,7 @@ def _check_names(method: Any, machine: Any, where: str) -> None:
 def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray], float]:
     where = f"{folder / DESCRIPTION}, problem {name}"
     if name not in answers.names():
-        raise InputError(f"{where}: this problem is not known; choose of {', '.join(answers.names())}")
+        raise InputError(f"{where}: this problem is not known; choose one of {', '.join(answers.names())}")
     if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
         raise InputError(f"{where}: 'file' must name the .npz file; {REMEDY}")
     problem = answers.problem(name)
@@ -129,16 +129,18 @@ def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
     if path.suffix != ".npy":
         return files.read_arrays(path)
     if len(problem.scenarios) != 1:
-        raise InputError(f"{path}: problem {problem.name} has {len(problem.scenarios)} scenarios; put them into one .npz file")
+        raise InputError(
+            f"{path}: a .npy file holds one scenario, but problem {problem.name} has {len(problem.scenarios)}; give an .npz file"
+        )
     return {problem.scenarios[0].name: files.read_array(path)}
 
 
 def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
     wanted = frequency_grid(radar)
     if isinstance(given, dict) and (large := [key for key in wanted if _too_large(given.get(key))]):
-        raise InputError(f"{where}: {large[0]} in 'frequencies' is too large for a float; this problem has {_grid(wanted)}")
+        raise InputError(f"{where}: {large[0]} in 'frequencies' is too large for a float; give {_grid(wanted)}")
     if not isinstance(given, dict) or set(given) != set(wanted) or not all(isinstance(v, int | float) for v in given.values()):
-        raise InputError(f"{where}: 'frequencies' must give {', '.join(wanted)}; this problem has {_grid(wanted)}")
+        raise InputError(f"{where}: 'frequencies' must hold the numbers {', '.join(wanted)}; give {_grid(wanted)}")
     last = {name: grid["start_hz"] + grid["step_hz"] * grid["samples"] for name, grid in (("given", given), ("wanted", wanted))}
     apart = max(abs(given["start_hz"] - wanted["start_hz"]), abs(last["given"] - last["wanted"]))
     if given["samples"] != wanted["samples"] or not all(map(math.isfinite, given.values())) or apart >= SAME_HZ:
@@ -176,5 +178,5 @@ def _checked(problem: Problem, arrays: dict[str, np.ndarray], where: str) -> dic
             frames, samples = wanted[key]
             raise InputError(f"{where}: scenario '{key}' has the shape {array.shape}, but needs ({frames}, {samples}), frames by samples")
         if array.dtype.kind not in "fc" or not np.isfinite(array).all():
-            raise InputError(f"{where}: scenario '{key}' needs finite complex samples")
+            raise InputError(f"{where}: scenario '{key}' has samples that are not finite numbers; give finite complex samples")
     return {key: arrays[key] for key in wanted}

@@ -103,7 +103,7 @@ def _entered(name: str, problems: Sequence[Problem]) -> Callable[[Callable[[str]
 
         found = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]
         if not found:
-            raise InputError(f"{folder} has none of the chosen problems; it has {', '.join(entries)}")
+            raise InputError(f"{folder} has none of the chosen problems; choose --problem from {', '.join(entries)}")
         return lambda _: [row(described["method"], *one, described.get("machine") or "") for one in found]
     method = entrants.method(name)
 
@@ -111,7 +111,7 @@ def _entered(name: str, problems: Sequence[Problem]) -> Callable[[Callable[[str]
         out = []
         for problem in problems:
             out.append(row(name, problem, *entrants.solve(method, problem), machine()))
-            say(f"{name}, {problem.name}: {out[-1]['profile_error_db']} dB, {out[-1]['seconds_per_frame']} s per frame")
+            say(f"{name}, {problem.name}: profile error {out[-1]['profile_error_db']} dB, {out[-1]['seconds_per_frame']} s per frame")
         return out
 
     return simulated
@@ -123,7 +123,7 @@ def _read(path: Path) -> list[Row]:
         return []
     reader = csv.DictReader(io.StringIO(path.read_text(encoding="utf-8", errors="replace")))
     if tuple(reader.fieldnames or ()) != COLUMNS:
-        raise InputError(f"{path} is no leaderboard of this version, it has other columns; move it or choose another --output")
+        raise InputError(f"{path} has other columns than a leaderboard of this version; move the file or choose another --output")
     return list(reader)
 
 

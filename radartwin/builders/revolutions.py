@@ -161,7 +161,7 @@ def plan(
     try:
         radar = replace(radar, frame_rate_hz=frames / trajectory.period_s)
     except InputError as error:  # the chirps of a frame take longer than a frame
-        raise InputError(f"--frames {frames} in {trajectory.period_s:g} s: {error}") from error
+        raise InputError(f"--frames {frames} in {trajectory.period_s:g} s need too high a frame rate ({error}); lower --frames") from error
     room = build_room(config.scene, config.materials, config.seed)
     described = describe_room(room, config.scene, config.materials)
     found: list[Revolution] = []
@@ -187,7 +187,9 @@ def check_distances(distances_m: Sequence[float]) -> None:
         raise InputError("no distance is given; give --distances in metres, such as 0.5,1,1.5,2")
     for number, distance_m in enumerate(distances_m):
         if not NEAR_M <= distance_m <= FAR_M:
-            raise InputError(f"--distances: {distance_m:g} m is not between {NEAR_M} and {FAR_M} m, where the features exist; change it")
+            raise InputError(
+                f"--distances: {distance_m:g} m is not between {NEAR_M} and {FAR_M} m, the range of the features; give other distances"
+            )
         if distance_m in distances_m[:number]:
             raise InputError(f"--distances: {distance_m:g} m is given twice; leave one out")
 

@@ -40,13 +40,17 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
         ConfigError: the repeatability of features is unknown for the motion, or the configured feature set belongs to another motion.
     """
     if motion not in MOTION_FAMILIES:
-        known = "a turntable's whole turn, rail, depth or lateral"
-        raise ConfigError(f"simulator=auto needs a target and a motion of known repeatability, {known}; or use simulator=mitsuba")
+        known = "a whole turntable revolution, or trajectory=rail, depth or lateral"
+        raise ConfigError(
+            f"simulator=auto needs a target, and a motion with known repeatability limits; use {known}, or use simulator=mitsuba"
+        )
     available = MOTION_FAMILIES[motion]
     families = available if config.name == "raw" else feature_set(config.name)
     if not set(families) <= set(available):
         fitting = [name for name, of in SETS.items() if name == "raw" or set(of) <= set(available)]
-        raise ConfigError(f"simulator=auto: features={config.name} are not read from a {motion} recording; choose {' or '.join(fitting)}")
+        raise ConfigError(
+            f"simulator=auto: features={config.name} do not apply to a {motion} recording; choose features={' or '.join(fitting)}"
+        )
     return tuple(family for family in families if family not in config.without)
 
 
@@ -76,7 +80,7 @@ def choose_simulator(
             save_json(folder, KIND, choose([(probe, limits)], config.tolerance, fixed).to_dict())
 
         product = store.fetch(KIND, spec, ROOTS, build)
-        choice, source = Choice.from_dict(product.read_json(KIND)), ", as chosen before" if product.reused else ""
+        choice, source = Choice.from_dict(product.read_json(KIND)), ", as an earlier search chose" if product.reused else ""
     first, *reasons = choice.lines()
     for line in (f"simulator=auto for {', '.join(probe.families)}: {first}{source}", *reasons):
         say(line)

@@ -147,7 +147,9 @@ def _linear(config: LinearTrajectory, start: np.ndarray, target: np.ndarray, rat
 
 def _check_frames(frames: float) -> None:
     if frames > MAX_FRAMES:
-        raise ConfigError(f"the trajectory has more than {MAX_FRAMES} frames; set trajectory.frames")
+        raise ConfigError(
+            f"the trajectory has more than {MAX_FRAMES} frames; set trajectory.frames; for a rail or a drive, lower trajectory.length_m"
+        )
 
 
 def _ceiling_m(room: Scene) -> float:

@@ -51,7 +51,7 @@ def _join_axes(words: Sequence[str]) -> list[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="radartwin",
-        description="Simulate the radar of a scanned room, learn from it, and measure what transfers.",
+        description="Simulate a radar in a scanned room, train on simulated recordings, and test on measurements.",
         epilog=examples.epilog(more="Exit status: 0 done, 1 a run failed, 2 the input is wrong."),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -64,31 +64,31 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_study(group: Verbs) -> None:
-    text = "the first five minutes: a shipped phone scan to a labelled scene, a recording, its peaks and a page"
+    text = "show all steps on a shipped phone scan: labelled scene, simulated recording, detected peaks, and a page"
     _output(_add(group, "demo", verbs.demo, text))
 
-    run = _add(group, "run", verbs.run, "one experiment, or a sweep over comma-separated values with -m", resumes=True)
+    run = _add(group, "run", verbs.run, "compute one experiment, or with -m a sweep over comma-separated values", resumes=True)
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
     run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
-    run.add_argument("--search", metavar="METRIC", help="search 'trajectory.height_m=interval(0.5,1.5)' for the best METRIC")
+    run.add_argument("--search", metavar="METRIC", help="search for the best METRIC over 'trajectory.height_m=interval(0.5,1.5)'")
     run.add_argument("--trials", metavar="N", type=int, default=20, help="number of trials of a search (default: 20)")
-    run.add_argument("--direction", choices=("maximize", "minimize"), default="maximize", help="of a search (default: maximize)")
+    run.add_argument("--direction", choices=("maximize", "minimize"), default="maximize", help="direction of a search (default: maximize)")
     run.add_argument("--at-once", metavar="N", type=int, default=1, help="parallel trials, for hydra/launcher=joblib or slurm (default: 1)")
 
-    tables = _add(group, "tables", verbs.tables, "run what is missing, write tables, figures and the report", resumes=True)
+    tables = _add(group, "tables", verbs.tables, "run the missing experiments, and write tables, figures and the report", resumes=True)
     tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="amount of computation (default: quick)")
     tables.add_argument("--only", metavar="NAME", action="append", help="one table; repeat it for more")
     _output(tables)
 
 
 def _add_recordings(group: Verbs) -> None:
-    simulate = _add(group, "simulate", verbs.simulate, "a scene to a DCA1000 recording")
+    simulate = _add(group, "simulate", verbs.simulate, "simulate a scene and write a recording in the DCA1000 format")
     _overrides(simulate, "scene=lab|atrium|squash_court|void|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
     simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
     simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
 
-    process = _add(group, "process", verbs.process, "a recording to peaks, point clouds and range-time, Doppler and azimuth pictures")
+    process = _add(group, "process", verbs.process, "compute peaks, point clouds and maps over time, Doppler and azimuth of a recording")
     _recording(process)
     process.add_argument("--moving", action="store_true", help="remove static echoes before the peaks are detected")
     text = "method for directions: capon and music separate two targets of one cell (default: bartlett)"
@@ -96,12 +96,12 @@ def _add_recordings(group: Verbs) -> None:
     process.add_argument("--out", metavar="FOLDER", type=Path, help="folder for the results (default: OUTPUT/processed/NAME)")
     _output(process)
 
-    captures = _add(group, "import", verbs.import_captures, "raw captures to a recording set", resumes=True)
+    captures = _add(group, "import", verbs.import_captures, "add raw captures to a recording set", resumes=True)
     captures.add_argument("source", metavar="SOURCE", type=Path, help="a .bin, a .npy or .npz cube, a roverd trace, or a folder of them")
-    captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="columns of the index for all, keys of a new set's card")
+    captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="index columns of all captures, or card keys of a new set")
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
     captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: the columns of each capture")
-    captures.add_argument("--radar", metavar="FILE", help="as for process (default: the .mmwave.json beside each capture)")
+    captures.add_argument("--radar", metavar="FILE", help="radar file, as for process (default: the .mmwave.json beside each capture)")
     chosen = "import only these frames of each capture, such as 100:200 (default: all)"
     captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=chosen)
     captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
@@ -111,7 +111,7 @@ def _add_recordings(group: Verbs) -> None:
 
 def _add_export(group: Verbs) -> None:
     """Add the verb `export`, whose options --mcap and --out choose one of two uses."""
-    text = "a recording to a timeline for Foxglove (--mcap), or the virtual measurement campaign to a recording set (--out)"
+    text = "write a recording as a timeline for Foxglove (--mcap), or the virtual measurement campaign as a recording set (--out)"
     export = _add(group, "export", verbs.export, text, resumes=True)
     words = "with --mcap one RECORDING, as for process; with --out [profile=...] [profile.campaign.KEY=value ...] [key=value ...]"
     _overrides(export, words, metavar="RECORDING|OVERRIDE")
@@ -121,29 +121,29 @@ def _add_export(group: Verbs) -> None:
     export.add_argument("--pictures", metavar="FOLDER", type=Path, help="--mcap: pictures of a camera, named by seconds, such as 0.100.jpg")
     first = "--mcap: time of the first frame in seconds since 1970 (default: 0)"
     export.add_argument("--start", metavar="SECONDS", help=first)
-    encodings = "--mcap: of the messages: json (default), or protobuf, which rerun shows too"
+    encodings = "--mcap: encoding of the messages: json (default), or protobuf, which the viewer Rerun also reads"
     export.add_argument("--encoding", choices=("json", "protobuf"), help=encodings)
     _capture(export, prefix="--mcap: ")
 
 
 def _add_scenes(group: Verbs) -> None:
-    reconstruct = _add(group, "reconstruct", verbs.reconstruct, "a mesh or a folder of frames to a labelled scene folder")
+    reconstruct = _add(group, "reconstruct", verbs.reconstruct, "convert a mesh or a folder of frames to a labelled scene folder")
     reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh, or a folder of RGB-D frames with poses")
-    reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True)
-    reconstruct.add_argument("--material", default="plasterboard", help="of every surface (default: plasterboard)")
+    reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True, help="folder of the new scene")
+    reconstruct.add_argument("--material", default="plasterboard", help="material of every surface (default: plasterboard)")
     reconstruct.add_argument("--unit", default="auto", help="unit of a mesh: auto (metres), m, cm, mm, in or ft")
     reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y, z, -x, -y or -z")
-    is_object = "the mesh is an object, seen from outside (default: if it is below 1 m)"
+    is_object = "the mesh is an object, seen from outside (default: yes if the mesh is smaller than 1 m)"
     reconstruct.add_argument("--object", action=argparse.BooleanOptionalAction, help=is_object)
     reconstruct.add_argument("--depth-model", metavar="WEIGHTS", help="monocular depth model, for frames without depth")
-    matrix = "of the depth pictures, for a folder without a camera file"
+    matrix = "intrinsics of the depth pictures in pixels, for a folder without a camera file"
     reconstruct.add_argument("--intrinsics", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float, help=matrix)
-    scale = "metres per count of the depth pictures (default: the layout's)"
+    scale = "metres per count of the depth pictures (default: 0.001, for a TUM folder 0.0002)"
     reconstruct.add_argument("--depth-unit", metavar="METRES", type=float, help=scale)
     axes = "convention of the poses: opencv (default), opengl, opencv-inverse or opengl-inverse"
     reconstruct.add_argument("--poses", metavar="AXES", help=axes)
 
-    text = "a scene's materials by a vision-language model: ask it now, or export the questions and import the answers"
+    text = "label a scene's materials with a vision-language model: ask it now, or export the questions and import the answers"
     label = _add(group, "label", verbs.label, text, resumes=True)
     label.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; its manifest stores the labels")
     label.add_argument("--provider", choices=("recorded", "server", "local"), help="source of the answers (default: recorded)")
@@ -156,61 +156,61 @@ def _add_scenes(group: Verbs) -> None:
     label.add_argument("--missing", metavar="uniform:MATERIAL", help="material of surfaces without an answer (default: an error)")
     label.add_argument("--views", type=int, help="pictures of each surface (default: 3)")
     label.add_argument("--concurrency", type=int, help="server: simultaneous requests (default: 4)")
-    label.add_argument("--timeout", type=float, metavar="SECONDS", dest="timeout_s", help="server: of one request (default: 120)")
+    label.add_argument("--timeout", type=float, metavar="SECONDS", dest="timeout_s", help="server: limit for one request (default: 120)")
 
-    text = "a standalone 3D page of a scene, coloured by material, segment, reflectivity or scan colour"
+    text = "write a standalone 3D page of a scene, coloured by material, segment, reflectivity or scan colour"
     view = _add(group, "view", verbs.view, text)
     view.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; the page needs no server and no network")
     colourings = ("material", "segment", "reflectivity", "colour")
     view.add_argument("--by", choices=colourings, default="material", help="initial colouring (default: material)")
     view.add_argument("--trajectory", metavar="FILE", type=Path, help="draw the radar's track: TUM or CSV text, or a ROS bag")
     view.add_argument("--layout", metavar="FILE", type=Path, help="add a layout's objects on this page")
-    view.add_argument("--out", metavar="FILE", type=Path, help="default: SCENE/view.html")
+    view.add_argument("--out", metavar="FILE", type=Path, help="file of the page (default: SCENE/view.html)")
     text = "serve a page on this machine in which you drag the radar and the objects; SCENE may also be lab, atrium or squash_court"
     view.add_argument("--live", action="store_true", help=text)
-    view.add_argument("--port", type=_port, help="live: default 8080, or a free port if 8080 is taken")
+    view.add_argument("--port", type=_port, help="live: port of the server (default: 8080, or a free port if 8080 is taken)")
     view.add_argument("--radar", metavar="FILE", help="live: .cfg, .mmwave.json or .yaml, or the name of a radar option (default: iwr1843)")
     view.add_argument("--recording", metavar="FILE", type=Path, help="live: play this recording beside its simulation")
 
 
 def _add_results(group: Verbs) -> None:
-    classify = _add(group, "classify", verbs.classify, "labels of a recording by a trained model, with probabilities")
+    classify = _add(group, "classify", verbs.classify, "classify a recording with a trained model, and print the probability of each class")
     _recording(classify)
-    classify.add_argument("--model", metavar="FOLDER", type=Path, required=True, help="model.json and model.safetensors of a run")
-    classify.add_argument("--distance", metavar="METRES", type=float, help="from the radar to the target at the start (default: found)")
-    classify.add_argument("--period", metavar="SECONDS", type=float, help="of one revolution of the turntable (default: the model's)")
+    classify.add_argument("--model", metavar="FOLDER", type=Path, required=True, help="model folder (model.json, model.safetensors)")
+    classify.add_argument("--distance", metavar="METRES", type=float, help="radar to target at the start (default: estimated)")
+    classify.add_argument("--period", metavar="SECONDS", type=float, help="duration of one revolution (default: that of the training)")
 
-    text = "a recogniser of your own objects, trained on simulation alone: meshes and materials to a model for classify"
+    text = "train a recogniser of your own objects on simulation alone; radartwin classify uses the trained model"
     train = _add(group, "train", verbs.train, text, resumes=True)
     train.add_argument("objects", metavar="OBJECTS", type=Path, help=".yaml: the objects with their meshes and materials")
     _overrides(train, "[radar=...] [trajectory.KEY=value ...] [supervision.KEY=value ...] [seed=N] [simulator=...] [key=value ...]")
     train.add_argument("--out", metavar="MODEL", type=Path, required=True, help="folder of the model; a model in it is replaced")
     train.add_argument("--room", metavar="SCENE", type=Path, help="scene folder with materials around the objects (default: free space)")
-    metres = "from the radar to the axis of the turntable, in metres (default: 0.5,1,1.5,2)"
+    metres = "distances from the radar to the axis of the turntable in metres (default: 0.5,1,1.5,2)"
     train.add_argument("--distances", metavar="D,D,...", type=_distances, default=(0.5, 1.0, 1.5, 2.0), help=metres)
-    whole = "per revolution, at least 13 (default: the radar's frames in trajectory.period_s)"
+    whole = "frames per revolution, at least 13 (default: the radar's frames in trajectory.period_s)"
     train.add_argument("--frames", metavar="N", type=int, help=whole)
 
-    text = "simulators on six frozen problems with independent answers: errors and seconds per frame, in leaderboard.csv"
+    text = "score simulators on six fixed problems with independent answers, and write errors and run times to leaderboard.csv"
     compare = _add(group, "benchmark", verbs.benchmark, text)
     entrant = "a folder of signals, or a simulator by name; repeat it for more (default: the shipped methods)"
     compare.add_argument("--method", metavar="NAME_OR_FOLDER", action="append", default=[], help=entrant)
     compare.add_argument("--problem", metavar="NAME", action="append", default=[], help="one problem; repeat it for more (default: all)")
     _output(compare)
 
-    dashboard = _add(group, "dashboard", verbs.dashboard, "the MLflow server on loopback")
-    dashboard.add_argument("--port", type=_port, help="default: 5000, or a free port if 5000 is taken")
+    dashboard = _add(group, "dashboard", verbs.dashboard, "start the MLflow server for this machine only")
+    dashboard.add_argument("--port", type=_port, help="port of the server (default: 5000, or a free port if 5000 is taken)")
     _output(dashboard)
 
-    report = _add(group, "report", verbs.report, "the static report from the tables already written")
+    report = _add(group, "report", verbs.report, "write the static report from the existing tables")
     _output(report)
 
-    doctor = _add(group, "doctor", verbs.doctor, "versions, devices, disk, tracking store, and what to do; or a recording set")
+    doctor = _add(group, "doctor", verbs.doctor, "check this machine (versions, devices, disk), or a recording set, and say what to do")
     doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead and list all its faults")
     _output(doctor)
 
-    clean = _add(group, "clean", verbs.clean, "the size of the computed products in the output folder, and their deletion")
-    clean.add_argument("--cache", action="store_true", help="delete the products; the next run computes them again")
+    clean = _add(group, "clean", verbs.clean, "print the size of the stored results in the output folder, or delete them")
+    clean.add_argument("--cache", action="store_true", help="delete the stored results; the next run computes them again")
     _output(clean)
 
 
@@ -231,7 +231,7 @@ def _add(
 def _overrides(verb: argparse.ArgumentParser, text: str, metavar: str = "OVERRIDE") -> None:
     verb.add_argument("overrides", nargs="*", metavar=metavar, help=text)
     verb.add_argument("--config-dir", metavar="DIR", type=Path, action="append", default=[], help="folder with more configuration options")
-    verb.add_argument("--output", metavar="DIR", help="root of everything written (the same as output=DIR)")
+    verb.add_argument("--output", metavar="DIR", help="root folder of all written files (the same as output=DIR)")
 
 
 def _recording(verb: argparse.ArgumentParser) -> None:
@@ -248,7 +248,7 @@ def _capture(verb: argparse.ArgumentParser, prefix: str = "") -> None:
 
 
 def _output(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument("--output", metavar="DIR", type=Path, default=Path("outputs"), help="root of everything written")
+    verb.add_argument("--output", metavar="DIR", type=Path, default=Path("outputs"), help="root folder of all written files")
 
 
 def _port(text: str) -> int:
@@ -260,7 +260,7 @@ def _port(text: str) -> int:
 def _frames(text: str) -> slice:
     first, separator, end = text.partition(":")
     if not separator or not all(part == "" or part.isdecimal() for part in (first, end)) or (end and int(end) <= int(first or 0)):
-        raise argparse.ArgumentTypeError(f"{text!r} is not FIRST:END, two frame numbers from 0 of which END is larger")
+        raise argparse.ArgumentTypeError(f"{text!r} is not FIRST:END; give two frame numbers, of which END is larger, such as 100:200")
     return slice(int(first) if first else None, int(end) if end else None)
 
 

@@ -163,7 +163,7 @@ def view(options: argparse.Namespace) -> int:
         return live(options)
     for name in ("port", "radar", "recording"):
         if getattr(options, name) is not None:
-            raise ConfigError(f"view: --{name} needs --live")
+            raise ConfigError(f"view: --{name} applies only to the live page; add --live, or leave --{name} out")
     out = options.out or (options.scene if options.scene.is_dir() else options.scene.parent) / "view.html"
     scene, poses = Scene.load(options.scene), None
     if options.trajectory:

@@ -81,7 +81,7 @@ def url(remedy: str, default: str | None = None) -> Any:
 
     def check(key: str, value: str) -> None:
         if re.match(r"[\w+.-]+://[^/?#]*@", value):
-            raise ConfigError(f"{key} carries a name or password, and it is written into logs and results; {remedy}")
+            raise ConfigError(f"{key} contains a user name or password, which logs and results would show; {remedy}")
 
     return _field(default, check)
 

@@ -182,7 +182,7 @@ def typed(composed: DictConfig) -> Config:
         check_secrets(composed)
         config = OmegaConf.to_object(composed)
     if not isinstance(config, Config):
-        raise ConfigError("the primary configuration has lost its schema; its defaults list must begin with 'schema'")
+        raise ConfigError("config.yaml: the list 'defaults' does not begin with 'schema'; add schema as its first entry")
     return config
 
 
@@ -216,7 +216,7 @@ def _search_path(config_dirs: Sequence[Path]) -> list[str]:
     """Return a list with the override that adds folders to Hydra's search path; the list is empty if there are no folders."""
     for folder in config_dirs:
         if not folder.is_dir():
-            raise MissingError(f"{folder}: no such folder of configuration files; --config-dir names an existing one")
+            raise MissingError(f"{folder}: no such folder of configuration files; give an existing folder with --config-dir")
     folders = [_quoted_path(f"file://{folder.resolve()}") for folder in config_dirs]
     return [f"hydra.searchpath=[{','.join(folders)}]"] if folders else []
 

@@ -94,7 +94,7 @@ class Config:
 
     def __post_init__(self) -> None:
         if self.jobs < 0:
-            raise ConfigError(f"jobs={self.jobs} must be zero (as many as there are cores and memory for) or above")
+            raise ConfigError(f"jobs={self.jobs} must be 0 or above; 0 starts as many workers as cores and memory allow")
         if self.seed < 0:
             raise ConfigError(f"seed={self.seed} must be zero or above")
         if self.contents not in CONTENTS:
@@ -107,8 +107,13 @@ class Config:
         if source == "void" and scene.target == "none":
             raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")
         if source == "true" and scene.name == "scan":
-            raise ConfigError("materials=true needs a procedural room: the true materials of scene=scan are unknown")
+            raise ConfigError(
+                "materials=true needs a procedural room, because the true materials of a scan are unknown; use materials=scene"
+            )
         if source == "scene" and scene.name != "scan":
             raise ConfigError(f"materials=scene needs the labels of a scan, and scene is {scene.name}; add scene=scan, or materials=true")
         if source == "vlm" and scene.name in ("empty", "void", "plate"):
-            raise ConfigError(f"materials=vlm needs a room with surfaces to label, and scene={scene.name} has none")
+            raise ConfigError(
+                f"materials=vlm needs a room with surfaces to label, but scene={scene.name} has no room; choose scene=lab or "
+                "materials=uniform"
+            )

@@ -51,7 +51,7 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
     options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
     if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
-        return f"hydra/launcher={extra} needs an extra: pip install 'radartwin[{extra}]'"
+        return f"hydra/launcher={extra} needs more packages; run pip install 'radartwin[{extra}]'"
     if not group:
         return f"there is no configuration '{option}'"
     options = sorted({*options, *(plugins.names(GROUPS[group]) if group in GROUPS else ())})

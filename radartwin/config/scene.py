@@ -34,7 +34,7 @@ class SceneConfig:
         if self.layout and self.sentence:
             raise ConfigError("scene.layout and scene.sentence both place objects; give one of them")
         if (self.llm_url or self.llm_model) and not (self.llm_url and self.llm_model and self.sentence):
-            raise ConfigError("scene.llm_url and scene.llm_model are read together, for scene.sentence; give all three")
+            raise ConfigError("scene.llm_url and scene.llm_model apply only together with scene.sentence; give all three")
 
     def _check_target(self) -> None:
         if self.target not in SHAPES:

@@ -55,7 +55,7 @@ class GapConfig(_Strengths):
     # errors of the height of surface roughness (radartwin/testbed/variation.py)
     roughness: float = strength("spread of published heights; EN 572-2 and EN 14411 for glass and glaze")
     # errors of the liquids and fill levels in vessels (radartwin/testbed/variation.py)
-    contents: float = strength("uncertainty of the recipes of liquids; empty space: order of magnitude")
+    contents: float = strength("uncertainty of the recipes of liquids; empty height of bottles: order of magnitude")
     # errors of the target's shape (radartwin/testbed/object_shape.py)
     object_shape: float = strength("cans: tolerances of Can Manufacturers Institute and Hudson Technologies; others: order of magnitude")
     # errors of the target's walls and permittivity (radartwin/testbed/variation.py)

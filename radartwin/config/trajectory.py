@@ -87,7 +87,7 @@ class DepthTrajectory(LinearTrajectory):
         super().__post_init__()
         if self.length_m >= self.distance_m:
             collision = f"trajectory.length_m={self.length_m:g} runs into the target"
-            raise ConfigError(f"{collision} at trajectory.distance_m={self.distance_m:g}; shorten one or lengthen the other")
+            raise ConfigError(f"{collision} at trajectory.distance_m={self.distance_m:g}; lower length_m or raise distance_m")
 
 
 @dataclass

@@ -35,12 +35,16 @@ def check_targets(config: Any) -> None:
     for path, value in _leaves(content):
         key, text = ".".join(path), str(value)
         if path[-1] == "_target_" and not _is_trusted(text):
-            raise ConfigError(f"{key}={value} is refused: configuration may only name launchers of Hydra and code of radartwin")
+            raise ConfigError(
+                f"{key}={value} is refused; remove it, because a configuration may name only launchers of Hydra and code of radartwin"
+            )
         is_logging = path[0] == "hydra" and path[1:2] in (("job_logging",), ("hydra_logging",))
         if is_logging and (path[-1] in _CALLED or text.startswith("ext://")) and not _LOGGING.fullmatch(text):
-            raise ConfigError(f"{key}={value} is refused: a logging configuration may only name classes of logging")
+            raise ConfigError(
+                f"{key}={value} is refused; remove it, because a logging configuration may name only classes of the module logging"
+            )
         if path[:3] == ("hydra", "job", "env_set"):
-            raise ConfigError(f"{key} is refused: set environment variables where the command is typed")
+            raise ConfigError(f"{key} is refused; set environment variables in the shell that starts the command")
 
 
 def check_secrets(config: Any) -> None:
@@ -52,7 +56,9 @@ def check_secrets(config: Any) -> None:
 
     for path, value in _leaves(OmegaConf.to_container(config, resolve=True, throw_on_missing=False)):
         if isinstance(value, str) and secret.hidden(value) != value:
-            raise ConfigError(f"{'.'.join(path)} holds a secret of the environment, and it is written into logs and results; leave it out")
+            raise ConfigError(
+                f"{'.'.join(path)} contains the secret of an environment variable, which logs and results would show; leave it out"
+            )
 
 
 def _is_trusted(target: str) -> bool:

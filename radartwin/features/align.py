@@ -58,7 +58,7 @@ def _amplitude(energy: np.ndarray) -> np.ndarray:
     if energy.ndim != 1 or len(energy) < 3 or not (np.isfinite(energy).all() and (energy >= 0).all()):
         raise InputError("start offset: give the energies of three frames or more, finite and not negative")
     if not energy.max() > 0:
-        raise InputError("start offset: the target has no energy in any frame; check that it is in its gate")
+        raise InputError("start offset: the target has no energy in any frame; check the target's distance")
     return np.sqrt(energy / energy.max())
 
 

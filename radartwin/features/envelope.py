@@ -64,7 +64,7 @@ def brightness_db(energy: Real, distance_m: Real) -> float:
     """
     mean = float(np.mean(without_range_law(energy, distance_m)))
     if not mean > 0:
-        raise InputError("brightness: the target is not above the noise; check that it is in its gate")
+        raise InputError("brightness: the target's mean energy is not above the noise; check the target's distance")
     return 10 * float(np.log10(mean))
 
 
@@ -137,5 +137,5 @@ def entropy(envelope: Real) -> float:
 def _checked(envelope: Real) -> Real:
     envelope = np.asarray(envelope, dtype=np.float64)
     if envelope.ndim != 1 or len(envelope) < 2 or not np.isfinite(envelope).all() or not envelope.sum() > 0:
-        raise InputError("the envelope must be finite energies with a mean above the noise; check that the target is in its gate")
+        raise InputError("the envelope must be finite energies with a mean above the noise; check the target's distance")
     return envelope / envelope.mean()

@@ -70,7 +70,7 @@ def plugged_in(plugin: plugins.Plugin) -> FeatureSet:
     known = {family for families in SETS.values() for family in families}
     unknown = [family for family in found.families if family not in known and family not in found.own]
     if unknown or not found.families or known & set(found.own):
-        reason = f"its families must be of {', '.join(sorted(known))}, or have a function and another name in own"
+        reason = f"its families must be among {', '.join(sorted(known))}, or be functions with other names in the attribute own"
         raise plugins.refusal(plugin, f"family '{unknown[0]}' is unknown; {reason}" if unknown else reason)
     return found
 

@@ -54,7 +54,9 @@ def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -
             f"power {power.shape}, range {range_m.shape} and target {target.shape} do not fit; give (F, bins), (bins,) and (F,)"
         )
     if not np.all((target >= NEAR_M) & (target <= FAR_M)):
-        raise InputError(f"a target at {float(target.min()):g} to {float(target.max()):g} m is not between {NEAR_M} and {FAR_M} m")
+        raise InputError(
+            f"a target at {float(target.min()):g} to {float(target.max()):g} m is not between {NEAR_M} and {FAR_M} m; correct it"
+        )
     window = (range_m >= NEAR_M) & (range_m <= FAR_M)
     return np.sum(power * (window & gate(range_m, target)), axis=-1), np.sum(power * window, axis=-1)
 

@@ -113,7 +113,9 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     except InputError:
         raise
     except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # RuntimeError: an unknown compression
-        raise InputError(f"{path} is no archive of arrays ({str(error).splitlines()[0] if str(error) else 'it ends early'})") from error
+        raise InputError(
+            f"{path} is not a readable .npz archive ({str(error).splitlines()[0] if str(error) else 'it ends early'})"
+        ) from error
 
 
 def read_array(path: Path) -> np.ndarray:
@@ -144,7 +146,7 @@ def _check_archive(stream: IO[bytes], path: Path) -> None:
         unpacked, size = sum(member.file_size for member in archive.infolist()), stream.seek(0, os.SEEK_END)
         # radartwin writes arrays uncompressed, so that a valid archive is about as large as its arrays
         if unpacked > 16 * size + (64 << 20):
-            raise InputError(f"{path} is {size:,} bytes and would unpack to {unpacked:,}; that is no file of arrays that radartwin wrote")
+            raise InputError(f"{path} has {size:,} bytes but would unpack to {unpacked:,} bytes; save the arrays without compression")
         for member in archive.infolist():
             with archive.open(member) as content:
                 _check_header(content, member.file_size, f"{path}, {member.filename},")
@@ -157,10 +159,10 @@ def _check_header(stream: IO[bytes], size: int, label: str) -> None:
 
     read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(npy.read_magic(stream))
     if read is None:
-        raise InputError(f"{label} is in a form of .npy that is not read here")
+        raise InputError(f"{label} has an unsupported .npy format version; save the array again with numpy.save")
     shape, _, kind = read(stream)
     if kind.hasobject or math.prod(shape) * kind.itemsize > size:
-        raise InputError(f"{label} says {shape} of {kind} and is {size:,} bytes")
+        raise InputError(f"{label} declares an array {shape} of {kind} but has {size:,} bytes; save a complete array of numbers")
 
 
 def inside(folder: Path, name: str) -> Path:
@@ -171,7 +173,9 @@ def inside(folder: Path, name: str) -> Path:
     """
     path = folder / name
     if "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
-        raise InputError(f"{folder} names the file {name!r}, which is not in it; copy the file into the folder and name it there")
+        raise InputError(
+            f"{folder}: its index names the file {name!r} outside this folder; copy the file into the folder and correct the index"
+        )
     return path
 
 
@@ -247,7 +251,7 @@ def drop_stale(path: Path) -> None:
 
 
 def _cannot_lock(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"{path}: cannot serve as a lock ({error.strerror}); remove it or choose another place for the output")
+    return OutputError(f"{path}: this lock file cannot be used ({error.strerror}); remove the file or choose another place for the output")
 
 
 def sweep(folder: Path) -> None:

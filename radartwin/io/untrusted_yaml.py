@@ -19,7 +19,7 @@ def loader() -> type[yaml.SafeLoader]:
         def compose_node(self, parent: Any, index: Any) -> Any:
             if self.check_event(yaml.AliasEvent):
                 mark = self.peek_event().start_mark
-                raise ComposerError(None, None, "aliases (*name) are not read here; write the value out", mark)
+                raise ComposerError(None, None, "aliases (*name) are not supported; write the value itself", mark)
             return super().compose_node(parent, index)
 
     return Plain

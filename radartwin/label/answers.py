@@ -72,11 +72,11 @@ class Answer:
         try:
             answer = cls(**values)
         except TypeError as error:
-            raise LabelError(f"a recorded answer is invalid ({error}); record it again") from error
+            raise LabelError(f"a recorded answer is invalid ({error})") from error
         if answer.material not in CATEGORIES:
-            raise LabelError(f"a recorded answer has {answer.material!r}, which is not a MINC category; record it again")
+            raise LabelError(f"a recorded answer has {answer.material!r}, which is not a MINC category")
         if answer.finish not in (None, *FINISH_WORDS):
-            raise LabelError(f"a recorded answer has the unknown finish {answer.finish!r}; record it again")
+            raise LabelError(f"a recorded answer has the unknown finish {answer.finish!r}")
         return answer
 
     @classmethod

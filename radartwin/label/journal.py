@@ -56,7 +56,7 @@ class Record:
             key, model, provider, prompt, kind = (str(values[name]) for name in ("key", "model", "provider", "prompt", "kind"))
             return cls(key, model, provider, prompt, tuple(values["images"]), kind, place, answer)
         except (KeyError, TypeError) as error:
-            raise LabelError(f"a recorded answer lacks {error}; record it again") from error
+            raise LabelError(f"a recorded answer lacks {error}") from error
 
 
 class Journal:
@@ -72,7 +72,7 @@ class Journal:
         self._records: dict[tuple[str, str], Record] = {}
         complete = 0
         if path.is_symlink():  # writing through a symbolic link could change a file outside the scene folder
-            raise LabelError(f"{path} is a link; replace it by the file itself")
+            raise LabelError(f"{path} is a symbolic link; replace the link by the file")
         if path.exists():
             content = path.read_bytes()
             complete = content.rfind(b"\n") + 1
@@ -80,7 +80,9 @@ class Journal:
                 try:
                     record = Record.from_dict(untrusted_json.load(line))
                 except (ValueError, TypeError) as error:
-                    raise LabelError(f"{path}, line {number}: {error}; remove the line, so that its question is asked again") from error
+                    raise LabelError(
+                        f"{path}, line {number}: {error}; remove the line and run the same command again, which repeats the question"
+                    ) from error
                 self._records[record.model, record.key] = record
             if complete < len(content):
                 os.truncate(path, complete)

@@ -210,5 +210,5 @@ def summary(scene: Scene) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     stand_ins, missing, invalid = (sum(bool(s.provenance.get(key)) for s in scene) for key in ("stand_in", "missing", "invalid"))
-    total = f"{len(scene)} surfaces labelled, {stand_ins} with a stand-in, {missing} without an answer, {invalid} without a valid one"
+    total = f"{len(scene)} surfaces labelled, {stand_ins} with a substitute, {missing} without an answer, {invalid} with an invalid answer"
     return [*lines, total]

@@ -90,7 +90,9 @@ def _checked(photo: Photo) -> Photo:
     pose, intrinsics = photo.pose, photo.intrinsics
     rigid = pose.shape == (4, 4) and np.isfinite(pose).all() and np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-3)
     if not rigid or np.linalg.det(pose[:3, :3]) < 0 or not np.allclose(pose[3], [0, 0, 0, 1]):
-        raise PoseError(f"photograph {photo.path.name}: its pose is not a rigid 4x4 camera-to-world matrix")
+        raise PoseError(f"photograph {photo.path.name}: its pose is not a rigid 4x4 camera-to-world matrix; correct it in {INDEX}")
     if intrinsics.shape != (3, 3) or not np.isfinite(intrinsics).all() or intrinsics[0, 0] <= 0 or intrinsics[1, 1] <= 0:
-        raise PoseError(f"photograph {photo.path.name}: its intrinsics are not a 3x3 matrix with positive focal lengths")
+        raise PoseError(
+            f"photograph {photo.path.name}: its intrinsics are not a 3x3 matrix with positive focal lengths; correct them in {INDEX}"
+        )
     return photo

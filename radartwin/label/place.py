@@ -53,7 +53,7 @@ class Place:
             bounds = np.array(values["bounds_m"], float).reshape(2, 3)
             return cls(np.array(values["centroid_m"], float).reshape(3), normal, float(values["area_m2"]), bounds, points)
         except (KeyError, TypeError, ValueError) as error:
-            raise LabelError(f"a recorded place lacks {error}; record the answers again") from error
+            raise LabelError(f"the surface position of a recorded answer lacks {error}") from error
 
 
 def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:

@@ -85,7 +85,10 @@ class Server:
                 down.set()
         if failed:
             unanswered = len(failed) + len(waiting)
-            raise BackendError(f"{failed[0]}; {unanswered} of {len(questions)} questions are unanswered; the same command asks only those")
+            raise BackendError(
+                f"{failed[0]}; {unanswered} of {len(questions)} questions are unanswered; run the same command again to ask only these "
+                "questions"
+            )
 
     def _record(self, client: httpx.Client, question: Question) -> Record:
         pictures = [f"data:image/jpeg;base64,{base64.b64encode(crop.jpeg).decode()}" for crop in question.crops]

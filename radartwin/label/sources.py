@@ -101,7 +101,7 @@ class Truth:
                 match = surface
             if match is None:
                 raise SceneError(
-                    f"the true material of surface '{surface.name}' is unknown, because materials=true needs a procedural room; "
+                    f"the true material of surface '{surface.name}' is unknown, because only procedural rooms have true materials; "
                     "use materials=uniform for a scan"
                 )
             provenance = {"confidence": 1.0, "stand_in": _stand_in(match.material), "minc": match.provenance.get("minc")}
@@ -224,7 +224,7 @@ def material_source(name: str, **options: object) -> MaterialSource:
     try:
         source = kind(**options)
     except TypeError as error:
-        raise ConfigError(f"materials={name} does not take {', '.join(options)}") from error
+        raise ConfigError(f"materials={name} refuses the options {', '.join(options)} ({error}); correct them") from error
     return source if plugin is None else _PluggedIn(source, plugin)
 
 

@@ -23,7 +23,7 @@ PROFILE_PX = 230
 PROFILE_DYNAMIC_DB = 70.0  # range of levels in the profile
 SIMULATED, MEASURED = "#0072B2", "#D55E00"
 NO_PATH = "none"
-FOLLOWS = "the complete answer follows at rest"
+FOLLOWS = "the complete answer follows when nothing moves"
 LOST = "no complete answer follows, because the search process ended, perhaps because memory ran out; start the command again"
 STYLE = (
     "<style>.rt{font:12px/1.45 system-ui,sans-serif;margin:0 .6em}.rt th{text-align:left;padding-right:1em;font-weight:600;"
@@ -108,7 +108,7 @@ class Controls:
         return self._which.value == "measured"
 
     def show_working(self) -> None:
-        self._status.content = _html("<b class='draft'>computing the first answer</b>; the first one of a process takes some seconds")
+        self._status.content = _html("<b class='draft'>computing the first answer</b>, which takes some seconds")
 
     def show_status(self, answer: LiveAnswer, count: int) -> None:
         kind = "<b class='done'>complete</b>" if answer.complete else f"<b class='draft'>draft</b>, {FOLLOWS if self.searches else LOST}"
@@ -137,7 +137,8 @@ class Controls:
         self._map.image = map_picture(spectra, self._farthest_m)
         top = map_limits(spectra, self._farthest_m)[1]
         self._map_caption.content = _html(
-            f"map from above, 0 dB is {top:.0f} dB received over transmitted power; paths in the room: same colours, 0 dB is the strongest"
+            f"map from above: 0 dB is {top:.0f} dB of the transmitted power; lines in the room: paths in the same colours, 0 dB is the "
+            "strongest path"
         )
 
     def show_paths(self, paths: Sequence[LivePath], chosen: int | None, card: str) -> None:
@@ -177,7 +178,7 @@ class Controls:
             self._heading = self._gui.add_number("heading (degrees)", 0.0, step=1.0, hint="of the boresight, from +x to the left")
             added = self._gui.add_dropdown("object", tuple(objects.catalogue()))
             self._gui.add_button("add the object").on_click(lambda _: self._actions.add_object(added.value))
-            self._gui.add_button("all back to the start").on_click(lambda _: self._actions.reset())
+            self._gui.add_button("move all back to the start").on_click(lambda _: self._actions.reset())
 
         def typed(event) -> None:
             if event.client is not None:

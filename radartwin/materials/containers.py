@@ -124,5 +124,7 @@ def ethanol(frequency_hz: np.ndarray | float) -> np.ndarray:
 def _gigahertz(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
     f = np.asarray(frequency_hz, float) / 1e9
     if not (f.min() >= 0 and f.max() <= 1000):
-        raise MaterialError(f"material {name!r} has a model up to 1000 GHz, not at {float(f.max()):g} GHz")
+        raise MaterialError(
+            f"material {name!r} has a model up to 1000 GHz, not at {float(f.max()):g} GHz; choose another material or frequency"
+        )
     return f

@@ -117,7 +117,10 @@ def spectrum(signals: Covariance, positions_m: Positions, frequency_hz: float, m
     """
     antennas = signals.matrix.shape[-1]
     if positions_m.shape != (antennas, 3):
-        raise InputError(f"angles: the covariance matrix is of {antennas} antennas but their positions have the shape {positions_m.shape}")
+        raise InputError(
+            f"angles: the covariance matrix has {antennas} antennas, but the positions have the shape {positions_m.shape}; give "
+            f"({antennas}, 3)"
+        )
     if method.subarray or method.forward_backward:
         uniform_step(positions_m)
         signals = signals.smoothed(method.subarray or antennas, method.forward_backward)

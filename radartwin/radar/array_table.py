@@ -60,7 +60,7 @@ def read_array(path: str | Path) -> dict[str, Any]:
         values = {given[name] for given in (*rows, common) if name in given}
         if len(values) > 1:
             listed = " and ".join(sorted(map(reprlib.repr, values)))
-            raise RecordingError(f"{path}: {name} has the values {listed}; an array has one {name}")
+            raise RecordingError(f"{path}: {name} has the values {listed}; give one {name} for the whole array")
         if values:
             common[name] = values.pop()
     metres = _metres(path, unit, common.get("design_frequency_hz"))

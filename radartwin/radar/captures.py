@@ -52,7 +52,7 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
         return _load_cube(path, radar, iq_swapped)
     if cascade_capture.is_cascade_capture(path):
         if radar is None:
-            raise RecordingError(f"{path}: a capture of the cascade does not name its radar; give a .yaml, or awr2243_cascade")
+            raise RecordingError(f"{path}: a capture of the cascade does not name its radar; give it with --radar, such as awr2243_cascade")
         return from_counts(path, cascade_capture.read_counts(path, radar), radar, iq_swapped)
     bin_path, json_path = recording_files(path)
     if radar is None and (json_path.is_file() or not bin_path.is_file()):
@@ -120,15 +120,15 @@ def description_beside(path: Path) -> Path:
     if len(found) == 1 or same:
         return (same or found)[0]
     if found:
-        raise MissingError(f"{path}: {len(found)} .mmwave.json files are beside it; give the file of its radar")
-    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give the radar file")
+        raise MissingError(f"{path}: {len(found)} .mmwave.json files are beside it; give the right file with --radar")
+    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give a radar file with --radar")
 
 
 def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Recording:
     if not path.is_file():
-        raise MissingError(f"{path}: no such file")
+        raise MissingError(f"{path}: no such file; check the path")
     if radar is None:
-        raise RecordingError(f"{path}: a {path.suffix} cube does not name its radar; give a .cfg, .mmwave.json or .yaml")
+        raise RecordingError(f"{path}: a {path.suffix} cube does not name its radar; give a .cfg, .mmwave.json or .yaml with --radar")
     try:
         stored = {"iq": files.read_array(path)} if path.suffix == ".npy" else files.read_arrays(path)
     except (InputError, OSError) as error:
@@ -152,7 +152,8 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     frames = cube.shape[0] if cube.ndim > 3 else 1
     if cube.ndim not in (2, 3, 4, 5) or cube.size != frames * np.prod(shape) or cube.shape[-1] != radar.num_samples:
         raise RecordingError(
-            f"{path}: shape {cube.shape} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}"
+            f"{path}: shape {cube.shape} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}; give the "
+            "right radar"
         )
     if frames < 1:
         raise RecordingError(f"{path}: it has zero frames; record again")

@@ -56,7 +56,9 @@ def parts(capture: Path) -> list[Path]:
     found = {int(match[2]): path for path in paths if (match := _PART.fullmatch(path.stem)) and match[1] == prefix}
     for number in range(max(found) + 1):
         if number not in found:
-            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing; the capture has parts up to {max(found)}")
+            raise MissingError(
+                f"{capture.parent}: {prefix}_Raw_{number}.bin is missing; the capture has parts up to {max(found)}; copy the missing file"
+            )
     return [found[number] for number in sorted(found)]
 
 

@@ -52,7 +52,7 @@ def read_json(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
         raise RecordingError(f"{path}: unreadable value ({str(error).splitlines()[0]})") from error
     if not isinstance(values, dict):
-        raise RecordingError(f"{path}: expected a JSON object, not {type(values).__name__}")
+        raise RecordingError(f"{path}: expected a JSON object, not {type(values).__name__}; write one object in braces")
     return values
 
 
@@ -70,11 +70,11 @@ def read_yaml(path: Path, content: str) -> dict[str, Any]:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f"line {mark.line + 1}: " if mark is not None else ""
-        raise RecordingError(f"{path}: {line}{getattr(error, 'problem', None) or 'malformed YAML'}") from error
+        raise RecordingError(f"{path}: {line}{getattr(error, 'problem', None) or 'malformed YAML'}; write valid YAML") from error
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
         raise RecordingError(f"{path}: unreadable value ({str(error).splitlines()[0]})") from error
     if not isinstance(values, dict):
-        raise RecordingError(f"{path}: expected a mapping of {content}, not {type(values).__name__}")
+        raise RecordingError(f"{path}: expected a mapping of {content}, not {type(values).__name__}; write KEY: VALUE lines")
     return values
 
 

@@ -167,9 +167,11 @@ class Recording:
         described = read_json(json_path)
         for key in ("radar", "scale"):
             if key not in described:
-                raise RecordingError(f"{json_path}: it has no {key!r}; was it written by Recording.save?")
+                raise RecordingError(f"{json_path}: it has no {key!r}; give the .json file of a recording that RadarTwin saved")
         if (written := described.get("format", _FORMAT)) != _FORMAT:
-            raise RecordingError(f"{json_path}: format {reprlib.repr(written)} is not '{_FORMAT}'; was it written by another version?")
+            raise RecordingError(
+                f"{json_path}: format {reprlib.repr(written)} is not '{_FORMAT}'; save the recording again with this version"
+            )
         try:
             radar = Radar.from_dict(described["radar"])
         except (ValueError, TypeError) as error:

@@ -96,7 +96,7 @@ def parse_cfg(text: str) -> Setup:
         commands.setdefault(command, []).append((place, values))
     for command in ("channelCfg", "profileCfg", "chirpCfg", "frameCfg"):
         if command not in commands:
-            raise RecordingError(f"it has no {command} line; is it a mmWave SDK configuration?")
+            raise RecordingError(f"it has no {command} line; give a mmWave SDK configuration")
     channel_place, channel = commands["channelCfg"][-1]
     frame_place, frame = commands["frameCfg"][-1]
     rx_mask, tx_mask = (_whole(channel_place, value) for value in channel[:2])
@@ -123,7 +123,7 @@ def parse_studio(values: Mapping[str, Any]) -> Setup:
     capture = _section(device, "rawDataCaptureConfig", dict, {})
     lanes = _section(capture, "rlDevLaneEnable_t", dict, {}).get("laneEn", 3)
     if int(_number(lanes, "laneEn")) != 3:
-        raise RecordingError(f"laneEn {lanes} is not the two LVDS lanes (0x3) of xWR16xx, xWR18xx and xWR68xx captures")
+        raise RecordingError(f"laneEn {lanes} is not supported; use the two LVDS lanes (0x3) of xWR16xx, xWR18xx and xWR68xx captures")
 
     def numbers(mapping: Any, *keys: str) -> list[float]:
         return [_number(_get(mapping, key), key) for key in keys]
@@ -158,21 +158,22 @@ def _fired_chirps(setup: Setup) -> list[_Chirp]:
     for index in range(setup.first, setup.last + 1):
         matching = [chirp for chirp in setup.chirps if chirp.first <= index <= chirp.last]
         if not matching:
-            raise RecordingError(f"the frame fires chirp {index}, which no chirp entry describes")
+            raise RecordingError(f"the frame fires chirp {index}, which no chirp entry describes; add its chirpCfg or rlChirps entry")
         chirp = matching[-1]
         if any(chirp.variations):
-            raise RecordingError(f"chirp {chirp.first} varies its profile; only chirps of one constant profile are supported")
+            raise RecordingError(f"chirp {chirp.first} changes frequency, slope or times of its profile; set these changes to 0")
         if chirp.tx_mask.bit_count() != 1:
             raise RecordingError(
-                f"chirp {chirp.first} enables transmitters {chirp.tx_mask:#x}; only time division (one at a time) is supported"
+                f"chirp {chirp.first} enables the transmitters {chirp.tx_mask:#x}; enable exactly one, because only time division is "
+                "supported"
             )
         fired.append(chirp)
     if not fired:
-        raise RecordingError(f"the frame fires chirps {setup.first} to {setup.last}: none")
+        raise RecordingError(f"the frame fires no chirp, because it goes from chirp {setup.first} to {setup.last}; correct these numbers")
     if len({chirp.tx_mask for chirp in fired}) < len(fired):
         raise RecordingError("a transmitter fires twice in one loop; raise numLoops instead")
     if len({chirp.profile for chirp in fired}) > 1:
-        raise RecordingError("its chirps use several profiles; one is supported")
+        raise RecordingError("its chirps use several profiles; use one profile for all chirps")
     return fired
 
 
@@ -192,7 +193,7 @@ def radar_fields(name: str, setup: Setup) -> dict[str, Any]:
     transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
     profile = next((p for p in setup.profiles if p.identity == fired[0].profile), None)
     if profile is None:
-        raise RecordingError(f"chirp {fired[0].first} uses profile {fired[0].profile}, which is not defined")
+        raise RecordingError(f"chirp {fired[0].first} uses profile {fired[0].profile}, which is not defined; add this profile")
     board = IWR1642BOOST if setup.tx_mask == 0b011 else IWR1843BOOST
     if profile.start_ghz < 70:
         board = IWR6843ISK
@@ -226,14 +227,14 @@ def _get(mapping: Any, *keys: str | int) -> Any:
         try:
             mapping = mapping[key]
         except (KeyError, IndexError, TypeError):
-            raise RecordingError(f"it has no {'.'.join(map(str, keys[: depth + 1]))}") from None
+            raise RecordingError(f"it has no {'.'.join(map(str, keys[: depth + 1]))}; export it again") from None
     return mapping
 
 
 def _section(mapping: Any, key: str, kind: type, default: Any = None) -> Any:
     found = _get(mapping, key) if default is None else mapping.get(key, default)
     if not isinstance(found, kind):
-        raise RecordingError(f"its {key} is not a JSON {'object' if kind is dict else 'list'}; was it edited?")
+        raise RecordingError(f"its {key} is not a JSON {'object' if kind is dict else 'list'}; export it again")
     return found
 
 

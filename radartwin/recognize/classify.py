@@ -68,7 +68,7 @@ def classify(
     except InputError as error:
         raise InputError(f"{recording}: {error}") from error
     if tuple(names) != recogniser.names:
-        raise InputError(f"the model's features {', '.join(recogniser.names[:3])} ... are not in this version; export the model again")
+        raise InputError(f"the model's features {', '.join(recogniser.names[:3])} ... are not in this version; train the model again")
     probabilities = recogniser.probabilities(values[None])[0]
     order = np.argsort(-probabilities, kind="stable")
     return Answer(tuple(recogniser.classes[i] for i in order), probabilities[order], float(log.distance_m[0]))
@@ -136,5 +136,5 @@ def changing_range(processed: Processed) -> float:
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     moving = np.where(inside, moving, 0.0)
     if not moving.max() > 0:
-        raise InputError("no echo of the recording changes, so the turning target is not found; give its distance")
+        raise InputError("no echo of the recording changes, so the turning target is not found; give its distance with --distance")
     return float(processed.range_m[int(moving.argmax())])

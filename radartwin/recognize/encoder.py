@@ -64,7 +64,7 @@ class Encoder:
         shapes = {name: self.weights[name].shape for name in WEIGHTS if name in self.weights}
         hidden, text = (shapes.get(name, (0,))[0] for name in ("hidden_bias", "output_bias"))
         if len(shapes) != len(WEIGHTS) or shapes["hidden_weight"] != (hidden, self.size) or shapes["output_weight"] != (text, hidden):
-            raise InputError(f"encoder: weights of shapes {shapes} are not those of two layers; export the model again")
+            raise InputError(f"encoder: weights of shapes {shapes} are not those of two layers; train the model again")
 
     @property
     def size(self) -> int:

@@ -57,9 +57,9 @@ class Recogniser:
         text = self.encoder.weights["output_bias"].shape[0]
         fits = len(self.names) == self.encoder.size == len(self.centre) == len(self.spread)
         if not fits or self.prototypes.shape != (len(self.classes), text) or not self.classes:
-            raise InputError("recogniser: classes, features and encoder have different sizes; export the model again")
+            raise InputError("recogniser: classes, features and encoder have different sizes; train the model again")
         if not (np.isfinite(self.centre).all() and np.isfinite(self.spread).all() and (self.spread >= 0).all()):
-            raise InputError("recogniser: centre and spread of the features must be finite; export the model again")
+            raise InputError("recogniser: centre and spread of the features must be finite; train the model again")
 
     def probabilities(self, values: NDArray) -> NDArray[np.float64]:
         """Return the class probabilities (N, K) of N feature rows (N, D)."""
@@ -115,4 +115,4 @@ class Recogniser:
                 arrays["centre"], arrays["spread"], dict(described["provenance"]),
             )  # fmt: skip
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError, SafetensorError) as error:
-            raise InputError(f"{folder}: not a usable model ({str(error).splitlines()[0]}); export it again") from error
+            raise InputError(f"{folder}: not a usable model ({str(error).splitlines()[0]}); copy or train the model again") from error

@@ -73,7 +73,9 @@ class Split:
         measured = self.train.domain == MEASURED
         if self.level != "few_shot":
             if self.shots:
-                raise LeakError(f"supervision={self.level} has no labelled recordings, but shots is {self.shots}")
+                raise LeakError(
+                    f"supervision={self.level} allows no labelled recordings, but shots is {self.shots}; set supervision.shots=0"
+                )
             if measured.any():
                 name = self.train.recording[measured][0]
                 raise LeakError(f"measured recording {name} is in training, but supervision={self.level} allows no measured labels")
@@ -121,7 +123,9 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
         sources = rng.permutation(np.unique(own.source))
         pool = np.unique(own.recording[np.isin(own.source, sources[: len(sources) // 2])])
         if len(pool) < max(shots, 1):
-            raise InputError(f"half of the sources of {label} hold {len(pool)} recordings; lower supervision.shots from {shots}")
+            raise InputError(
+                f"half of the stored recordings of {label} give {len(pool)} training recordings; lower supervision.shots from {shots}"
+            )
         chosen.extend(rng.permutation(pool)[:shots])
         scored.extend(sources[len(sources) // 2 :])
     return measured.take(np.isin(measured.recording, chosen)), measured.take(np.isin(measured.source, scored))

@@ -50,7 +50,7 @@ def shipped() -> dict[str, NDArray[np.float32]]:
     """Read the shipped embeddings as unit vectors, by text. Raise InputError if the embeddings come from another language model."""
     content = json.loads(SHIPPED.read_text(encoding="utf-8"))
     if (content["model"], content["weights_sha256"]) != (MODEL, WEIGHTS_SHA256):
-        raise InputError(f"{SHIPPED}: the anchors are of {content['model']}, not of {MODEL}; install the package again")
+        raise InputError(f"{SHIPPED}: the text embeddings come from {content['model']}, not from {MODEL}; install radartwin again")
     return {text: np.frombuffer(base64.b64decode(vector), "<f4") for text, vector in content["anchors"].items()}
 
 

@@ -58,7 +58,7 @@ def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray
     """
     rows = split.train
     if missing := [label for label in rows.classes if label not in anchors]:
-        raise InputError(f"encoder: {missing[0]} has no text anchor; give a description of it")
+        raise InputError(f"encoder: class {missing[0]} has no text embedding; give a description of the class")
     if settings.paired and not len(split.labelled):
         raise InputError("encoder.paired needs labelled measured recordings; use supervision=few_shot, or encoder.paired=0")
     held = held_out(split.simulated, seed)

@@ -248,7 +248,7 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
     recording.provenance["frames"] = expected
     if more := {source: count for source, count in expected.items() if count > recording.num_frames}:
         missing = ", ".join(f"{count} {source}" for source, count in more.items())
-        notes.append(f"frames are missing: it holds {recording.num_frames}; {missing}")
+        notes.append(f"frames are missing: the capture holds {recording.num_frames} frames, {missing}")
     return columns, notes
 
 

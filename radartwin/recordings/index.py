@@ -98,7 +98,7 @@ class Row:
 def row_of(values: Mapping[str, Any]) -> Row:
     """Make an index row from a mapping of column names to texts. Raise InputError with one line of text that names every problem."""
     text = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
-    found = [f"it has no {column}" for column in REQUIRED if column not in text]
+    found = [f"column {column} is missing" for column in REQUIRED if column not in text]
     numbers: dict[str, Any] = {}
     for column, kind, empty, what in (("distance_m", float, None, "a number of metres"), ("repetition", int, 0, "a whole number")):
         try:
@@ -153,7 +153,7 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
             found.append(f"line {number}: recording {row.recording} is already in line {first}")
             continue
         if (first := conditions.setdefault(row.condition, number)) != number:
-            found.append(f"line {number}: it repeats line {first} ({describe(row)}); count the repetitions")
+            found.append(f"line {number}: it repeats line {first} ({describe(row)}); give each row its own repetition number")
         rows.append(row)
     return rows, found
 

@@ -65,7 +65,7 @@ def read_mapping(path: str | Path) -> CaptureMap:
         return _of_csv(path)
     if path.suffix in (".yaml", ".yml"):
         return _of_yaml(path)
-    raise InputError(f"{path}: a mapping file ends in .yaml or .csv")
+    raise InputError(f"{path}: unknown suffix; give a mapping file that ends in .yaml or .csv")
 
 
 def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -> list[dict[str, str] | None]:
@@ -145,5 +145,5 @@ def _of_yaml(path: Path) -> CaptureMap:
 def _entry(where: str, values: Mapping[Any, Any]) -> Entry:
     columns = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
     if not (file := columns.pop("file", "")):
-        raise InputError(f"{where}: no key file; give a path or a pattern")
+        raise InputError(f"{where}: the key 'file' is missing; give a path or a pattern")
     return Entry(file, {key: value for key, value in columns.items() if value})

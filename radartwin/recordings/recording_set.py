@@ -215,7 +215,7 @@ class RecordingSet:
                 if other.recording.casefold() == row.recording.casefold():
                     raise InputError(f"{self.folder}: the set already has a recording {other.recording}; choose another name")
                 if other.condition == row.condition:
-                    raise InputError(f"{self.folder}: {row.recording} repeats {other.recording} ({describe(row)}); count the repetitions")
+                    raise InputError(f"{self.folder}: {row.recording} repeats {other.recording} ({describe(row)}); give another repetition")
             if current.rows and not same_radar(recording.radar, current.radar):
                 fields = difference(recording.radar, current.radar)
                 raise RecordingError(f"{self.folder}: the radar of {row.recording} differs from the set: {fields}; make a separate set")
@@ -223,7 +223,7 @@ class RecordingSet:
                 files.write_atomically(self.folder / INDEX, index_text([]))
             if trajectory is not None:
                 if not trajectory.is_file():
-                    raise MissingError(f"{trajectory}: no such trajectory file")
+                    raise MissingError(f"{trajectory}: no such trajectory file; check the path")
                 read_track(trajectory)
                 files.write_atomically(self.folder / TRAJECTORIES / row.trajectory, trajectory.read_bytes())
             recording.save(self.path(row))

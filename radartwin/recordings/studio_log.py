@@ -58,7 +58,7 @@ def read_log(path: str | Path) -> StudioLog:
     """
     path = Path(path)
     if not path.is_file():
-        raise MissingError(f"{path}: no such log file")
+        raise MissingError(f"{path}: no such log file; check the path")
     values: dict[str, str] = {}
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         if match := _LINE.fullmatch(line):

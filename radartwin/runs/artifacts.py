@@ -116,7 +116,9 @@ def machine(run_id: str, uri: str) -> Iterator[list[Metric]]:
     try:
         from mlflow.system_metrics.system_metrics_monitor import SystemMetricsMonitor
     except ModuleNotFoundError as error:
-        raise BackendError(f"{SYSTEM_METRICS} needs {error.name}: pip install 'radartwin[system-metrics]', or unset it") from error
+        raise BackendError(
+            f"{SYSTEM_METRICS} needs {error.name}: run pip install 'radartwin[system-metrics]', or unset the variable"
+        ) from error
     monitor = SystemMetricsMonitor(run_id, tracking_uri=uri)
     over = threading.Event()
 

@@ -44,7 +44,7 @@ def doctor(output: Path) -> int:
         if finding.remedy:
             print(f"to do: {finding.remedy}")
     usable = all(finding.status != "missing" for finding in findings)
-    print("doctor: usable" if usable else "doctor: not usable yet; see above")
+    print(f"doctor: this machine {'can' if usable else 'cannot yet'} run simulations{'' if usable else '; see above'}")
     return 0 if usable else 2
 
 
@@ -112,7 +112,7 @@ def _devices() -> Iterator[Finding]:
     from radartwin.simulation.flat import parallel
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
-    yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU traces")
+    yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU computes the simulation")
     if cuda and not parallel.installed():
         text = "numba-cuda is not installed; the processor computes the paths of rooms"
         yield Finding("gpu kernels", "note", text, "pip install 'radartwin[gpu]' -c constraints.txt")

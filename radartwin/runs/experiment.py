@@ -135,7 +135,9 @@ def check_rows(table: str, rows: Sequence[dict[str, Any]]) -> None:
             raise InputError(f"{where}: n counts stored runs or recordings and cannot be {row['n']!r}")
         value, low, high = (row[c] for c in ("value", "low", "high"))
         if value is None and row["verdict"] != "untestable":
-            raise InputError(f"{where}: a claim that {row['verdict']} needs a value")
+            raise InputError(
+                f"{where}: the verdict is {row['verdict']!r} but the value is missing; give a value, or the verdict 'untestable'"
+            )
         if None not in (value, low, high) and not low <= value <= high:
             raise InputError(f"{where}: value {value} lies outside its interval {low} to {high}")
 

@@ -56,7 +56,7 @@ class Launcher:
             self._launch({number: overrides})
             if Outcome.read(self._place(number)):
                 return
-        reason = f"its process was killed {ALONE_TRIES + 1} times (out of memory, or from outside)"
+        reason = f"its process was killed {ALONE_TRIES + 1} times (memory ran out, or another program ended it)"
         log = self._place(number) / LOG
         Outcome(job_name(overrides), FAILED, reason, log=str(log) if log.exists() else "").write(self._place(number))
 

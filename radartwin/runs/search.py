@@ -91,7 +91,7 @@ def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistributi
             low, high = float(value.start), float(value.end)
             log = "log" in value.tags
             if not (math.isfinite(low) and math.isfinite(high) and low < high and (low > 0 or not log)):
-                raise ConfigError(f"{text}: an interval goes from a smaller to a larger finite number, above zero if tagged log")
+                raise ConfigError(f"{text}: wrong interval; give a smaller and a larger finite number, with the tag log both above zero")
             searched[key] = optuna.distributions.FloatDistribution(low, high, log=log)
         else:
             searched[key] = optuna.distributions.CategoricalDistribution(list(override.sweep_string_iterator()))
@@ -117,7 +117,7 @@ def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribu
         raise
     except Exception as error:  # SQLAlchemy, alembic and SQLite each raise their own exception types
         reason = " ".join(str(error).split())[:200]
-        raise BackendError(f"{place}: the study cannot be opened ({reason}); move it away to start anew") from error
+        raise BackendError(f"{place}: the search database cannot be opened ({reason}); move the file away to start a new search") from error
     study.sampler = optuna.samplers.TPESampler(seed=first.seed + len(study.trials))
     for trial in study.get_trials(states=(optuna.trial.TrialState.RUNNING,)):
         study.enqueue_trial(trial.params)

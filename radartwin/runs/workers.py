@@ -134,7 +134,7 @@ def run(
 
 def _failed(reason: str) -> BackendError:
     return BackendError(
-        f"a worker process {reason}. Finished recordings and tables are kept and the same command makes the rest; "
+        f"a worker process {reason}. Finished recordings and tables are kept, and the same command computes the rest; "
         "jobs=1 needs the least memory"
     )
 

@@ -23,7 +23,7 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
         raise MeshError(f"{where}: expected a trimesh.Trimesh, got {type(mesh).__name__}")
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if len(vertices) == 0 or len(faces) == 0:
-        raise MeshError(f"{where}: the mesh is empty ({len(vertices)} vertices, {len(faces)} faces)")
+        raise MeshError(f"{where}: the mesh is empty ({len(vertices)} vertices, {len(faces)} faces); export it again")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError(f"{where}: a face refers to vertex {int(faces.max())} of a mesh with {len(vertices)} vertices; export it again")
     bad = ~np.isfinite(vertices).all(axis=1)
@@ -37,12 +37,12 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
 
 
 def unit_hint(extent: float) -> str:
-    """Return a question for an error message that suggests a length unit in which the extent of a too large mesh would be plausible."""
+    """Return the part of an error message that suggests a length unit in which the extent of a too large mesh would be plausible."""
     if extent / 1000 <= MAX_EXTENT_M and extent / 1000 >= 0.5:
-        return "is it in millimetres? Scale it by 0.001 to metres (radartwin reconstruct --unit mm)"
+        return "if it is in millimetres, scale it by 0.001 to metres (radartwin reconstruct --unit mm)"
     if extent / 100 <= MAX_EXTENT_M:
-        return "is it in centimetres? Scale it by 0.01 to metres (radartwin reconstruct --unit cm)"
-    return "units should be metres; is it in millimetres or micrometres?"
+        return "if it is in centimetres, scale it by 0.01 to metres (radartwin reconstruct --unit cm)"
+    return "convert the coordinates to metres"
 
 
 def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

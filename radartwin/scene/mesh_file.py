@@ -59,7 +59,7 @@ def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
         raise MissingError(f"mesh {path} is not there; check the path")
     loaded = _load(path)
     if missing := missing_textures(path):
-        text = f"{path} names the texture {missing[0]}, which is not beside it; the surfaces keep their plain colours"
+        text = f"{path} names the texture {missing[0]}, which is not in its folder; add it, or the surfaces keep plain colours"
         warnings.warn(text, TextureWarning, stacklevel=2)
     _check_pictures((getattr(g.visual, "material", None) for g in loaded.geometry.values() if hasattr(g, "visual")), path)
     meshes: dict[str, trimesh.Trimesh] = {}
@@ -158,9 +158,9 @@ def _check_glb(stream: IO[bytes], path: Path) -> None:
     finally:
         stream.seek(0)
     if stored > 64 * length or placed > MAX_BYTES:
-        raise MeshError(f"{path} is {length:,} bytes and would unpack to {max(stored, placed):,}; export it again, or in parts")
+        raise MeshError(f"{path} has {length:,} bytes but would unpack to {max(stored, placed):,} bytes; export it in smaller parts")
     if instances > MAX_INSTANCES:
-        raise MeshError(f"{path} places more than {MAX_INSTANCES:,} meshes, or has nodes in a circle; export it again")
+        raise MeshError(f"{path} places more than {MAX_INSTANCES:,} meshes, or has a cycle of nodes; export it again")
 
 
 def _check_pictures(materials: Iterable[Any], path: Path) -> None:

@@ -93,7 +93,7 @@ def read_scene(path: Path, material: str | Layered | None = None) -> tuple[list[
     if folder is None:
         return _read_plain(path, material)
     if material is not None:
-        raise SceneError(f"scene {folder} carries its own materials; relabel it through a material source instead of material=")
+        raise SceneError(f"scene {folder} has its own materials; leave material out, or label the scene again with radartwin label")
     return _read_folder(folder)
 
 
@@ -131,7 +131,7 @@ def material_from_json(value: Any) -> str | Layered:
         layers = [(name, float(thickness)) for name, thickness in value["layers"]]
         backing = value.get("backing", "air")
     except (TypeError, KeyError, ValueError, AttributeError) as error:
-        raise SceneError(f"material {value!r} is neither a name nor {{layers, backing}}") from error
+        raise SceneError(f"material {value!r} is neither a name nor {{layers, backing}}; give one of the two") from error
     return Layered(layers=layers, backing=backing)
 
 
@@ -178,6 +178,6 @@ def _read_plain(path: Path, material: str | Layered | None) -> tuple[list[Surfac
     if material is None:
         raise SceneError(
             f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER --material NAME "
-            "(in Python, Scene.load takes one material for all of it)"
+            "(in Python: Scene.load(path, material=NAME))"
         )
     return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}

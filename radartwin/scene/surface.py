@@ -58,7 +58,9 @@ class Surface:
         elif not isinstance(self.material, Layered):
             raise MaterialError(f"{where}: material is {self.material!r}; give a name of radartwin.materials or a Layered stack")
         elif not self.material.layers and self.material.backing in ("air", "vacuum"):
-            raise MaterialError(f"{where}: material is a Layered without layers before {self.material.backing}, which reflects nothing")
+            raise MaterialError(
+                f"{where}: material is a Layered without layers before {self.material.backing}, which reflects nothing; add a layer"
+            )
         roughness = self.roughness_m
         if isinstance(roughness, bool) or not isinstance(roughness, numbers.Real) or not 0 <= roughness < np.inf:
             raise SceneError(f"{where}: roughness_m is {roughness!r}; give a finite height deviation >= 0 in metres")

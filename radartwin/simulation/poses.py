@@ -55,7 +55,7 @@ def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frame
             raise PoseError(f"motion names surface {name!r}, which the scene does not have; it has: {', '.join(sorted(map(str, names)))}")
     lengths = {frames, *(len(p) for p in checked.values())} - {1}
     if len(lengths) > 1:
-        raise PoseError(f"sensor poses and motion differ in length: {sorted(lengths)} frames")
+        raise PoseError(f"sensor poses and motion have {sorted(lengths)} frames; give one number of frames for all")
     count = lengths.pop() if lengths else 1
     return {name: repeated(poses, count) for name, poses in checked.items()}, count
 

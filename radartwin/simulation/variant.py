@@ -144,7 +144,7 @@ def ensure_llvm() -> int:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Find, or with --ensure install, the LLVM library for CPU tracing.")
-    parser.add_argument("--ensure", action="store_true")
+    parser.add_argument("--ensure", action="store_true", help="install LLVM if it is missing")
     if parser.parse_args().ensure:
         sys.exit(ensure_llvm())
     print(find_llvm() or "no LLVM >= 17")

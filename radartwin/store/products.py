@@ -169,7 +169,7 @@ class Store:
                 if self._complete(final):
                     return Product(final, key, reused=True)
                 if os.path.lexists(final):
-                    self._say(f"{kind} {key[:SHORT]} in the cache is damaged (its files are not as they were written); building it again")
+                    self._say(f"{kind} {key[:SHORT]} in the cache is damaged (a file has changed); computing it again")
                     shutil.rmtree(final) if final.is_dir() and not final.is_symlink() else final.unlink()
                 _build(build, work / "product", final, {"kind": kind, "key": key, **described})
         finally:

@@ -57,7 +57,7 @@ def test_parts_that_change_a_feature_stay_and_are_reported() -> None:
     tried = [(step.dimension, step.value, step.error) for step in refused]
     # the second round of the search tries the refused values again
     assert tried == 2 * [("parts", "none", 3.0), ("max_bounces", 1, 2.0), ("max_bounces", 2, 1.5)]
-    assert "parts of the room none: level_db moves 3 of its limit, too little" in "\n".join(found.lines())
+    assert "parts of the room none: level_db changes by 3 times its repeatability limit, rejected" in "\n".join(found.lines())
     assert Choice.from_dict(found.to_dict()) == found
 
 
@@ -83,7 +83,7 @@ def test_a_pinned_dimension_stays_and_tolerance_scales() -> None:
     assert choose([(probe, LIMITS)], tolerance=3.5).model.parts == "none"
     with pytest.raises(InputError, match="tolerance must be above zero"):
         choose([(probe, LIMITS)], tolerance=0)
-    with pytest.raises(InputError, match="rays is not a dimension of a model; choose rays_per_wavelength2"):
+    with pytest.raises(InputError, match="rays is not a setting that the search changes; choose rays_per_wavelength2"):
         choose([(probe, LIMITS)], pinned={"rays": 3})
 
 
@@ -147,7 +147,7 @@ def test_shipped_limits_are_per_object_and_pooled() -> None:
 
 
 def test_a_feature_without_a_limit_is_refused() -> None:
-    with pytest.raises(InputError, match="there is no repeatability of other"):
+    with pytest.raises(InputError, match="no repeatability limit is known for feature other"):
         LIMITS.moved(["other"], np.zeros(1), np.zeros(1))
 
 
@@ -210,18 +210,18 @@ def test_every_feature_has_a_shipped_limit(motion: str, frames: int) -> None:
 
 
 def test_other_motions_have_no_limits() -> None:
-    with pytest.raises(InputError, match="there is no repeatability of static recordings; there is of turntable, radial"):
+    with pytest.raises(InputError, match="no repeatability limits are known for motion 'static'; choose turntable, radial"):
         Limits.shipped("static")
 
 
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["scene.target=none", "trajectory=static"], "simulator=auto needs a target and a motion of known repeatability"),
-        (["trajectory=static"], "simulator=auto needs a target and a motion of known repeatability"),
-        (["trajectory.frames=20"], "simulator=auto needs a target and a motion of known repeatability"),
-        (["trajectory=depth", "trajectory.distance_m=2", "features=rotation"], "features=rotation are not read from a depth recording"),
-        (["features=depth"], "a turntable recording; choose rotation or raw"),
+        (["scene.target=none", "trajectory=static"], "simulator=auto needs a target, and a motion with known repeatability limits"),
+        (["trajectory=static"], "simulator=auto needs a target, and a motion with known repeatability limits"),
+        (["trajectory.frames=20"], "simulator=auto needs a target, and a motion with known repeatability limits"),
+        (["trajectory=depth", "trajectory.distance_m=2", "features=rotation"], "features=rotation do not apply to a depth recording"),
+        (["features=depth"], "a turntable recording; choose features=rotation or raw"),
     ],
 )  # fmt: skip
 def test_unsupported_configurations_of_auto_are_refused(overrides: list[str], message: str) -> None:

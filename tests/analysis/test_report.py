@@ -104,9 +104,9 @@ def test_every_table_is_present_or_named_missing_stale_or_failed(read: Read) -> 
     assert "RuntimeError: a cell" in read.said["positioning"]
     assert "not run" in read.said["validation"]
     summary = read.said["summary"]
-    assert "failed: Among other systems (RuntimeError" in summary
+    assert "failed: Capabilities of RadarTwin and other systems (RuntimeError" in summary
     assert "stale: Where methods fail" in summary
-    assert "not run: Against real measurements, What the tracer is checked against" in summary
+    assert "not run: Comparison with real measurements, Checks of the tracer" in summary
 
 
 def test_summary_counts_claims_and_links_each_to_its_row(read: Read) -> None:

@@ -80,7 +80,7 @@ def test_every_experiment_module_declares_a_table_that_latex_can_typeset(name: s
         ({"low": 0.4}, "outside its interval"),
         ({"high": 0.3}, "outside its interval"),
         ({"n": 2.5}, "2.5"),
-        ({"value": None}, "needs a value"),
+        ({"value": None}, "the value is missing; give a value"),
     ],
 )
 def test_invalid_row_is_refused_before_anything_is_written(changes: dict[str, Any], word: str, tmp_path: Path) -> None:

@@ -91,12 +91,15 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "shape": (lambda f: put(f, np.zeros((11, 255), complex)), "has the shape (11, 255), but needs (11, 256), frames by samples"),
     "stated shape": (lambda f: change(f, lambda near: near.update(shapes={})), "'shapes' differs from the arrays in near.npz"),
     "scenario": (lambda f: put(f, np.zeros((11, 256), complex), "cube"), "the array of scenario 'trihedral 15 cm' is missing"),
-    "not finite": (lambda f: put(f, np.full((11, 256), np.nan + 0j)), "needs finite complex samples"),
+    "not finite": (lambda f: put(f, np.full((11, 256), np.nan + 0j)), "samples that are not finite numbers; give finite complex samples"),
     "start frequency": (lambda f: change(f, lambda near: near["frequencies"].update(start_hz=76e9)), "the frequency grid is 256 samples"),
     "step": (lambda f: change(f, lambda near: near["frequencies"].update(step_hz=13.4e6)), "compute at these frequencies"),
     "nan step": (lambda f: change(f, lambda near: near["frequencies"].update(step_hz=float("nan"))), "compute at these frequencies"),
     "samples": (lambda f: change(f, lambda near: near["frequencies"].update(samples=64)), "compute at these frequencies"),
-    "no grid": (lambda f: change(f, lambda near: near.pop("frequencies")), "'frequencies' must give start_hz, step_hz, samples"),
+    "no grid": (
+        lambda f: change(f, lambda near: near.pop("frequencies")),
+        "'frequencies' must hold the numbers start_hz, step_hz, samples",
+    ),
     "checksum": (spoil, "has the SHA-256 checksum"),
     "no checksum": (lambda f: change(f, lambda near: near.pop("sha256")), "has the SHA-256 checksum"),
     "seconds": (lambda f: change(f, lambda near: near.update(seconds_per_frame=0)), "seconds_per_frame is 0"),
@@ -109,7 +112,7 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
         "samples in 'frequencies' is too large",
     ),
     "file": (lambda f: (f / "near.npz").unlink(), "near.npz: no such file"),
-    "escape": (lambda f: change(f, lambda near: near.update(file="../near.npz")), "which is not in it"),
+    "escape": (lambda f: change(f, lambda near: near.update(file="../near.npz")), "'../near.npz' outside this folder"),
     "json": (lambda f: (f / "method.json").write_text("{"), "is no JSON"),
     "absent": (lambda f: (f / "method.json").unlink(), "method.json: no such file"),
     "method of two lines": (lambda f: named(f, "my\nsolver"), "'method' must be a text of printable characters on one line"),
@@ -215,7 +218,7 @@ def test_a_folder_without_a_chosen_problem_is_refused_before_any_method_runs(
     monkeypatch.setattr(entrants, "solve", lambda *_: pytest.fail("a method ran"))
     done = inside("benchmark", "--method", "points", "--method", folder, "--problem", "canonical")
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert "has none of the chosen problems; it has near" in done.stderr
+    assert "has none of the chosen problems; choose --problem from near" in done.stderr
 
 
 def test_two_runs_on_one_leaderboard_keep_the_rows_of_both(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

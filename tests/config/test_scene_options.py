@@ -65,7 +65,7 @@ def test_target_position_is_the_height_of_its_foot():
         (["scene.target=mug", "scene.target_size_m=0.2"], "has its own size"),
         (["scene.target=none", "scene.stand=true"], "leaves nothing to place"),
         (["scene.target_position_m=[1,2]"], r"must be \[x,y,z\]"),
-        (["scene=void", "materials=vlm"], "has none"),
+        (["scene=void", "materials=vlm"], "scene=void has no room; choose scene=lab or materials=uniform"),
     ],
 )
 def test_impossible_scene_is_refused(overrides, words):

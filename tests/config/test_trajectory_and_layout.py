@@ -89,7 +89,7 @@ def test_scan_without_a_ceiling_has_no_upper_limit(tmp_path):
 
 def test_speed_beyond_the_radar_s_doppler_range_is_one_warning():
     fast = trajectory.depth_sweep(np.eye(4), 30.0, 10.0)
-    with pytest.warns(UserWarning, match="folds at 7.5") as caught:
+    with pytest.warns(UserWarning, match="its Doppler is unambiguous only up to 7.5") as caught:
         trajectory.check_speed(fast, 10.0, 7.5)
     assert len(caught) == 1
     with warnings.catch_warnings():

@@ -158,5 +158,5 @@ def test_unknown_sources_materials_and_options_are_refused():
         material_source("psychic")
     with pytest.raises(MaterialError, match="granite"):
         material_source("uniform", material="granite")
-    with pytest.raises(ConfigError, match="void does not take material"):
+    with pytest.raises(ConfigError, match="materials=void refuses the options material"):
         material_source("void", material="wood")

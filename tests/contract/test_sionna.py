@@ -170,7 +170,7 @@ def test_plate_of_any_size_returns_the_level_of_a_mirror(size_m, excess_db):
         assert texts == []
     else:
         (text,) = texts
-        assert f"'small plate' returns the level of an infinite mirror, {excess_db} dB more than its area allows" in text
+        assert f"the echo of 'small plate' has the level of an infinite mirror, {excess_db} dB more than that of its area" in text
         assert excess_db == pytest.approx(20 * np.log10(RADAR.wavelength_m * 2.0 / (2 * size_m**2)), abs=0.1)
 
 
@@ -180,7 +180,7 @@ def test_diffuse_level_grows_with_the_number_of_rays():
     sums, powers = [], []
     for rays in (30_000, 300_000):
         (_, scattered), texts = told(wall, diffuse=True, rays=rays, max_bounces=1)
-        assert texts == ["sionna: diffuse paths add coherently; their level grows with `rays` and is not a power"]
+        assert texts == ["sionna: diffuse paths add coherently, so that their level grows with `rays` and is not the diffuse power"]
         phase = np.exp(2j * np.pi * scattered.frequencies_hz[0] * scattered.length_m / SPEED_OF_LIGHT)
         sums.append(20 * np.log10(np.abs((scattered.amplitude[:, 0] * phase).sum())))
         powers.append(10 * np.log10((np.abs(scattered.amplitude[:, 0]) ** 2).sum()))

@@ -30,7 +30,7 @@ def test_choice_is_printed_with_reasons_and_stored(inside, tmp_path: Path) -> No
     assert lines[0].startswith("radartwin: simulator=auto for track, brightness: ")
     assert any("parts of the room none" in line for line in lines[1:])
     again, lines_again = simulated()
-    assert lines_again[0].endswith(", as chosen before")
+    assert lines_again[0].endswith(", as an earlier search chose")
     assert lines_again[1:] == lines[1:]
     assert np.array_equal(first.iq, again.iq)
     (stored,) = (tmp_path / "outputs" / "cache" / "choice").glob("*/choice.json")

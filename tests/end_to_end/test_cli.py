@@ -51,7 +51,7 @@ def test_doctor_refuses_a_file_as_output(inside, tmp_path: Path) -> None:
 def test_doctor_finds_this_machine_usable(inside) -> None:
     done = inside("doctor")
     assert done.returncode == 0, done.stdout
-    for word in ("python", "mitsuba 3.9.1", "llvm", "variant", "disk", "tracking", "doctor: usable"):
+    for word in ("python", "mitsuba 3.9.1", "llvm", "variant", "disk", "tracking", "doctor: this machine can run simulations"):
         assert word in done.stdout
 
 
@@ -74,7 +74,7 @@ def test_a_closed_output_is_no_success() -> None:
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=120, check=False)
     os.close(writer)
     assert done.returncode == 1
-    assert done.stderr == "radartwin: the reader of the output has closed it, so that the command stopped\n"
+    assert done.stderr == "radartwin: the program that reads the output has closed the pipe, so the command stopped\n"
 
 
 def test_plate_is_found_at_its_distance(inside, tmp_path: Path) -> None:

@@ -62,7 +62,10 @@ MISTAKES = {
     "poses for a mesh": (["reconstruct", "scan.ply", "--poses", "opengl", "--out", "out"], "--poses applies only"),
     "unknown unit": (["reconstruct", "scan.ply", "--unit", "furlong", "--out", "out"], "in, ft"),
     **{
-        f"password in {key}": (["run", "experiment=environment", *more, f"{key}=http://me:{SECRET}@127.0.0.1:9/v1"], "carries a name or")
+        f"password in {key}": (
+            ["run", "experiment=environment", *more, f"{key}=http://me:{SECRET}@127.0.0.1:9/v1"],
+            "contains a user name or password",
+        )
         for key, more in (("tracking.uri", []), ("materials.url", ["materials=vlm"]), ("scene.llm_url", []))
     },
 }

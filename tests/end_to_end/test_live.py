@@ -145,7 +145,7 @@ def test_bad_input_gives_one_line_and_status_2(inside, plate_scene: Path, tmp_pa
             ("view", "nothing", "--live"): "scene nothing is not there",
             ("view", plate_scene, "--live", "--recording", "nothing"): "nothing.bin: no such file",
             ("view", plate_scene, "--live", "--by", "segment"): "leave --by out",
-            ("view", plate_scene, "--port", "8080"): "--port needs --live",
+            ("view", plate_scene, "--port", "8080"): "--port applies only to the live page; add --live",
         }
         for words, wanted in cases.items():
             done = inside(*words)

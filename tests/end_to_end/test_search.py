@@ -52,6 +52,7 @@ def test_overrides_define_the_search_space() -> None:
     assert (searched["a.b"].low, searched["a.b"].high, searched["a.b"].log) == (1, 2, False)
     assert searched["c.d"].log
     assert searched["e.f"].choices == ("1", "2", "3")
-    for wrong, word in (("tag(log,interval(0,10))", "above zero"), ("interval(2,1)", "smaller to a larger"), ("interval(1", "cannot read")):
+    mistakes = {"tag(log,interval(0,10))": "above zero", "interval(2,1)": "a smaller and a larger", "interval(1": "cannot read"}
+    for wrong, word in mistakes.items():
         with pytest.raises(ConfigError, match=word):
             space([f"c.d={wrong}"])

@@ -171,7 +171,7 @@ def test_an_unusable_store_is_refused_at_once_and_named(tmp_path: Path) -> None:
         "folder": "not a file",
         "text": "not a database",
         "zeros": "move the store away",
-        "locked": "as a lock",
+        "locked": "this lock file cannot be used",
         "file": "not a folder",
         "a?b": "'\\?'",
         "a#b": "'#'",

@@ -122,7 +122,7 @@ def test_other_copies_give_another_model(trained: Path, again, tmp_path: Path) -
     assert done.returncode == 0, done.stderr
     assert "simulated 0 recordings" in done.stderr
     card = (tmp_path / "other" / "README.md").read_text()
-    assert "2 turntables and objects per revolution" in card
+    assert "2 random sets of turntable and object errors per revolution" in card
     assert "wobble" not in card
     models = [Recogniser.load(folder) for folder in (trained / "model", tmp_path / "other")]
     assert not np.array_equal(models[0].encoder.weights["hidden_weight"], models[1].encoder.weights["hidden_weight"])
@@ -234,7 +234,7 @@ MISTAKES = {
     "distance that is no number": (["objects.yaml", "--out", "model", "--distances", "near"], "'near' is not a list of metres"),
     "distance that is not finite": (["objects.yaml", "--out", "model", "--distances", "nan"], "nan m is not between"),
     "too few frames": (["objects.yaml", "--out", "model", "--frames", "12"], "give at least --frames 13"),
-    "too many frames": (["objects.yaml", "--out", "model", "--frames", "99999"], "--frames 99999 in 25 s: "),
+    "too many frames": (["objects.yaml", "--out", "model", "--frames", "99999"], "--frames 99999 in 25 s need too high a frame rate ("),
     "scene without materials": (["objects.yaml", "--out", "model", "--room", "bare"], "has a surface without material"),
     "mesh as a room": (["objects.yaml", "--out", "model", "--room", "bare.glb"], "bare.glb carries no material labels"),
     "absent room": (["objects.yaml", "--out", "model", "--room", "nowhere"], "nowhere"),

@@ -112,7 +112,7 @@ def test_the_card_describes_the_surface_under_the_pointer(opened, lab):
 
 def test_the_track_the_radar_and_placed_objects_are_labelled(opened):
     labels = opened.run("[...document.querySelectorAll('#labels span')].map(n => n.textContent)")
-    assert {"radar", "end, 0.98 m on", "corner_reflector", "x", "y", "z"} <= set(labels)
+    assert {"radar", "end, after 0.98 m", "corner_reflector", "x", "y", "z"} <= set(labels)
     opened.click("#view-radar")
     looking = picture(opened)
     opened.click("#view-overview")

@@ -103,7 +103,7 @@ def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[s
     frames, traced, disk = (sum(one[column] for one in every) for column in ("frames", "traced", "value"))
     held = sum(path.stat().st_size for kind in ("clean", "processed") for path in (store.root / kind).rglob("*") if path.is_file())
     assert disk == pytest.approx(held / 1e6, rel=1e-6)
-    assert f"12 recordings, 12 of them to be made: {frames} frames from {traced} traced states" in first
+    assert f"12 recordings, 12 of them to be simulated: {frames} frames from {traced} traced poses" in first
     assert float(first.split("about ")[1].split(" GB")[0]) == pytest.approx(disk / 1e3, rel=0.2)
 
 
@@ -111,7 +111,7 @@ def test_a_second_run_simulates_nothing(
     config: Config, store: Store, first_run: tuple[list[dict[str, Any]], list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows, again = first_run[0], table.run(config, store, Progress()).rows
-    assert "0 of them to be made" in capsys.readouterr().err
+    assert "0 of them to be simulated" in capsys.readouterr().err
     for one, other in zip(rows, again, strict=True):
         assert (other["metric"], other["value"]) == (one["metric"], one["value"])  # the table reports the stored times again
 

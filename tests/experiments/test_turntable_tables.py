@@ -157,5 +157,5 @@ def test_a_distance_with_the_reflector_alone_has_no_panel_and_no_row() -> None:
     assert {row["case"] for row in shape.rows if row["metric"] == "variation over distance"} == {
         "reflector, 0.6-2.1 m", "reflector, all distances", "mean of objects",
     }  # fmt: skip
-    with pytest.raises(ConfigError, match="two classes"):
+    with pytest.raises(ConfigError, match="two material classes"):
         turntable_material.score(config("turntable_material"), FakeCampaign(objects=("mug",), distances=(1.0,)), Progress())

@@ -83,7 +83,7 @@ def test_a_configuration_cannot_carry_a_key_into_the_results(source: str, tmp_pa
         "# @package _global_\nexperiment: {name: '${oc.env:RADARTWIN_VLM_KEY}', module: evil}\n"
     )
     overrides = ["experiment=evil"] if source == "file" else [f"output=runs-{KEY}"]
-    with pytest.raises(ConfigError, match="holds a secret of the environment") as caught:
+    with pytest.raises(ConfigError, match="contains the secret of an environment variable") as caught:
         Composer([tmp_path]).compose(overrides)
     assert KEY not in str(caught.value)
 

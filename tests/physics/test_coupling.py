@@ -98,7 +98,7 @@ def test_pairs_of_legs_are_limited_with_a_warning():
     every = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, np.inf)
     assert len(every[0]) == 10
     # the squared products of the 11 pairs add up to 0.43
-    with pytest.warns(coupling.CoupledWarning, match="3,000,000 paths over the room; the 11 weakest pairs of legs .* at most about -4 dB"):
+    with pytest.warns(coupling.CoupledWarning, match="3,000,000 paths over the room; in a frame, the 11 weakest .* at most about -4 dB"):
         strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, 4)
     assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 0, 2)]
 

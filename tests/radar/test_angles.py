@@ -190,7 +190,7 @@ REFUSED = {
     "uneven line": (lambda: spectrum(NOISY, uneven(), FREQUENCY, AngleMethod("capon", subarray=5)), "not equally spaced"),
     "antennas in one place": (lambda: uniform_step(np.zeros((4, 3))), "not equally spaced"),
     "large sub-array": (lambda: evaluated(NOISY, AngleMethod("capon", subarray=9)), "use 2 to 8"),
-    "another array": (lambda: evaluated(NOISY, AngleMethod(), antennas=7), "of 8 antennas"),
+    "another array": (lambda: evaluated(NOISY, AngleMethod(), antennas=7), "has 8 antennas"),
     "not finite": (lambda: covariance(np.full((2, 8), np.nan)), "NaN"),
     "no snapshots": (lambda: covariance(np.zeros((0, 8))), "snapshot"),
     "another radar": (lambda: azimuth_spectrum(np.zeros((1, 3, 4)), RADAR, GRID), "2 tx"),

@@ -136,10 +136,10 @@ def test_messages_name_the_mistake() -> None:
     vectors = split("network")
     with pytest.raises(ValueError, match=r"6 values are not pictures of shape \(2, 8, 7\)"):
         SMALL["convolution"].fit(vectors, ANCHORS, SETTINGS, 0)
-    with pytest.raises(ValueError, match="mug has no text anchor"):
+    with pytest.raises(ValueError, match="class mug has no text embedding"):
         SMALL["network"].fit(vectors, {label: ANCHORS[label] for label in ("bottle", "can")}, SETTINGS, 0)
     one = label_free(samples("trees", SIMULATED, 1, objects=("can",)), samples("trees", MEASURED, 2))
-    with pytest.raises(ValueError, match="all training rows are can; give at least two classes"):
+    with pytest.raises(ValueError, match="all training rows have the class can; give at least two classes"):
         SMALL["trees"].fit(one, ANCHORS, SETTINGS, 0)
     fitted = SMALL["convolution"].fit(split("convolution"), ANCHORS, SETTINGS, 0)
     with pytest.raises(ValueError, match=r"not rows of shape \(72, 6\)"):

@@ -110,7 +110,7 @@ def test_the_paired_term_needs_labels_and_moves_pairs_together():
 
 
 def test_messages_name_the_mistake():
-    with pytest.raises(ValueError, match="mug has no text anchor"):
+    with pytest.raises(ValueError, match="class mug has no text embedding"):
         fit(split(), {label: ANCHORS[label] for label in ("can", "bottle")}, SETTINGS)
     with pytest.raises(ValueError, match=r"features of shape \(N, 5\)"):
         fit(split(), ANCHORS, SETTINGS).encoder.embed(np.zeros((2, 4)))

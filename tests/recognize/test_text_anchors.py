@@ -67,7 +67,7 @@ def test_anchors_of_another_model_are_refused(tmp_path, monkeypatch: pytest.Monk
     monkeypatch.setattr(text, "SHIPPED", tmp_path / "anchors.json")
     text.shipped.cache_clear()
     try:
-        with pytest.raises(ValueError, match="are of another, not of"):
+        with pytest.raises(ValueError, match="come from another, not from"):
             text.shipped()
     finally:
         text.shipped.cache_clear()

@@ -64,7 +64,7 @@ def test_only_the_right_pose_convention_is_accepted(walk, tmp_path, convention, 
     folder, lens = written(walk, tmp_path / "frames", convention)
     checked(folder, lens, convention)
     assert np.allclose(load_frames(folder, lens, up="z", poses=convention).poses, walk.poses, atol=1e-6)
-    with pytest.raises(ScanError, match=rf"lie \d+ mm apart; the poses look like .*: give --poses {convention}$"):
+    with pytest.raises(ScanError, match=rf"are \d+ mm apart; the poses look like .*: give --poses {convention}$"):
         checked(folder, lens, other)
 
 
@@ -75,7 +75,7 @@ def test_wrong_depth_unit_is_refused_with_the_right_unit_and_both_room_sizes(wal
         ScanError, match=r"read with 0\.0002 m per count \(a room of .*better with 0\.001 m per count \(a room of 6 x 5"
     ) as caught:
         checked(folder, lens, unit_m=0.0002)
-    assert str(caught.value).endswith("give that as --depth-unit")
+    assert str(caught.value).endswith("give the better unit as --depth-unit")
 
 
 def test_rotating_camera_leaves_the_unit_open_and_lists_both(tmp_path):

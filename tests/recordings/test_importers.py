@@ -86,7 +86,7 @@ def test_missing_frames_and_a_missing_log_are_reported(tmp_path: Path) -> None:
     source.write_bytes(source.read_bytes()[: 3 * FRAME])
     recording, _, notes = read_capture(source)
     assert recording.num_frames == 3
-    assert notes == ["frames are missing: it holds 3; 4 configured, 4 logged"]
+    assert notes == ["frames are missing: the capture holds 3 frames, 4 configured, 4 logged"]
     _, columns, notes = read_capture(capture(tmp_path, log=False))
     assert columns == {}
     assert ["no LogFile.csv" in note for note in notes] == [True]
@@ -251,10 +251,10 @@ MISTAKES = {
     "a column twice in a pattern": ([Entry("{object}_{object}m/run1", MUG)], "object"),
     "two captures with the same conditions": ([Entry("**", {**MUG, "repetition": "0"})], "same object, distance, room, motion"),
     "a distance that is not a number": ([Entry("{object}_{distance_m}/run{repetition}", {**MUG, "distance_m": "near"})], "'near'"),
-    "a trajectory outside the folder": ([Entry("**", {**MUG, "trajectory": "../outside.txt"})], "'../outside.txt', which is not in it"),
+    "a trajectory outside the folder": ([Entry("**", {**MUG, "trajectory": "../outside.txt"})], "'../outside.txt' outside this folder"),
     "a trajectory that is no track": ([Entry("**", {**MUG, "trajectory": "can_1m/run1.bin"})], r"can_1m/run1\.bin"),
     "a missing trajectory": ([Entry("**", {**MUG, "trajectory": "drive.txt"})], "raw/drive.txt: no such trajectory"),
-    "an entry without columns": ([Entry("**", {})], "it has no object; it has no room; it has no motion"),
+    "an entry without columns": ([Entry("**", {})], "column object is missing; column room is missing; column motion is missing"),
 }
 
 
@@ -272,7 +272,7 @@ def test_invalid_mapping_is_refused_before_a_capture_is_read(campaign: Path, ent
         ("m.yaml", "- 1", "keys card and captures"),
         ("m.yaml", "files: []", "keys card and captures"),
         ("m.yaml", "captures: {a: b}", "list of mappings"),
-        ("m.yaml", "captures: [{object: mug}]", r"captures\[0\]: no key file"),
+        ("m.yaml", "captures: [{object: mug}]", r"captures\[0\]: the key 'file' is missing"),
         ("m.csv", "object,room\nmug,lab\n", "no column 'file'"),
         ("m.csv", "file,object\na\n", "line 2: .*one value per column"),
         ("m.csv", "file,object\na,b,c\n", "line 2: .*one value per column"),

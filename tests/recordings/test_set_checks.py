@@ -121,11 +121,11 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "I and Q exchanged": (lambda f: rewrite(f, "a1", filtered), ("recordings/a1: I and Q seem exchanged", "set iq_swapped to true")),
     "a trajectory that is a link": (
         lambda f: (f / "trajectories/a3.csv").rename(f.parent / "a3.csv") and (f / "trajectories/a3.csv").symlink_to(f.parent / "a3.csv"),
-        ("recordings/a3:", "trajectories/a3.csv", "not in it"),
+        ("recordings/a3:", "trajectories/a3.csv", "outside this folder"),
     ),
     "a recording that is a link": (
         lambda f: (f / "recordings/a1.bin").rename(f.parent / "a1.bin") and (f / "recordings/a1.bin").symlink_to(f.parent / "a1.bin"),
-        ("recordings/a1:", "recordings/a1.bin", "not in it"),
+        ("recordings/a1:", "recordings/a1.bin", "outside this folder"),
     ),
     "no trajectory": (lambda f: (f / "trajectories/a3.csv").unlink(), ("recordings/a3: trajectory a3.csv is not there",)),
     "a trajectory that ends early": (

@@ -59,7 +59,7 @@ def test_a_mesh_may_have_a_layered_material(folder):
     ("entry", "error", "words"),
     [
         ("object: meshes/Tin.obj, unit: mm", LayoutError, r"objects\[0\] \(meshes/Tin.obj\) is a mesh, .* give material: NAME"),
-        ("object: meshes/Tin.obj, material: metal", MeshError, r"102 m long in unit=m; .*unit=mm\?"),
+        ("object: meshes/Tin.obj, material: metal", MeshError, r"102 m long in unit=m; .*give unit=mm$"),
         ("object: meshes/Tin.obj, material: metal, unit: furlong", LayoutError, r"objects\[0\]\.unit: 'furlong'"),
         ("object: meshes/Tin.obj, material: cheese, unit: mm", MaterialError, "unknown material 'cheese'"),
         ("object: meshes/gone.obj, material: metal", MissingError, r"meshes/gone\.obj is not there"),

@@ -74,11 +74,11 @@ WRONG = {
     "a word": (LINE + "1 0 0 x 0 0 0 1\n", "line 2: 8 numbers"),
     "seven numbers": (LINE + "1 0 0 0 0 0 1\n", "line 2: 8 numbers"),
     "nan": (LINE + "1 0 nan 0 0 0 0 1\n", "line 2: NaN"),
-    "the same time": (LINE + "1 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n", "line 3: its time 1 s repeats"),
-    "back in time": (LINE + "# between\n-1 0 0 0 0 0 0 1\n", "line 3: its time -1 s goes back"),
-    "a quaternion too long": (LINE + "1 0 0 0.4 0 0 0 2\n", "line 2: a quaternion of length 2"),
+    "the same time": (LINE + "1 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n", "line 3: its time 1 s equals that of"),
+    "back in time": (LINE + "# between\n-1 0 0 0 0 0 0 1\n", "line 3: its time -1 s is earlier than"),
+    "a quaternion too long": (LINE + "1 0 0 0.4 0 0 0 2\n", "line 2: the quaternion has length 2"),
     "a quaternion of nothing": (LINE + "1 0 0 0.4 0 0 0 0\n", "length 0"),
-    "millimetres far": (LINE + "500 900000 0 400 0 0 0 1\n", "millimetres"),
+    "millimetres far": (LINE + "500 900000 0 400 0 0 0 1\n", "convert the coordinates to metres"),
     "millimetres near": (LINE + "1 200 0 0.4 0 0 0 1\n" + "2 0 0 0.4 0 0 0 1\n", "millimetres|metres"),
     "nanoseconds": (LINE + "100000000 0.1 0 0.4 0 0 0 1\n", "nanoseconds"),
 }
@@ -101,5 +101,5 @@ def test_missing_binary_and_incomplete_files_are_refused(tmp_path):
     with pytest.raises(PoseError, match="text"):
         read_track(tmp_path / "picture.txt")
     (tmp_path / "run.csv").write_text("t,x,y\n0,0,0\n")
-    with pytest.raises(PoseError, match="no column z, qx"):
+    with pytest.raises(PoseError, match="lacks the column z, qx"):
         read_track(tmp_path / "run.csv")

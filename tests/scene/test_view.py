@@ -105,7 +105,7 @@ def test_a_large_scene_is_thinned_for_the_page_only():
         assert np.allclose(before.bounds, after.bounds, atol=cell)
         assert after.area == pytest.approx(before.area, rel=0.15)  # noise at cell borders adds area
     content, _ = describe(Scene([Surface(m, "wood", role="room") for m in meshes]), max_faces=30_000)
-    assert "thinned for this page" in content["note"]
+    assert "reduced for this page" in content["note"]
     assert f"{sum(len(m.faces) for m in meshes):,} triangles" in content["note"]
     assert display_mesh.thinned(meshes, 10**6) == (meshes, 0.0)
 

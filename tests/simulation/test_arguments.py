@@ -29,7 +29,7 @@ TWO, THREE = np.repeat(POSE, 2, axis=0), np.repeat(POSE, 3, axis=0)
         ({"motion": [1]}, "motion must map"),
         ({"motion": {"box": "x"}}, "motion of 'box'"),
         ({"motion": {"nobody": POSE}}, "motion names surface 'nobody'"),
-        ({"sensor_poses": TWO, "motion": {"box": THREE}}, "differ in length"),
+        ({"sensor_poses": TWO, "motion": {"box": THREE}}, r"sensor poses and motion have \[2, 3\] frames; give one number"),
         ({"rays": "a"}, "rays must be"),
         ({"rays": True}, "rays must be"),
         ({"rays": 10**12}, "rays must be a whole number from 1 to"),

@@ -74,7 +74,7 @@ def test_room_of_too_many_faces_is_traced_by_tubes_with_a_warning(monkeypatch: p
     static, _ = of_flat(10)
     assert static.is_flat
     monkeypatch.setattr(static_scene, "MAX_FACES", 11)
-    with pytest.warns(RoomWarning, match="12 flat faces, over MAX_FACES = 11; it is traced by ray tubes, without edges"):
+    with pytest.warns(RoomWarning, match="12 flat faces, over MAX_FACES = 11; ray tubes trace it, without edge diffraction"):
         assert not replace(static).is_flat
 
 

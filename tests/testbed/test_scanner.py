@@ -249,7 +249,7 @@ def test_accuracy_of_a_mesh_ignores_the_position_of_the_whole():
     [
         (Scene([]), {}, SceneError, "empty scene"),
         (rooms.lab(), {"strength": -1}, SceneError, "strength"),
-        (Scene([Surface(trimesh.creation.box((0.6, 0.6, 2.5)), "wood", "cupboard")]), {}, SceneError, "nowhere to stand"),
+        (Scene([Surface(trimesh.creation.box((0.6, 0.6, 2.5)), "wood", "cupboard")]), {}, SceneError, "no free floor"),
         (rooms.lab(), {"poses": np.diag([1.0, 1, -1, 1])[None]}, PoseError, "mirrors"),
     ],
 )

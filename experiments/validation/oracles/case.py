@@ -70,5 +70,5 @@ def reference_rows(name: str) -> list[dict[str, str]]:
     """Return the rows of the reference table `name`. Raises Untestable if the file is absent."""
     path = REFERENCE / name
     if not path.is_file():
-        raise Untestable(f"reference table {name} is not here")
+        raise Untestable(f"reference table {name} is missing")
     return list(csv.DictReader(path.read_text().splitlines()))

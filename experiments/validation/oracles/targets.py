@@ -216,7 +216,7 @@ def scanned(name: str) -> trimesh.Trimesh:
     """Return the mesh of a scanned object, moved so that its centre is at the origin. Raises Untestable if the file is absent."""
     path = OBJECTS / "ycb" / f"{name}.obj"
     if not path.is_file():
-        raise Untestable(f"scanned object {name}.obj is not here")
+        raise Untestable(f"scanned object {name}.obj is missing")
     mesh = trimesh.load_mesh(path)
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     return mesh

@@ -70,7 +70,7 @@ class Trees:
 
         rows = split.train
         if len(rows.classes) < 2:
-            raise InputError(f"trees: all training rows are {''.join(rows.classes)}; give at least two classes")
+            raise InputError(f"trees: all training rows have the class {''.join(rows.classes)}; give at least two classes")
         fewest = int(np.unique(rows.label, return_counts=True)[1].min())
         options: dict[str, Any] = {"early_stopping": False, "class_weight": "balanced", "random_state": seed}
         model = HistGradientBoostingClassifier(

@@ -67,7 +67,7 @@ def model_card(objects: Sequence[OwnObject], trained: TrainedOn, epochs: int, te
         *_accuracy(tested, trained),
         "## Use",
         *_paragraph(
-            "Put one of the objects on a turntable in front of the radar, with the radar level with the middle of the object's height. "
+            "Put one of the objects on a turntable in front of the radar, with the radar at the height of the object's middle. "
             "Record at least one whole revolution. `FOLDER` is the folder of this file. `--distance` is the distance in metres from the "
             "radar to the axis of the turntable, and `--period` is the duration of a revolution in seconds."
         ),
@@ -145,7 +145,7 @@ def _limits(trained: TrainedOn) -> list[str]:
 
 def _randomised(trained: TrainedOn) -> str:
     drawn = ", ".join(f"{name} {strength:g}" for name, strength in trained.randomise.items() if strength)
-    return f"{drawn}; {trained.variants} turntables and objects per revolution" if drawn else "nothing but noise"
+    return f"{drawn}; {trained.variants} random sets of turntable and object errors per revolution" if drawn else "nothing but noise"
 
 
 def _size(one: OwnObject) -> str:

@@ -39,7 +39,10 @@ def load_arkit(folder: Path, unit_m: float, up: str, colour_only: bool) -> Frame
     else:
         numbers = sorted(cameras)
         if odd := sorted(cameras.keys() ^ depths.keys()):
-            raise ScanError(f"{folder}: {len(cameras)} frame_N.json and {len(depths)} depth_N.png; number {odd[0]} lacks one of them")
+            raise ScanError(
+                f"{folder}: {len(cameras)} frame_N.json and {len(depths)} depth_N.png; number {odd[0]} lacks one of the two; export it "
+                "again"
+            )
         check_depth([depths[n] for n in numbers], unit_m, str(folder))
     described = [_arkit_camera(cameras[n]) for n in numbers]
     poses = z_up(np.array([pose for pose, _ in described]).reshape(-1, 4, 4) @ CAMERA_FLIP, up)
@@ -100,7 +103,7 @@ def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up
             matched = _nearest(colour_times, time)
             colours.append(colour_files[matched] if matched is not None else None)
     if not chosen:
-        raise ScanError(f"{folder}: no picture has a pose within {TUM_MAX_S} s in groundtruth.txt; do the clocks of the files agree?")
+        raise ScanError(f"{folder}: no picture has a pose within {TUM_MAX_S} s in groundtruth.txt; use files of one clock")
     names = [f"{times[i]:.6f}" for i in chosen]
     depths = [depth_files[i] for i in chosen] if not colour_only else []
     world = camera_to_world(_from_quaternions(np.array(poses)), convention)
@@ -167,7 +170,7 @@ def _numbers(path: Path, columns: int) -> np.ndarray:
         except ValueError:
             row = []
         if len(row) != columns:
-            raise ScanError(f"{path}, line {number}: {len(words)} words; a row is {columns} numbers")
+            raise ScanError(f"{path}, line {number}: {len(words)} words; write {columns} numbers in each row")
         rows.append(row)
     if not rows:
         raise ScanError(f"{path} holds no poses; export the trajectory with the frames")
@@ -226,6 +229,6 @@ def _upward(poses: np.ndarray, folder: Path) -> str:
     axis = int(np.argmax(np.abs(mean)))
     if np.abs(mean[axis]) < 0.6:  # upright cameras that look 50 degrees downwards give the cosine 0.64
         raise ScanError(
-            f"{folder}: the cameras' mean up vector {np.round(mean, 2).tolist()} is near no axis; give --up {', '.join(TO_Z_UP)}"
+            f"{folder}: the cameras' mean up vector {np.round(mean, 2).tolist()} is near no axis; give --up as one of {', '.join(TO_Z_UP)}"
         )
     return ("" if mean[axis] > 0 else "-") + "xyz"[axis]

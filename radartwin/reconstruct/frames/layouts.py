@@ -46,7 +46,7 @@ def layout_of(folder: Path) -> Layout:
             return layout
     if any(folder.glob("depth_*.png")) or any((folder / name).is_dir() for name in ("depth", "color", "colour", "rgb")):
         raise ScanError(f"{folder}: pictures but no poses; add frame_N.json, pose.txt or groundtruth.txt, whichever the app exports")
-    raise ScanError(f"{folder}: no frames found; known are {INDEX}, frame_N.json (ARKit), pose.txt and groundtruth.txt (TUM)")
+    raise ScanError(f"{folder}: no frames found; give a folder with {INDEX}, frame_N.json (ARKit), pose.txt or groundtruth.txt (TUM)")
 
 
 def load_frames(
@@ -80,9 +80,9 @@ def load_frames(
     folder = Path(folder)
     layout = layout_of(folder)
     if up is not None and up not in TO_Z_UP:
-        raise ScanError(f"--up {up}: choose {', '.join(TO_Z_UP)}")
+        raise ScanError(f"--up {up} is unknown; choose {', '.join(TO_Z_UP)}")
     if poses is not None and poses not in POSE_CONVENTIONS:
-        raise ScanError(f"--poses {poses}: choose {', '.join(POSE_CONVENTIONS)}")
+        raise ScanError(f"--poses {poses} is unknown; choose {', '.join(POSE_CONVENTIONS)}")
     given = {"--intrinsics": intrinsics, "--depth-unit": depth_unit_m, "--up": up, "--poses": poses}
     for option, value in given.items():
         if value is not None and option not in layout.options:

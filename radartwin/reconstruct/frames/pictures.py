@@ -40,7 +40,7 @@ def read_depth(path: Path, unit_m: float) -> np.ndarray:
     """Read a depth picture of one channel. Return the depth (h, w) as float32 in metres; 0 at pixels without depth."""
     counts = read_picture(path)
     if counts.ndim != 2:
-        raise ScanError(f"{path}: a depth picture has one channel, this one has shape {counts.shape}; is it a colour picture?")
+        raise ScanError(f"{path}: a depth picture has one channel, this picture has shape {counts.shape}; give a depth picture")
     depth = counts.astype(np.float32) * np.float32(unit_m)
     return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
 
@@ -49,7 +49,7 @@ def read_colour(path: Path) -> np.ndarray:
     """Read a colour or grey picture with 8 bits per channel as colour (H, W, 3) uint8."""
     pixels = read_picture(path)
     if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3):
-        raise ScanError(f"{path}: a colour picture has 8 bits per channel, this one is {pixels.dtype} of shape {pixels.shape}")
+        raise ScanError(f"{path}: a colour picture needs 8 bits per channel, not {pixels.dtype} of shape {pixels.shape}; export it again")
     return np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else np.ascontiguousarray(pixels[..., :3])
 
 

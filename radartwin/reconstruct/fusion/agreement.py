@@ -134,7 +134,7 @@ def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: 
         fits = [described(a, u) for a, u in better if a.apart_m < EQUAL_RATIO * smallest]
         raise ScanError(
             f"{source}: the depth was read with {described(given, unit_m)}, and fits the poses better with {' or '.join(fits)}; "
-            "give that as --depth-unit"
+            "give the better unit as --depth-unit"
         )
     equal = [described(a, u) for a, u in found if a.pairs >= MIN_PAIRS * given.pairs and a.apart_m < EQUAL_RATIO * given.apart_m]
     if equal:
@@ -165,4 +165,4 @@ def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:
 def _distance(agreement: Agreement, scale: float) -> str:
     if not agreement.pairs:
         return "no two views overlap"
-    return f"overlapping views lie {1000 * agreement.apart_m / scale:.0f} mm apart"
+    return f"the surfaces in overlapping views are {1000 * agreement.apart_m / scale:.0f} mm apart"

@@ -97,7 +97,8 @@ class FusionReport:
             f"{self.source}: {self.frames_used} of {self.frames} frames fused, voxels of {1000 * self.voxel_m:.0f} mm, scale {self.scale}",
             f"{self.vertices} vertices, {self.faces} faces, {self.area_m2:.1f} m2, {x:.2f} x {y:.2f} x {z:.2f} m",
             f"depth pixels lie {1000 * self.residual_rms_m:.1f} mm rms ({1000 * self.residual_median_m:.1f} mm median) from the surface; "
-            f"{100 * self.explained:.1f} % lie near it; {100 * self.coloured:.0f} % of the vertices have colour",
+            f"{100 * self.explained:.1f} % lie within {1000 * self.truncation_m:.0f} mm; {100 * self.coloured:.0f} % of the vertices have "
+            "colour",
             f"{self.holes.count} holes, {self.holes.area_m2:.2f} m2 in all, the largest {self.holes.largest_m2:.2f} m2; "
             f"{self.holes.boundary_m:.1f} m of boundary; {self.small_parts} floating parts removed",
         ]
@@ -105,7 +106,7 @@ class FusionReport:
             a = self.alignment
             lines.append(
                 f"drift: poses moved by up to {1000 * a.largest_shift_m:.0f} mm and {a.largest_turn_deg:.2f} degrees; "
-                f"overlapping views lie {1000 * a.after_m:.1f} mm apart, {1000 * a.before_m:.1f} mm before"
+                f"the surfaces in overlapping views are {1000 * a.after_m:.1f} mm apart, before {1000 * a.before_m:.1f} mm"
             )
         return lines
 
@@ -265,7 +266,8 @@ def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.n
             low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
     if not used:
         raise ScanError(
-            f"{views.frames.source}: no usable depth within {views.max_range_m:g} m in any of {len(views)} frames; is it a scan of a room?"
+            f"{views.frames.source}: no usable depth within {views.max_range_m:g} m in any of {len(views)} frames; scan from nearer, or "
+            "correct --depth-unit"
         )
     return low, high, used
 

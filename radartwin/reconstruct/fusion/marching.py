@@ -46,7 +46,7 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
         faces.append(triangles + count)
         count += len(corners)
     if not count:
-        raise ScanError("the frames show no surface often enough; check that poses and depth belong to the same scan")
+        raise ScanError("no surface is visible in enough frames; check that poses and depth belong to the same scan")
     mesh = trimesh.Trimesh(np.vstack(vertices), np.vstack(faces), process=False)
     mesh.merge_vertices(digits_vertex=4)  # coordinates are in voxels here; merging closes the seams between pieces
     mesh.update_faces(mesh.nondegenerate_faces(height=1e-4))

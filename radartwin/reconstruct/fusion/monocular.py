@@ -99,7 +99,7 @@ class DepthModel:
             depth = self.network(pixel_values=torch.from_numpy(np.ascontiguousarray(pixels))[None]).predicted_depth[0]
         out = depth.float().numpy()
         if not np.isfinite(out).all():
-            raise ScanError(f"{self.name}: the estimated depth is not finite; are the weights complete?")
+            raise ScanError(f"{self.name}: the estimated depth is not finite; copy the weights again")
         return np.squeeze(out)
 
 

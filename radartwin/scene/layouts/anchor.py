@@ -69,7 +69,7 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
     wanted = words(text)
     if len(wanted) == 1 and wanted[0] in SENSOR_NAMES:
         if sensor_pose is None:
-            raise LayoutError(f"'{text}' is used as an anchor, and no sensor pose is given; give one, or another anchor")
+            raise LayoutError(f"'{text}' means the sensor, but no sensor pose is given; give a sensor pose, or name another thing")
         return [_sensor(np.asarray(sensor_pose, dtype=np.float64).reshape(-1, 4, 4)[0])]
     same = [s for s in scene if s.name == text.strip()] or [s for s in scene if words(s.name) == wanted]
     matching = same or [s for s in scene if wanted and set(wanted) <= set(words(s.name))]
@@ -118,7 +118,7 @@ def floor(scene: Scene) -> Surface:
     named = [s for s in scene if "floor" in words(s.name)]
     level = named or [s for s in scene if s.kind == "room" and level_area(s) > 1.0]
     if not level:
-        raise LayoutError("the scene has no floor; give on, or position_m with held: true")
+        raise LayoutError("the scene has no floor for the object; give the key on, or position_m with held: true")
     lowest = min(float(s.mesh.bounds[0, 2]) for s in level)
     return max((s for s in level if s.mesh.bounds[0, 2] < lowest + 0.1), key=level_area)
 
@@ -133,7 +133,7 @@ def _without_parts(name: str) -> str:
 def _sensor(pose: np.ndarray) -> Anchor:
     forward = pose[:2, 0]
     if np.linalg.norm(forward) < 1e-6:
-        raise LayoutError("the sensor looks straight up or down and has no front; use another anchor")
+        raise LayoutError("the sensor looks straight up or down and has no front; name another thing")
     forward = forward / np.linalg.norm(forward)
     return Anchor("the sensor", (), pose[None, :2, 3], forward, np.array([-forward[1], forward[0]]))
 

@@ -185,7 +185,7 @@ class Layout:
         try:
             value = yaml.load(path.read_text(encoding="utf-8"), _loader())
         except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]})") from error
+            raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]}); write valid YAML") from error
         layout = cls.from_dict(value, str(path))
         return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
 

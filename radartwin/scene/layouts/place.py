@@ -143,7 +143,7 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
     tilt_deg = _tilt_deg(support, at, limit_m)
     if tilt_deg > MAX_TILT_DEG:
         where = f"{support.name} is tilted by {tilt_deg:.1f} degrees at ({at[0]:.3g}, {at[1]:.3g}) m"
-        raise LayoutError(f"{where}, and objects slide at {MAX_TILT_DEG:g}; choose another place")
+        raise LayoutError(f"{where}, but objects slide above {MAX_TILT_DEG:g} degrees; choose another place")
     share = float((heights > heights.max() - FLOATING_M).mean())
     if share < STANDS_SHARE:
         raise LayoutError(f"'{name}' has only {share:.0%} of its base on {support.name}, which {_extent(support)}; move it inwards")
@@ -191,7 +191,7 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
                 possible.append((surface, related, positions))
     sentence = _sentence(item)
     if not possible:
-        raise LayoutError(f"there is no place for the {sentence}; {_described(choices, on)}")
+        raise LayoutError(f"there is no place for the {sentence}; choose another place ({_described(choices, on)})")
     if len(possible) > 1:
         raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
     surface, _, positions = possible[0]

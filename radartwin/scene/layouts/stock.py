@@ -81,7 +81,9 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
     high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
     extent = float((high - low).max())
     if np.isfinite(extent) and not SMALLEST_M <= extent <= LARGEST_M:
-        raise MeshError(f"{path} is {extent:.4g} m long in unit={unit}; objects measure 1 cm to 1 m.{_unit_hint(extent / UNITS[unit])}")
+        raise MeshError(
+            f"{path} is {extent:.4g} m long in unit={unit}; an object must be 1 cm to 1 m long; {_unit_hint(extent / UNITS[unit])}"
+        )
     for mesh in moved:
         check_mesh(mesh, str(path))
     shift = -np.append((low + high)[:2] / 2, low[2])
@@ -92,4 +94,4 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
 def _unit_hint(length: float) -> str:
     """Return a question for an error message that suggests the length units in which the object would be 5 to 35 cm long."""
     fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
-    return f" Pass unit={' or unit='.join(fits)}?" if fits else ""
+    return f"give unit={' or unit='.join(fits)}" if fits else "give another unit or mesh"

@@ -173,7 +173,7 @@ def check_options(
     if len(size) != 3:
         raise SceneError(f"{room}: size_m has {len(size)} numbers; give length, width and height in metres, {bounds}")
     if not all(low <= value <= high for low, value, high in zip(least, size, most, strict=True)):
-        raise SceneError(f"{room}: size {size[0]} x {size[1]} x {size[2]} m; {bounds}")
+        raise SceneError(f"{room}: size_m {size[0]} x {size[1]} x {size[2]} m is out of range; give {bounds}")
     return size
 
 

@@ -85,7 +85,7 @@ def _columns(names: Sequence[str], source: str) -> list[str]:
     columns = ["t", "x", "y", "z", *orientation]
     if missing := [name for name in columns if name not in names]:
         raise PoseError(
-            f"{source}: its first line names no column {', '.join(missing)}; name {','.join(TUM)} (or yaw_deg for the last four)"
+            f"{source}: the first line lacks the column {', '.join(missing)}; name {','.join(TUM)} (or yaw_deg for the last four)"
         )
     return columns
 

@@ -88,7 +88,7 @@ class Track:
             PoseError: the frame rate is not positive, the start is outside the track, or the track covers fewer than `frames` frames.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0) or not 0 <= start_s <= self.duration_s:
-            raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; give a rate above zero")
+            raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; correct rate or start")
         covered = int(np.floor((self.duration_s - start_s) * rate_hz + 1e-6)) + 1
         if frames is not None and not 1 <= frames <= covered:
             raise PoseError(f"{self.source} holds {covered} frames at {rate_hz:g} Hz, not {frames}; request fewer frames")
@@ -136,7 +136,7 @@ def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np
     length = np.asarray(np.linalg.norm(quaternions, axis=1))
     if (wrong := ~(np.abs(length - 1) < UNIT_TOLERANCE)).any():
         at = _first(wrong)
-        raise PoseError(f"{place(at)}: a quaternion of length {length[at]:.4g}; it must be one, in the order qx qy qz qw")
+        raise PoseError(f"{place(at)}: the quaternion has length {length[at]:.4g}, not 1; check the order qx qy qz qw")
     return Rotation.from_quat(quaternions).as_matrix()
 
 
@@ -151,8 +151,10 @@ def check_samples(times_s: np.ndarray, values: np.ndarray, place: Callable[[int]
     steps = np.diff(times_s)
     if (steps <= 0).any():
         at = _first(steps <= 0)
-        problem = "repeats the time of" if steps[at] == 0 else "goes back behind"
-        raise PoseError(f"{place(at + 1)}: its time {times_s[at + 1]:.9g} s {problem} the pose before; sort the poses and drop doubles")
+        problem = "equals" if steps[at] == 0 else "is earlier than"
+        raise PoseError(
+            f"{place(at + 1)}: its time {times_s[at + 1]:.9g} s {problem} that of the pose before; sort the poses and drop duplicates"
+        )
 
 
 def _first(mask: ArrayLike) -> int:

@@ -97,7 +97,7 @@ def at_distances(start: ArrayLike, direction: ArrayLike, distances_m: np.ndarray
     """
     direction = np.asarray(direction, dtype=np.float64)
     if not np.linalg.norm(direction) > 0:
-        raise PoseError("rail: the direction has no length; give a world vector")
+        raise PoseError("rail: the direction is zero; give a vector of the world frame that is not zero")
     out = static(start, len(distances_m))
     out[:, :3, 3] += distances_m[:, None] * direction / np.linalg.norm(direction)
     return out
@@ -159,7 +159,7 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
         top = f"to {ceiling_m:.3g} m" if np.isfinite(ceiling_m) else "up and has no ceiling"
         raise PoseError(
             f"the sensor at frame {frame} is {where}: z = {z[frame]:.3g} m, and the room reaches from {floor_m:.3g} {top}; "
-            "is z up, and do the poses have the given axes (sensor or optical)?"
+            "check that z is up and that the axes of the poses are right (sensor or optical)"
         )
 
 
@@ -173,7 +173,7 @@ def check_speed(poses: np.ndarray, frame_rate_hz: float, limit_mps: float, what:
     if speed.size and speed.max() > limit_mps:
         count, frame = int((speed > limit_mps).sum()), int(np.argmax(speed))
         warnings.warn(
-            f"{what} moves at up to {speed.max():.3g} m/s (frame {frame}), and the radar's Doppler folds at {limit_mps:.3g} m/s: "
+            f"{what} moves at up to {speed.max():.3g} m/s (frame {frame}), but its Doppler is unambiguous only up to {limit_mps:.3g} m/s: "
             f"{count} of {len(speed) + 1} frames alias; slow down or shorten the chirp interval",
             stacklevel=2,
         )

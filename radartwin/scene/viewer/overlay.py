@@ -83,4 +83,4 @@ class Overlay:
         self._label("radar", positions[0] + [0, 0, 0.1], TRACK_RGB)
         length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
         if length > 0.05:
-            self._label(f"end, {length:.2f} m on", positions[-1] + [0, 0, 0.1], TRACK_RGB)
+            self._label(f"end, after {length:.2f} m", positions[-1] + [0, 0, 0.1], TRACK_RGB)

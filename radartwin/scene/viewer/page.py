@@ -134,7 +134,7 @@ def _surface(surface: Surface, index: int, wall: dict[str, list[float]] | None, 
     if (category := provenance.get("minc")) is not None:
         facts.append(["category", str(category)])
     if (stand_in := provenance.get("stand_in")) is not None:
-        facts.append(["stand-in", ("yes: the table has no row of its own" if stand_in is True else str(stand_in)) if stand_in else "no"])
+        facts.append(["stand-in", ("yes: another material is used" if stand_in is True else str(stand_in)) if stand_in else "no"])
     return {
         "name": name,
         "material": material_label(surface.material),
@@ -207,5 +207,5 @@ def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
     note = f"{len(scene)} surfaces, {faces:,} triangles, {dimensions} m"
     if cell:
         shown = sum(len(m.faces) for m in meshes)
-        note += f" · thinned for this page to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all"
+        note += f" · reduced for this page to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all triangles"
     return note

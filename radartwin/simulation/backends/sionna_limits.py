@@ -31,16 +31,16 @@ def warnings_for(
     """
     silent = _silent(surfaces, mesh, found["face"])
     if silent:
-        yield f"sionna: no path over {_listed(silent)}: facets of corners and curves reflect nothing back to their source"
+        yield f"sionna: no path over {_listed(silent)}, because flat facets of corners and curved surfaces reflect no ray back to the radar"
     over = _too_small(surfaces, mesh, found, wavelength_m)
     if over:
         worst = max(over, key=lambda name: over[name])
         yield (
-            f"sionna: {_listed(list(over))} returns the level of an infinite mirror, "
-            f"{'up to ' if len(over) > 1 else ''}{over[worst]:.1f} dB more than its area allows"
+            f"sionna: the echo of {_listed(list(over))} has the level of an infinite mirror, "
+            f"{'up to ' if len(over) > 1 else ''}{over[worst]:.1f} dB more than that of its area"
         )
     if diffuse and found["scattered"].any():
-        yield "sionna: diffuse paths add coherently; their level grows with `rays` and is not a power"
+        yield "sionna: diffuse paths add coherently, so that their level grows with `rays` and is not the diffuse power"
 
 
 def _silent(surfaces: Sequence[Surface], mesh: Mesh, face: np.ndarray) -> list[str]:

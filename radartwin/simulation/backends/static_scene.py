@@ -76,7 +76,7 @@ class StaticScene:
             return False
         if len(found.offset) > MAX_FACES:
             warnings.warn(
-                f"the room has {len(found.offset)} flat faces, over MAX_FACES = {MAX_FACES}; it is traced by ray tubes, without edges",
+                f"the room has {len(found.offset)} flat faces, over MAX_FACES = {MAX_FACES}; ray tubes trace it, without edge diffraction",
                 RoomWarning, stacklevel=2,
             )  # fmt: skip
             return False

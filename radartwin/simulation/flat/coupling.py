@@ -297,8 +297,9 @@ def _pairs(
         rows += [(frame, a, b) for frame in range(frames) for a, b in of_place[place_of[frame]]]
     if omitted > TARGET_ERROR:
         warnings.warn(
-            f"an object has more than COUPLED = {COUPLED:,} paths over the room; the {cut} weakest pairs of legs of a frame are left out, "
-            f"at most about {20 * np.log10(omitted):.0f} dB relative to the echo of the object in free space",
+            f"an object has more than COUPLED = {COUPLED:,} paths over the room; in a frame, the {cut} weakest combinations of a way out "
+            f"and a way back are left out, whose power is at most about {20 * np.log10(omitted):.0f} dB relative to the echo of the object "
+            "in free space",
             CoupledWarning, stacklevel=2,
         )  # fmt: skip
     out = np.array(rows, int).reshape(-1, 3)

@@ -76,7 +76,7 @@ def _closed_walk(scene: Scene) -> np.ndarray:
     clear = CELL_M * np.asarray(ndimage.distance_transform_edt(~blocked))
     parts = np.asarray(label(clear >= CLEARANCE_M, connectivity=1))
     if not parts.any():
-        raise SceneError(f"nowhere to stand {CLEARANCE_M} m from all surfaces; pass camera poses")
+        raise SceneError(f"scan: no free floor {CLEARANCE_M} m from all surfaces; give camera poses")
     largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
     free = parts == largest
     cells = np.argwhere(free)
