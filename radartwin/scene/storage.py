@@ -178,6 +178,6 @@ def _read_plain(path: Path, material: str | Layered | None) -> tuple[list[Surfac
     if material is None:
         raise SceneError(
             f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER --material NAME "
-            "(in Python: Scene.load(path, material=NAME))"
+            "(in Python, Scene.load takes the material of all surfaces)"
         )
     return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}

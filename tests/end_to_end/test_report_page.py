@@ -76,7 +76,13 @@ def test_tab_reaches_every_control(opened: browser.Page) -> None:
     frames = "document.querySelectorAll('iframe[data-fit]')"
     for k in range(opened.run(f"{frames}.length")):
         opened.run(f"{frames}[{k}].scrollIntoView()")
-        opened.until(f"{frames}[{k}].style.height !== ''")  # once all frames have their height, no element of the page moves
+        opened.until(f"{frames}[{k}].style.height !== ''")
+    # the elements of the page rest once its height does not change for a second
+    opened.run("window.tall = [0, 0]")
+    opened.until(
+        "(() => { const h = document.documentElement.scrollHeight, now = performance.now(); if (h !== tall[0]) tall = [h, now];"
+        " return now - tall[1] > 1000; })()"
+    )
     opened.run("scrollTo(0, 0)")
     every = f"[...document.querySelectorAll({json.dumps(FOCUSABLE)})]"
     opened.run(f"{every}.forEach((one, k) => {{ one.dataset.stop = k; }}); document.activeElement.blur()")
