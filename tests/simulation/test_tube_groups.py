@@ -44,7 +44,6 @@ def test_joined_groups_are_the_groups_one_after_the_other():
     assert together.face is None
 
 
-@pytest.mark.skipif(variant.has_cuda(), reason="counts the kernels of the processor")
 def test_other_numbers_of_tubes_need_no_new_kernels():
     import drjit as dr
 

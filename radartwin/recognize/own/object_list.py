@@ -121,8 +121,8 @@ def read_objects(path: str | Path, contents: str = "filled") -> tuple[OwnObject,
     """Read the objects of a YAML file, sorted by name. Paths of meshes are relative to the folder of the file.
 
     Args:
-        contents: "filled" or "unknown", which is what the simulation knows of the contents of an object of the catalogue, see
-            `radartwin.scene.objects.Entry.surfaces`.
+        contents: "filled" simulates objects of the catalogue with their contents, and "unknown" simulates only their outermost material
+            (see `radartwin.scene.objects.Entry.surfaces`).
     Raises:
         MissingError: the file or a mesh does not exist.
         InputError: the file is not YAML or not such a list, or an object cannot be used. The message names the object.
