@@ -133,7 +133,7 @@ def cores() -> int:
     """Return the number of processor cores that this process should use now.
 
     With more threads than cores, the threads wait for each other: two drives that two processes simulated at the same time on two cores
-    took 16 to 27 % longer with two threads per process than with one.
+    took 18 to 35 % longer with two threads per process than with one.
     """
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, allowed // max(1, _sharing()))

@@ -130,7 +130,7 @@ class RecognitionRows(RowList):
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
         found = replace(self._clustered(ours - theirs, recordings), limits=SIGNED)
         unequal = np.unique(recordings.cell[ours != theirs]).size
-        few = f"both differ in {unequal} of at least {FEWEST_UNEQUAL} groups of recordings" if unequal < FEWEST_UNEQUAL else ""
+        few = f"both methods differ in {unequal} groups of recordings ({FEWEST_UNEQUAL} needed)" if unequal < FEWEST_UNEQUAL else ""
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
         claim = replace(claim, above=LEAST_GAIN, untestable=ceiling or few)
         case = {**case, **statistics_columns(len(recordings), 0.0)}

@@ -5,8 +5,8 @@ those of a Bartlett beamformer with a Hamming window over the places of the ante
 otherwise have detections at their common sidelobes.
 A detection is a local maximum of this map that exceeds the threshold of a cell-averaging CFAR along range and lies within DEPTH_DB of the
 strongest cell of the frame. A detection is dropped if it is within BESIDE_BINS of a stronger detection and more than LOBE_DB weaker,
-because it may be a sidelobe of the stronger detection in azimuth. A Doppler bin of the IWR1843 is 0.93 m/s wide and the rover is
-slower, so that velocity does not separate detections.
+because it may be a sidelobe of the stronger detection in azimuth. A Doppler bin of the IWR1843 is 0.93 m/s wide and the rover is slower, so
+that velocity does not separate detections.
 """
 
 from __future__ import annotations

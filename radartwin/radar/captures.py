@@ -52,7 +52,7 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
         return _load_cube(path, radar, iq_swapped)
     if cascade_capture.is_cascade_capture(path):
         if radar is None:
-            raise RecordingError(f"{path}: a capture of the cascade does not name its radar; give it with --radar, such as awr2243_cascade")
+            raise RecordingError(f"{path}: a capture of the cascade does not name its radar; give it (--radar), such as awr2243_cascade")
         return from_counts(path, cascade_capture.read_counts(path, radar), radar, iq_swapped)
     bin_path, json_path = recording_files(path)
     if radar is None and (json_path.is_file() or not bin_path.is_file()):
@@ -120,15 +120,15 @@ def description_beside(path: Path) -> Path:
     if len(found) == 1 or same:
         return (same or found)[0]
     if found:
-        raise MissingError(f"{path}: {len(found)} .mmwave.json files are beside it; give the right file with --radar")
-    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give a radar file with --radar")
+        raise MissingError(f"{path}: {len(found)} .mmwave.json files are beside it; give the right file as radar (--radar)")
+    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give a radar file as radar (--radar)")
 
 
 def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Recording:
     if not path.is_file():
         raise MissingError(f"{path}: no such file; check the path")
     if radar is None:
-        raise RecordingError(f"{path}: a {path.suffix} cube does not name its radar; give a .cfg, .mmwave.json or .yaml with --radar")
+        raise RecordingError(f"{path}: a {path.suffix} cube does not name its radar; give a .cfg, .mmwave.json or .yaml as radar (--radar)")
     try:
         stored = {"iq": files.read_array(path)} if path.suffix == ".npy" else files.read_arrays(path)
     except (InputError, OSError) as error:

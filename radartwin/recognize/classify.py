@@ -136,5 +136,5 @@ def changing_range(processed: Processed) -> float:
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     moving = np.where(inside, moving, 0.0)
     if not moving.max() > 0:
-        raise InputError("no echo of the recording changes, so the turning target is not found; give its distance with --distance")
+        raise InputError("no echo of the recording changes, so the turning target is not found; give its distance (--distance)")
     return float(processed.range_m[int(moving.argmax())])

@@ -350,7 +350,7 @@ def test_a_gain_with_few_unequal_answers_is_untestable():
     for unequal, verdict in ((5, "untestable"), (6, "holds")):
         better = np.arange(20)[None] < unequal
         assert rows.gain({}, better, wrong, recordings, ["0" * 32], claim)["verdict"] == verdict
-    assert "5 of at least 6 groups" in rows[0]["reason"]
+    assert "5 groups of recordings (6 needed)" in rows[0]["reason"]
 
 
 def test_no_setting_was_chosen_on_reported_recordings():
