@@ -46,20 +46,20 @@ SHELL = re.compile("floor|ceiling|wall_[a-z]+")  # names of the true surfaces th
 SHELL_IOU = 0.8  # a wall, floor or ceiling is one segment above this intersection over union
 # metric -> (claim, limit or None, whether the limit is a minimum)
 TARGETS: dict[str, tuple[str, float | None, bool]] = {
-    "median_mm": ("half of the surface is this near the truth", 15.0, False),
-    "p95_mm": ("95 % of the surface are this near the truth", 50.0, False),
-    "coverage": ("of what the sensor saw is in the mesh", 0.9, True),
-    "shell_single": ("walls, floor and ceiling that are one segment", 1.0, True),
-    "precision": ("of a surface's segment lies on it, mean over surfaces that have one", 0.9, True),
-    "recall": ("of what was seen of a surface is in its segment, 0 for absent ones, mean over surfaces", 0.9, True),
-    "glass_recall": ("of glass and mirrors is in segments of glass or mirror, completed where nothing was seen", 0.5, True),
+    "median_mm": ("half of the surface is within this distance of the true surface", 15.0, False),
+    "p95_mm": ("95 % of the surface is within this distance of the true surface", 50.0, False),
+    "coverage": ("share of the seen surface that is in the mesh", 0.9, True),
+    "shell_single": ("share of walls, floor and ceiling that are one segment", 1.0, True),
+    "precision": ("share of a segment that lies on its surface, mean over surfaces with a segment", 0.9, True),
+    "recall": ("share of the seen part of a surface that is in its segment (0 without a segment), mean over surfaces", 0.9, True),
+    "glass_recall": ("share of glass and mirrors that is in segments of glass or mirror, with completed panes", 0.5, True),
     "area_precision": ("precision by area", None, True),
     "area_recall": ("recall by area", None, True),
     "worst_recall": ("recall of the worst surface of 1 m2 or more", None, True),
-    "missed_flush": ("of the area missed is of surfaces flush with another, within the noise of depth", None, False),
-    "boundary_mm": ("half of the segments' edges are this near an edge of the truth", None, False),
-    "boundary_p95_mm": ("95 % of the segments' edges are this near an edge of the truth", None, False),
-    "false_panes_m2": ("completed as panes where there is no glass, m2", None, False),
+    "missed_flush": ("share of the missed area on surfaces that lie within the depth noise of another surface", None, False),
+    "boundary_mm": ("half of the edges of segments are within this distance of a true edge", None, False),
+    "boundary_p95_mm": ("95 % of the edges of segments are within this distance of a true edge", None, False),
+    "false_panes_m2": ("area of completed panes where the room has no glass (m2)", None, False),
 }
 LARGE_M2 = 1.0
 SEEDS = {("lab", 1.0): 3}  # (room, strength) -> number of scans in the paper profile; other cases have one scan
