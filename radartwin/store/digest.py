@@ -3,8 +3,8 @@ digests.
 
 The key of a stored result must change whenever the result could change. The digest of source code covers whole packages: every package with
 a module that the computation imports, directly or indirectly. In this module, a package is a folder two levels deep, such as
-radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting and imports for type
-checkers do not change the digest of source code.
+radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting, imports for type
+checkers and the texts of raised exceptions do not change the digest of source code. The versions of the installed packages in NUMERICAL do.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import dataclasses
 import functools
 import gc
 import hashlib
+import importlib.metadata
 import importlib.util
 import json
 import math
@@ -98,7 +99,8 @@ def path_digest(path: Path) -> str:
 
 
 def source_digest(entries: Iterable[str]) -> str:
-    """Return the digest of the source code of all packages that the modules in `entries` import, directly or indirectly.
+    """Return the digest of the source code of all packages that the modules in `entries` import, directly or indirectly, and of the
+    installed versions of the packages in NUMERICAL.
 
     Args:
         entries: modules or packages where the computation starts, such as "experiments.campaign.truth" or "radartwin.simulation".
@@ -117,6 +119,7 @@ def _source_digest(entries: tuple[str, ...]) -> str:
     modules = sorted({name for package in packages for name in _members(package)})
     parts = [f"{name} {_parsed(name).digest}\n" for name in modules]
     parts += [_data_digest(package) for package in sorted(packages)]
+    parts += [f"{name} {_version(name)}\n" for name in NUMERICAL]
     return hashlib.sha256("".join(parts).encode()).hexdigest()
 
 
@@ -154,13 +157,18 @@ def include(top: str) -> None:
 
 def forget() -> None:
     """Forget all source code that has been read, so that the next digest reads the files again."""
-    for function in (_source_digest, _data_digest, import_closure, _imports, _parsed, _source):
+    for function in (_source_digest, _data_digest, import_closure, _imports, _parsed, _source, _version):
         function.cache_clear()
 
 
 DATA = (".csv", ".json", ".npz", ".yaml")  # suffixes of data files
 WRITTEN = "bench_history.csv"  # `make bench` adds lines to this file, and no result depends on the file
-_tops = {"radartwin", "experiments"}  # constraints.txt pins the version of every other package
+# Installed packages whose functions compute the stored numbers
+NUMERICAL = (
+    "drjit", "fast-simplification", "mapbox_earcut", "mitsuba", "networkx", "numba", "numpy", "scikit-image", "scikit-learn", "scipy",
+    "shapely", "sionna-rt", "torch", "trimesh",
+)  # fmt: skip
+_tops = {"radartwin", "experiments"}
 
 
 def _members(name: str) -> list[str]:
@@ -218,11 +226,23 @@ def _parsed(name: str) -> _Parsed:
                 node.body[0] = ast.Pass()
             elif _for_type_checkers(node):
                 node.body = [ast.Pass()]
+            elif isinstance(node, ast.Raise):
+                _NoTexts().visit(node)
         imports = [node for node in statements if isinstance(node, ast.Import | ast.ImportFrom)]
         return _Parsed(imports, hashlib.sha256(ast.dump(tree).encode()).hexdigest())
     finally:
         if collecting:
             gc.enable()
+
+
+class _NoTexts(ast.NodeTransformer):
+    """Replace the texts in a statement by empty texts."""
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        return ast.Constant("") if isinstance(node.value, str) else node
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.Constant:
+        return ast.Constant("")
 
 
 def _statements(nodes: Iterable[Any]) -> Iterator[Any]:
@@ -231,6 +251,14 @@ def _statements(nodes: Iterable[Any]) -> Iterator[Any]:
         yield node
         for block in ("orelse",) if _for_type_checkers(node) else ("body", "orelse", "finalbody", "handlers", "cases"):
             yield from _statements(getattr(node, block, ()))
+
+
+@functools.cache
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "absent"
 
 
 def _for_type_checkers(node: Any) -> bool:

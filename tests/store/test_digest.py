@@ -59,7 +59,7 @@ SOURCES = {
     "top": "def run():\n    from study_x.near.middle import leaf\n    return leaf\n",
     "near/__init__": "",
     "near/middle": "from . import leaf\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import study_x.far.stranger\n",
-    "near/leaf": '"""Doc."""\nVALUE = 1  # why\n',
+    "near/leaf": '"""Doc."""\nVALUE = 1  # why\n\n\ndef f(x):\n    raise ValueError(f"no {x}", 1)\n',
     "near/neighbour": "VALUE = 2\n",
     "far/stranger": "VALUE = 3\n",
 }
@@ -94,7 +94,9 @@ def test_closure_follows_imports_in_functions_and_relative_ones_but_not_those_fo
 @pytest.mark.parametrize(
     ("file", "content", "changes"),
     [
-        ("near/leaf", '"""Another text."""\n\n# a comment\nVALUE   =   1\n', False),  # only docstring, comment and formatting change
+        # docstring, comment, formatting and the text of an exception change
+        ("near/leaf", '"""Text."""\n\n# a comment\nVALUE   =   1\ndef f(x):\n    raise ValueError("no such x", 1)\n', False),
+        ("near/leaf", "VALUE = 1\ndef f(x):\n    raise ValueError('', 2)\n", True),
         ("near/leaf", "VALUE = 2\n", True),
         ("near/neighbour", "VALUE = 4\n", True),  # this module is not imported, but a module of its package is
         ("near/added", "", True),
@@ -149,3 +151,10 @@ def test_recordings_do_not_depend_on_code_that_learns_or_reports() -> None:
 def test_an_unknown_module_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"radartwin\.nowhere"):
         digest.source_digest(["radartwin.nowhere"])
+
+
+def test_versions_of_numerical_packages_count(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = source_digest("study_x.top")
+    versions = digest.importlib.metadata.version
+    monkeypatch.setattr(digest.importlib.metadata, "version", lambda name: "0.1" if name == "scipy" else versions(name))
+    assert source_digest("study_x.top") != before
