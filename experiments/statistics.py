@@ -83,7 +83,7 @@ def widening(n: int) -> float:
     The factor is sqrt(n/(n-1)) times the ratio of Student's t to the normal quantile. Without it, the 95 % interval of the mean of normal
     items contains the true mean in 49, 74, 78, 86 and 91 % of cases for n = 2, 3, 4, 6 and 12.
 
-    A single item has no deviations, and the factor 1.
+    For a single item, the function returns 1, because one item has no deviation from the mean.
 
     >>> round(widening(3), 2), round(widening(1000), 2), widening(1)
     (2.69, 1.0, 1.0)

@@ -1,7 +1,7 @@
 """The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
-A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. Each gap is switched on alone at
-strength 1. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
+A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. In the rows of a gap, this gap
+has strength 1 and all other gaps are off. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
 
 A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The solver gap always has
 one draw, because nothing about it is random. Roughness takes power from the specular reflection, and this power returns as diffuse scatter,

@@ -1,4 +1,4 @@
-"""Write the questions about surface materials to which the package contains recorded answers of the vision-language model.
+"""Write the questions about surface materials again. The package contains recorded answers of the vision-language model to these questions.
 
     python -m experiments.generators.questions lab --out FOLDER
     python -m experiments.generators.questions lab --answers FILE --model NAME --about TEXT

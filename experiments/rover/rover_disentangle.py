@@ -146,8 +146,8 @@ def pooled(cells: Cells) -> NDArray[np.floating]:
 
 
 def matched(cells: Cells) -> NDArray[np.floating]:
-    """Return for each feature (features,) the rank correlation over objects in one room at one distance, as a mean over rooms and
-    distances.
+    """Return the rank correlation between measured and simulated values of each feature (features,). It is computed over the objects at
+    each room and distance, and then averaged.
     """
     return _mean_correlation(cells, lambda label: label[1:])
 

@@ -187,7 +187,7 @@ def typed(composed: DictConfig) -> Config:
 
 
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """Add quotes to option names that Hydra would otherwise read as a boolean, such as `true` in materials=true."""
+    """Add quotes to option names that Hydra would otherwise read as a boolean or null, such as `true` in materials=true."""
     literals = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
     out = list(overrides)
     for group, option in literals:

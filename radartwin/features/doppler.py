@@ -42,8 +42,9 @@ def radial_velocity(processed: Processed, target_m: ArrayLike) -> NDArray[np.flo
 def range_rate(track_m: NDArray, frame_rate_hz: float) -> NDArray[np.float64]:
     """Estimate the rate of change of the range in m/s, (F,), as the slope of a line fitted to SMOOTH_FRAMES ranges around each frame.
 
-    No line includes frames on both sides of a turn, at which the rate changes by more than TURN_MPS. The rate in the frame of the turn
-    is the rate after the turn.
+    No line uses frames on both sides of a turn. A turn is a change of the rate by more than TURN_MPS from one frame to the next. The rate
+    in the frame of the turn is the rate after the turn. A turn one frame from another turn, the first or the last frame is
+    ignored.
 
     >>> range_rate(np.abs(np.arange(-8, 9)) * 0.06, 10 / 3).round(9).tolist()[6:10]
     [-0.2, -0.2, 0.2, 0.2]

@@ -73,7 +73,7 @@ class ScratchArray:
 def release(array: np.ndarray) -> None:
     """Remove the pages of a memory-mapped array from the memory of this process; the file keeps its content.
 
-    The function does nothing for an array in memory, and for a mapping whose changes do not reach its file.
+    The function does nothing for an array in memory or for a copy-on-write mapping, because their changes exist only in memory.
     """
     owner: Any = array
     while isinstance(owner, np.ndarray):

@@ -1,8 +1,8 @@
 """Continue the training of the two-layer encoder with unlabelled measured rows, so that it adapts to them.
 
-Each step adds a term for measured rows to the text loss of the simulated rows. A view of a measured row is the row plus the difference of a
-random noisy copy of a simulated recording from the mean over the copies of this recording. This difference is the effect of receiver noise
-on the features. Two terms are available:
+Each step adds a term for measured rows to the text loss of the simulated rows. A view of a measured row is the row plus a random sample of
+the noise of the features. The sample is the difference of a noisy copy of a simulated recording from the mean over the copies of this
+recording. Two terms are available:
 
 - `prototypes`: the text loss of a view with the class whose text embedding is nearest to the embedding of the row itself. Each row has the
   probability of this class as weight, so rows that the encoder is unsure of count less. Ref: D.-H. Lee, Pseudo-label, ICML workshop 2013;

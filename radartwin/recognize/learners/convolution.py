@@ -1,4 +1,5 @@
-"""The learner `convolution`: a small convolutional network on pictures of a revolution (features/pictures.py).
+"""The learner `convolution`: a small convolutional network. Its input is a picture of a turntable revolution with two channels
+(features/pictures.py).
 
 Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequency) have different rows. Each therefore has its own branch
 of three convolutions with 16, 32 and 32 channels. A linear layer maps both branches together to the space of the text embeddings.

@@ -148,7 +148,7 @@ class Tracer:
             bounce: number of bounces including this one. crossed: number of panes before.
             strongest: (F,) largest amplitude of a hit of each sensor pose so far; the function updates the array.
         Returns:
-            The hits, if there are any, and the tubes that go on with their (bounce, crossed).
+            A list of hits, which may be empty, and a list of (tubes, (bounce, crossed)) for the tubes that must still be traced.
         """
         options = self.options
         source, sequence = tubes.origin, tubes.sequence

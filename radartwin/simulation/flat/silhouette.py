@@ -672,7 +672,8 @@ def _onwards(
 
 
 def distinct(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the index of one row for each set of equal rows (N, K), and for each row the place (N,) of its set among these indices.
+    """Find the distinct rows of `rows` (N, K). Return the index of one example of each distinct row, and for each row the position (N,) of
+    its example among these indices.
 
     The rows are sorted by a hash, because sorting whole rows is slow.
     """
