@@ -19,7 +19,7 @@ from radartwin.runs.experiment import Result, Table, declared
 from radartwin.store import products
 from radartwin.store.products import RUN, Counts
 
-STUDY_PACKAGES = ("miepython", "plotly")  # the extra `study` of pyproject.toml
+STUDY_PACKAGES = ("miepython", "plotly")  # packages of the extra `study` in pyproject.toml
 
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
@@ -33,7 +33,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     registry.check(only or [])
     if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:
         raise MissingError(f"radartwin tables needs {' and '.join(absent)}; run pip install -c constraints.txt -e '.[study]'")
-    for name in index.FORMS:  # a damaged file stops the work before the first run
+    for name in index.FORMS:  # a damaged file of the index stops the command here, before the first run
         index.read(output, name)
     for part in ("tables", "figures", "report"):
         files.sweep(files.make_folder(output / part))
@@ -78,7 +78,7 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
                     together.simulate(list(configs.values()), progress)
                 except (UserError, OSError):
                     raise
-                except Exception:  # the tables that need the failed simulation repeat it and fail
+                except Exception:  # each table that needs the failed simulation repeats it and fails
                     traceback.print_exc()
                 left = iter(untimed)
 

@@ -3,9 +3,9 @@
     python -m analysis.numbers docs/findings.md README.md
 
 A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of
-these tables, rounded like the number, has the same value. The table may hold a number before a per cent sign as a fraction of one. Code,
-links and headings are left out. The command prints each number that it does not find. Its exit status is 1 if such a number stands in a
-table of the text or in an interval, because such numbers come from tables only.
+these tables, rounded like the number, has the same value. For a number before a per cent sign, the cell may hold the value as a fraction of
+one. Code, links and headings are left out. The command prints each number that it does not find. Its exit status is 1 if it does not find a
+number in a table or an interval of the text, because these numbers come from tables only.
 """
 
 from __future__ import annotations

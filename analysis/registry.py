@@ -10,7 +10,7 @@ from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.runs.experiment import Table, declared
 
-NAMES = (  # of the experiments, conf/experiment/NAME.yaml
+NAMES = (  # names of the experiments; each has a file conf/experiment/NAME.yaml
     "reality", "validation", "angle_resolution", "backend_crosscheck", "speed_accuracy", "growth", "stability", "complexity",
     "campaign", "scan", "labels", "gallery", "gaps", "gap_attribution",
     "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment",

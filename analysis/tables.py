@@ -49,7 +49,7 @@ def columns(rows: Sequence[Row]) -> list[str]:
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
     """Return the declared caption of a table, with notes on draws and on the testbed (virtual measurements) if it is used."""
-    draws = max((int(row.get("draws") or 1) for row in rows), default=1)  # text, if the rows come from a written CSV file
+    draws = max((int(row.get("draws") or 1) for row in rows), default=1)  # `draws` is a text if the rows come from a written CSV file
     notes = [f"Values are means over {draws} draws of the virtual measurements. Figures show the first draw."] if draws > 1 else []
     notes += [TESTBED_NOTE] if any("testbed" in str(row["domain"]) for row in rows) else []
     return " ".join([table.caption, *notes])

@@ -1,14 +1,15 @@
-"""Fill the places of a page template with values of the committed tables in docs/results.
+"""Fill the placeholders of a page template with values of the committed tables in docs/results.
 
     {{environment: metric=profile correlation; case=void; distance_m=2}}            0.43 (0.40 to 0.45)
     {{environment.value: metric=profile correlation; case=void; distance_m=2}}      0.43
     {{rows headline: claim of the paper, paper, value, verdict | verdict=holds}}    lines of a Markdown table
     {{count headline: verdict=holds}}                                               number of rows
 
-A place selects rows by columns of their table, `column=value` or `column!=value`. Numbers are compared as numbers, and an empty value
-stands for an empty cell or a column that the table lacks. The first form gives the value of exactly one row, with its interval if the
-interval has a width. The second form gives one column of this row. The third form gives one line for each selected row; its column
-`value` has the interval; at least one row must fit. Whole numbers stay as the table has them.
+A placeholder selects rows of a table by conditions on columns, `column=value` or `column!=value`. Numbers are compared as numbers, and an
+empty value stands for an empty cell or a column that the table lacks. The first form gives the value of exactly one row, with its interval
+if the interval has a width. The second form gives one column of this row. The third form gives one line for each selected row, and at least
+one row must fit. In such a line, the column `value` includes the interval. The fourth form gives the number of selected rows. Whole numbers
+stay as the table has them.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ Row = Mapping[str, str]
 
 
 def filled(template: str, folder: Path = RESULTS) -> str:
-    """Return the template with values in its places. Raises ValueError if a table or column is missing, or too few or many rows fit."""
+    """Return the template with values in place of its placeholders. Raises ValueError if a table or column is missing, or if too few or too
+    many rows fit.
+    """
     known: dict[str, list[dict[str, str]]] = {}
 
     def fill(place: re.Match[str]) -> str:

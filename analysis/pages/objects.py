@@ -24,7 +24,7 @@ def patches(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     """
     visual: Any = mesh.visual
     image = np.asarray(visual.material.baseColorTexture.convert("RGB")) / 255.0
-    both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided together; the factor keeps uv from affecting edge lengths
+    both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided with the vertices; the factor keeps uv from affecting edge lengths
     points, faces = trimesh.remesh.subdivide_to_size(both, mesh.faces, PATCH_M)[:2]
     corners = points[faces][..., :3]
     u, v = (1e3 * points[faces][..., 3:].mean(axis=1) % 1.0).T

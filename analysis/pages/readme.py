@@ -26,8 +26,8 @@ CLAIMS = (
 
 
 def text(folder: Path = RESULTS) -> str:
-    """Return README.md with the lines of the claims CLAIMS that the table in `folder` has. A table of the quick profile has no row for a
-    claim that this profile cannot test.
+    """Return README.md with a line for each of CLAIMS that is in the table `headline` of the folder. The table of the quick profile lacks
+    the claims that this profile cannot test.
     """
     known = {row["claim of the paper"] for row in rows_of("headline", folder)}
     lines = [filled(f"{{{{rows headline: {COLUMNS} | claim of the paper={claim}}}}}", folder) for claim in CLAIMS if claim in known]

@@ -20,15 +20,15 @@ ABSENT = {
     STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
     FAILED: "The run ended with an error:",
 }
-LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # the page itself shows the HTML
-CASES = 4  # largest number of columns that name a claim's case
+LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
+CASES = 4  # largest number of columns that describe the case of a claim
 _NO_CASE = {"claim", "p", "p_holm", "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim that a row of a results table states. `row` is the number of the row, from 1. `case` holds those cells of the row that
-    distinguish the claim from the table's other claims.
+    """A claim that a row of a results table states. `row` is the number of the row, from 1. `case` holds the cells that distinguish this
+    row from the other claims of the table.
     """
 
     table: Table

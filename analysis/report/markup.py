@@ -21,9 +21,9 @@ from analysis.tables import caption
 from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
-FIRST = ("reality", "speed_accuracy", "stability", GALLERY)  # shown above the other tables
+FIRST = ("reality", "speed_accuracy", "stability", GALLERY)  # tables that are shown above the others
 OPEN_ROWS = 12  # a table with more rows starts folded, and unfolds in print
-_CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # of tables.to_html; this page shows the caption above the figures
+_CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # caption from tables.to_html; this page shows it above the figures instead
 
 
 def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Sequence[Shown], origin: Origin, parts: str) -> str:

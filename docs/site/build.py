@@ -2,7 +2,8 @@
 
 The site holds the pages of docs/, the README, the executed tutorial and the reference from the docstrings. The script copies all pages into
 build/pages and adds the parts that MkDocs does not make: the outputs of the tutorial, the pictures of the formulas (formulas.py), and one
-page per module. MkDocs then writes the HTML files. They need no server and no network, and every warning of MkDocs is an error.
+page per module. MkDocs then writes the HTML files. The HTML files need no server and no network. Every warning of MkDocs counts as an
+error.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 DOCS, ROOT = HERE.parent, HERE.parents[1]
 PAGES, OUT = ROOT / "build" / "pages", ROOT / "build" / "docs"
 sys.path.insert(0, str(HERE))
-import formulas  # noqa: E402  # a script finds the modules beside it only by this path
+import formulas  # noqa: E402  # without this path, the script does not find the modules beside it
 
 # The public API first, then the packages from which it is built. `radartwin --help` describes the command line.
 MODULES = (
@@ -163,7 +164,9 @@ def _notebook(source: Path, target: Path, execute: bool) -> str:
 
 
 def _use_own_worker(out: Path) -> None:
-    """Let the pages load worker.js instead of a script from the network, without which the search of pages from a disk does not work."""
+    """Let the pages load the file worker.js instead of a script from the network. Pages that are opened from a disk need this for their
+    search.
+    """
     changed = 0
     for page in out.rglob("*.html"):
         up = "../" * (len(page.relative_to(out).parts) - 1)

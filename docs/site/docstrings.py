@@ -1,4 +1,6 @@
-"""Prepare docstrings for mkdocstrings: fence their examples, and write one line for each parameter of a joint description."""
+"""Prepare docstrings for mkdocstrings: put examples into fenced blocks, and split a joint description of several parameters into lines of
+one parameter.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ def prepared(text: str) -> str:
 
 
 class Prepare(griffe.Extension):
-    """Change each docstring when griffe has read it."""
+    """Prepare each docstring after griffe has read it."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
         if obj.docstring is not None:

@@ -15,7 +15,7 @@ CODE = re.compile(r"^(?P<fence>```+|~~~+).*?^(?P=fence)[ \t]*$|`[^`\n]+`", re.MU
 BLOCK = re.compile(r"^```math\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<![\\$])\$(?=\S)([^$\n]+(?:\n[^$\n]+)?)(?<=\S)\$(?!\$)")
 SIZE_PT = 11.0
-POINTS_PER_EM = 9.5  # of SIZE_PT, so that letters of formulas are as large as those of the text
+POINTS_PER_EM = 9.5  # points of a formula of SIZE_PT per em of the text, so that the letters of both are equally large
 # Matplotlib knows no \lvert, and needs braces where LaTeX takes one letter or digit.
 SPELLING = (
     (re.compile(r"\\[lr]vert\b"), "|"),
