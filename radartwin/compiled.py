@@ -51,7 +51,7 @@ def innermost(function: Callable[..., Any]) -> Any:
 
 
 def vectorised(function: Callable[..., Any]) -> Any:
-    """Compile a function with loops of which the processor can compute several iterations at a time.
+    """Compile a function with loops that the processor can vectorise, so that it computes several iterations at a time.
 
     A division by zero gives infinity or NaN, as in NumPy, because a check of each divisor would end the loop early. The function must not
     create or return arrays.
@@ -70,7 +70,7 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     lock = FileLock(Path(dispatcher.stats.cache_path) / f"{function.__module__}.{function.__qualname__}.lock")
 
     def compile_once(signature: Any) -> Any:
-        # A thread waits for a file only while it holds Numba's own lock, so that two threads cannot wait for each other.
+        # A thread waits for the file lock only while it holds Numba's own lock, so that two threads cannot wait for each other.
         with global_compiler_lock, ExitStack() as held:
             # The lock only saves time. Where a file system has no locks, two processes compile the same function.
             with suppress(OSError, NotImplementedError):
@@ -124,7 +124,7 @@ _sharing = _alone
 
 
 def share_cores(busy: Callable[[], int]) -> None:
-    """Make `cores` return the share of this process among `busy()` processes that compute at the same time."""
+    """Make `cores` divide the processor cores equally among the `busy()` processes that compute at the same time."""
     global _sharing
     _sharing = busy
 

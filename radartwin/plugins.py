@@ -5,7 +5,8 @@ A package names its plug-ins in the entry points of one of GROUPS, for example
     [project.entry-points."radartwin.simulators"]
     echoes = "echo_package.backend:EchoBackend"
 
-A name is found without importing the package; `load` imports it. docs/extending.md describes the object of each group.
+The function `find` looks up a name without importing the package, and `load` imports the package. docs/extending.md describes the object
+that a plug-in of each group must provide.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def names(group: str) -> list[str]:
 
 
 def check(group: str, name: str, built_in: Collection[str]) -> None:
-    """Raise PluginError if several packages provide the name, or if it is also the name of an option in `built_in`."""
+    """Raise PluginError if the plug-in's name is not valid, if several packages provide it, or if an option in `built_in` has it."""
     found = _found(group, name)
     if found and name in built_in:
         raise PluginError(f"{found[0]} has the name of a built-in option; uninstall {found[0].package}, or rename the plug-in")
@@ -76,7 +77,7 @@ def find(group: str, name: str, built_in: Collection[str] = ()) -> Plugin | None
 
 
 def load(plugin: Plugin) -> Any:
-    """Import a plug-in and return its object. Raises PluginError in one line that names the package if this fails."""
+    """Import a plug-in and return its object. If the import fails, raise a PluginError whose one-line message names the package."""
     try:
         return _loaded(plugin)
     except (Exception, SystemExit) as error:  # code of another package may raise anything

@@ -1,11 +1,12 @@
 """Greedy search for the cheapest sufficient model of a scene; the result lists every tried model and why it was accepted or refused.
 
 The search starts at the finest model and lowers one setting of the model (a dimension, such as the number of bounces) after another,
-beginning with the setting that saves most time. The search sets each dimension to the cheapest value for which no feature differs from its
-value under the finest model by more than the tolerance, which is by default the feature's repeatability limit. In the first round each
-dimension may use half of the remaining tolerance, so that one dimension does not use up the tolerance that several others need. In the
-second round each dimension may use all of the remaining tolerance. The search never reads a clock, so the result is deterministic. Every
-model that the search accepts meets the tolerance, so the chosen model meets it too. The search simulates only a few short recordings.
+beginning with the setting that saves most time. For each dimension, the search takes the cheapest value at which every feature stays close
+to the feature under the finest model. The permitted difference (the tolerance) is by default the feature's repeatability limit. In the
+first round each dimension may use half of the remaining tolerance, so that one dimension does not use up the tolerance that several others
+need. In the second round each dimension may use all of the remaining tolerance. The search never reads a clock, so the result is
+deterministic. Every model that the search accepts meets the tolerance, so the chosen model meets it too. The search simulates only a few
+short recordings.
 """
 
 from __future__ import annotations

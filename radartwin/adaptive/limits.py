@@ -50,7 +50,8 @@ class Limits:
         Args:
             motion: "turntable", "radial" (along a rail), "diagonal", "depth" (drive towards the object and back) or "lateral" (drive past
                 the object, at right angles to the line of sight).
-            thing: name of the object under test. None, or an object without repeated recordings gets the limits pooled over all objects.
+            thing: name of the object under test. For None, and for an object without repeated recordings, the function returns the limits
+                pooled over all objects.
         Raises:
             InputError: RadarTwin ships no repeatability limits for this motion.
         """

@@ -1,4 +1,4 @@
-"""Model of a scene: the simulation settings that the search may lower, from the parts of the room to the antenna elements."""
+"""Model of a scene: the simulation settings that the search may lower, such as the parts of the room and the number of bounces."""
 
 from __future__ import annotations
 

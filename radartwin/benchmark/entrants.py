@@ -1,9 +1,9 @@
 """Run a simulator on the problems of the benchmark, and measure its seconds per frame.
 
-A method is scored with the radar of the problem, a single element. Its time is the wall time per frame of the whole IWR1843 (ARRAY: 16
-chirps, 2 transmitters, 4 receivers, 256 samples) on the same scenario, from the scene to the samples, without the compilation of kernels.
-Set-up work counts and is divided by the frames of the timed recording. RF-Genesis as published evaluates 128 equal sums per frame; one
-sum is timed and its time is multiplied by 128.
+A method is scored with the radar of the problem, a single element. The time of the method is the wall time per frame of the whole IWR1843
+(ARRAY: 16 chirps, 2 transmitters, 4 receivers, 256 samples) on the same scenario, from the scene to the samples, without the compilation of
+kernels. Set-up work counts and is divided by the frames of the timed recording. RF-Genesis as published evaluates 128 equal sums per frame;
+one sum is timed and its time is multiplied by 128.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from radartwin.simulation.simulate import simulate
 
 ARRAY = Radar.iwr1843()
 ASIDE_M = 1e-6  # shift of the radar between calls, so that no call reuses cached paths
-BUDGET_S = 2.0  # a recording is timed over all of its frames, and repeatedly, if its scored frames take less than this
+BUDGET_S = 2.0  # if the scored frames take less than this, all frames of the recording are timed, REPEATS times
 REPEATS = 2  # the fastest repetition counts, because other programs on the machine only add time
 
 
 @dataclass(frozen=True)
 class Method:
-    """A simulator with one choice of settings. `published` times RF-Genesis with its own signal generator."""
+    """A simulator with one choice of settings. If `published` is True, the timed method is RF-Genesis with its own signal generator."""
 
     name: str
     backend: str
@@ -80,7 +80,8 @@ METHODS = (
     Method("rfgenesis", "rfgenesis", {"version": "shipped"}, published=True),
     Method("rfgenesis_corrected", "rfgenesis", {"version": "corrected"}),
     Method("sionna", "sionna", {"separation_m": 0.03}),
-    # A diffracted path keeps the edge point that the search found. A larger separation would move this point.
+    # Sionna searches for paths with the receiver 1 mm aside, and a diffracted path keeps the edge point of this search. A larger separation
+    # would shift this point.
     Method("sionna_diffraction", "sionna", {"separation_m": 0.001, "diffraction": True}),
 )
 

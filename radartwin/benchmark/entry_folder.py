@@ -95,7 +95,9 @@ def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.nda
 
 
 def _check_names(method: Any, machine: Any, where: str) -> None:
-    """Check that the names of a method and of its machine may stand in a table on a terminal."""
+    """Check that the names of a method and of its machine can be printed in a table: only printable characters, and a method name that is
+    not blank.
+    """
     for key, text in (("method", method), ("machine", machine)):
         if not isinstance(text, str) or not text.isprintable():
             raise InputError(f"{where}: '{key}' must be a text of printable characters on one line")

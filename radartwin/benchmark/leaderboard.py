@@ -63,7 +63,7 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
     files.sweep(files.check_folder(path.parent))
     lock = path.with_name(f".{NAME}.lock")
     files.drop_stale(lock)
-    kept = _read(path)  # refuses a foreign file before the first run
+    kept = _read(path)  # before the first run, so that a file with other columns is refused early
     problems = [answers.problem(name) for name in dict.fromkeys(chosen or answers.names())]
     entered = [_entered(name, problems) for name in dict.fromkeys(methods or [one.name for one in entrants.METHODS])]
     for one in entered:

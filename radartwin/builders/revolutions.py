@@ -145,7 +145,7 @@ def plan(
     """Return the revolutions of all objects at all distances, and a description of the room (see `describe_room`).
 
     Args:
-        frames: number of frames per revolution; None takes the frame rate of the configured radar.
+        frames: number of frames per revolution; None computes it from the frame rate of the configured radar.
         root: folder of the store.
     Raises:
         UserError: a distance, the number of frames, the radar or the room cannot be used, or an object does not fit into the room.

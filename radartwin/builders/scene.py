@@ -31,7 +31,8 @@ LISTED = 4  # materials that `materials_line` names
 def build_target(config: SceneConfig, contents: str = "filled") -> tuple[Surface, ...]:
     """Return the target's surfaces, all named TARGET and facing -x towards the radar; an empty tuple for scene.target=none.
 
-    `contents` says what the simulation knows of a catalogue object, see `Entry.surfaces`.
+    For an object of the catalogue, `contents` is "filled" (walls and contents) or "unknown" (outermost material only), see
+    `Entry.surfaces`.
     """
     size = config.target_size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])

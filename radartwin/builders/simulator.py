@@ -55,8 +55,8 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
 
 
 def fixed_simulator(config: SimulatorConfig) -> SimulatorConfig:
-    """Return a simulator for a target alone. For simulator=auto, this is the default tracer with the settings that the user fixed, because
-    the search needs a whole recording.
+    """Return a simulator for a target alone in free space. For simulator=auto, this is the default tracer with the settings that the user
+    fixed, because the search needs a whole recording.
     """
     return MitsubaSimulator(variant=config.variant, **config.fixed()) if isinstance(config, AutoSimulator) else config
 

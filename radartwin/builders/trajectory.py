@@ -99,13 +99,13 @@ def read_poses(config: FileTrajectory) -> Track:
 
 
 def check_course(scene: Scene, radar: Radar, course: Course) -> None:
-    """Raise an error if the sensor leaves the room's height or passes through a surface; warn of speeds beyond the unambiguous Doppler
-    range.
+    """Raise an error if the sensor is below the floor, above the ceiling or passes through a surface; warn of speeds beyond the unambiguous
+    Doppler range.
 
     Args:
         scene: the room without the target.
     Raises:
-        PoseError, SceneError: the sensor is outside the room's height or inside a surface; the message names the first such frame.
+        PoseError, SceneError: the sensor is below the floor, above the ceiling or inside a surface; the message names the first such frame.
     """
     room = scene.only("room")
     if len(room):

@@ -110,7 +110,7 @@ def _add_recordings(group: Verbs) -> None:
 
 
 def _add_export(group: Verbs) -> None:
-    """Add the verb `export`, whose options --mcap and --out choose one of two uses."""
+    """Add the verb `export`: --mcap writes a recording as a timeline, and --out writes the virtual campaign as a recording set."""
     text = "write a recording as a timeline for Foxglove (--mcap), or the virtual measurement campaign as a recording set (--out)"
     export = _add(group, "export", verbs.export, text, resumes=True)
     words = "with --mcap one RECORDING, as for process; with --out [profile=...] [profile.campaign.KEY=value ...] [key=value ...]"

@@ -105,7 +105,7 @@ def check_fields(config: Any, prefix: str) -> None:
 
 
 def check_selector(key: str, value: str, *names: str) -> None:
-    """Check that a field that selects an option, such as simulator.backend, has one of the names that its dataclass is made for."""
+    """Check that a field that names the selected option, such as simulator.backend, has one of the `names` of its dataclass."""
     group = key.partition(".")[0]
     if not names[0]:
         raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")

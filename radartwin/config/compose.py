@@ -1,7 +1,7 @@
 """Compose a typed `Config` from command-line overrides. Every mistake in the overrides raises a ConfigError with a message of one line.
 
-This is the only module that calls functions outside Hydra's public interface (Hydra 1.3). Each function imports Hydra itself, because this
-import takes 0.1 s and `radartwin --help` must be fast.
+This is the only module that calls functions outside Hydra's public interface (Hydra 1.3). A function imports Hydra only when it is called,
+because this import takes 0.1 s and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Composer:
 
 def _with_plugins(read: Callable[[], DictConfig]) -> DictConfig:
     """Call `read`. If an option is missing and a plug-in provides it, register the option and call `read` again. At the end, check that no
-    chosen option has two providers.
+    chosen option is both a built-in option and a plug-in.
     """
     from hydra.errors import MissingConfigException
 

@@ -20,7 +20,7 @@ class SceneConfig:
     name: str = "empty"
     target: str = "corner_reflector"  # corner_reflector | plate | sphere | none | a name in the object catalogue, such as mug
     target_size_m: float = positive(0.1)  # edge at a corner reflector's apex, edge of a plate, or diameter of a sphere, in metres
-    target_position_m: list[float] | None = triple("[x,y,z] in metres")  # target's foot; null: on boresight at trajectory.distance_m
+    target_position_m: list[float] | None = triple("[x,y,z] in metres")  # target's foot; null: target on boresight at trajectory.distance_m
     stand: bool = False  # whether a turntable disc on a post stands under the target
     layout: str | None = path_name()  # furniture layout file (YAML): objects placed in the room (radartwin/scene/layouts/layout.py)
     sentence: str | None = None  # objects in the room in words: "a mug on the table 1.5 m in front of the door"

@@ -31,7 +31,7 @@ class MitsubaSimulator(SimulatorConfig):
     """The simulator with flat faces and edges, polygons, and ray tubes on Mitsuba 3."""
 
     backend: str = "mitsuba"
-    room: str = choice("auto", "panels", "tubes")  # panels: flat faces with edges | tubes: ray tubes | auto: panels where flat
+    room: str = choice("auto", "panels", "tubes")  # panels: flat faces with edges | tubes: ray tubes | auto: panels if it is flat
     parts: str = choice("whole", "large", "none")  # simulated surfaces of the room: all | all but small objects | none
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # number of rays per frame; null: computed from the width of the ray tubes

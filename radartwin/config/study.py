@@ -249,7 +249,7 @@ class ProfileConfig:
     exact_objects: bool = False  # whether tables of object recognition also show a testbed whose objects equal the catalogue
     # quantities of supervision.randomise that the table randomisation_ablation leaves out, one at a time
     left_out: list[str] = field(default_factory=lambda: ["level", "if_filter", "channels", "noise"])
-    layout_turns: int = not_negative(0)  # revolutions in the recordings of the paper's layout (table labelled_probe); 0 leaves them out
+    layout_turns: int = not_negative(0)  # revolutions per recording in the paper's layout (table labelled_probe); 0: none
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
 
     def __post_init__(self) -> None:

@@ -1,12 +1,12 @@
 """Compute the point cloud of each frame: detections in range and azimuth.
 
 The range-azimuth map of a frame is |w(phi)^H A(f, r)|^2 of the channel signals A, every degree from -60 to 60 degrees. The weights w are
-those of a Bartlett beamformer with a Hamming window over the places of the antennas in ascending y, because two targets at one range would
-otherwise have detections at their common sidelobes.
-A detection is a local maximum of this map that exceeds the threshold of a cell-averaging CFAR along range and lies within DEPTH_DB of the
-strongest cell of the frame. A detection is dropped if it is within BESIDE_BINS of a stronger detection and more than LOBE_DB weaker,
-because it may be a sidelobe of the stronger detection in azimuth. A Doppler bin of the IWR1843 is 0.93 m/s wide and the rover is slower, so
-that velocity does not separate detections.
+those of a Bartlett beamformer with a Hamming window over the antennas in ascending y. Without this window, two targets at the same range
+would cause detections where their sidelobes overlap. A detection is a local maximum of this map that exceeds the threshold of a
+cell-averaging CFAR along range and lies within DEPTH_DB of the strongest cell of the frame. A detection is dropped if it is within
+BESIDE_BINS range bins of a stronger detection and more than LOBE_DB weaker, because it may be a sidelobe of the stronger detection in
+azimuth. A Doppler bin of the IWR1843 is 0.93 m/s wide, which is more than the speed of the rover, so that the velocity does not separate
+detections.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from radartwin.radar.processing import row_places, steering
 AZIMUTH_RAD = np.deg2rad(np.arange(-60.0, 61.0))
 GUARD, TRAINING = 2, 6  # number of guard bins and of training bins on each side, along range
 FALSE_ALARM = 1e-4  # per cell
-MIN_CONTRAST_DB = 3.0  # smallest ratio of a detection to its training cells
+MIN_CONTRAST_DB = 3.0  # smallest ratio of the power of a detection to the mean power of its training cells
 DEPTH_DB = 40.0  # a cell that is weaker than the strongest cell of the frame by more than this may be a sidelobe of the window
 SIZE = (3, 15)  # size (range, azimuth) of the block of cells in which a local maximum is the largest cell
-BESIDE_BINS, LOBE_DB = 2, 20.0  # the sidelobes of 8 equal antennas are below -30 dB, those of unequal antennas can be higher
+BESIDE_BINS, LOBE_DB = 2, 20.0  # the sidelobes of 8 equal antennas are below -30 dB, but unequal antennas can have higher sidelobes
 
 
 def detections(processed: Processed) -> list[NDArray[np.float64]]:

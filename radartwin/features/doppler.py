@@ -19,7 +19,8 @@ from radartwin.features.profile import gate_energies
 
 SMOOTH_FRAMES = 9  # number of successive frames through whose ranges `range_rate` fits a line
 # Change of the rate between two successive frames that counts as a turn: half of the change at the turn of a drive at 0.2 m/s. In a drive
-# past the target at 0.24 m/s and 0.5 m, with three frames per second, the rate changes by less than 0.04 m/s from frame to frame.
+# past the target at 0.24 m/s, at a distance of 0.5 m and with three frames per second, the rate changes by less than 0.04 m/s from frame to
+# frame.
 TURN_MPS = 0.2
 
 
@@ -43,8 +44,8 @@ def range_rate(track_m: NDArray, frame_rate_hz: float) -> NDArray[np.float64]:
     """Estimate the rate of change of the range in m/s, (F,), as the slope of a line fitted to SMOOTH_FRAMES ranges around each frame.
 
     No line uses frames on both sides of a turn. A turn is a change of the rate by more than TURN_MPS from one frame to the next. The rate
-    in the frame of the turn is the rate after the turn. A turn one frame from another turn, the first or the last frame is
-    ignored.
+    in the frame of the turn is the rate after the turn. A turn is ignored if it is one frame away from another turn, from the first frame
+    or from the last frame.
 
     >>> range_rate(np.abs(np.arange(-8, 9)) * 0.06, 10 / 3).round(9).tolist()[6:10]
     [-0.2, -0.2, 0.2, 0.2]

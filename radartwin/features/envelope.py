@@ -6,12 +6,12 @@ past the target at right angles to the line of sight, is E over the frames of th
 P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, is the discrete Fourier transform of the envelope.
 
 - The harmonics of the envelope are |P_m| / |P_0| for m = 1..6. The angular harmonic ratio is sum_{m=1..6} |P_m|^2 / |P_0|^2. The RadarTwin
-  paper defines it as the band of 1-6 cycles per rotation, normalised by DC, but does not state whether amplitudes or powers are summed. The
-  ratio is 0 for a body of revolution and 6 for a target with a single short glint. It does not depend on the signal level and the start
-  angle. In the far field, it does not depend on the distance either.
+  paper defines this ratio as the band of 1-6 cycles per rotation, normalised by DC, but does not state whether amplitudes or powers are
+  summed. The ratio is 0 for a body of revolution and 6 for a target with a single short glint. The ratio does not depend on the signal
+  level and the start angle. In the far field, the ratio does not depend on the distance either.
 - The harmonics and the harmonic ratio of a sideways drive have the same formulas; m then counts cycles per drive.
-- The crest factor is max(E) / rms(E), and the entropy is -sum p ln p / ln N with p = E / sum E. Both are 1 for a constant envelope. Both
-  depend on the number of frames in the envelope, so compare only envelopes of equal length.
+- The crest factor is max(E) / rms(E), and the entropy is -sum p ln p / ln N with p = E / sum E. For a constant envelope, crest factor and
+  entropy are 1. Crest factor and entropy depend on the number of frames in the envelope, so compare only envelopes of equal length.
 - The brightness is 10 log10(mean_f E(f) R(f)^4), with the nominal distance R(f) in metres. A point target of radar cross-section s has
   E = G^2 lambda^2 s / ((4 pi)^3 R^4) with the antenna gain G, so its brightness depends only on s and on the radar. Brightness is an
   absolute level, so receiver gain and calibration change it.
@@ -51,7 +51,7 @@ def without_range_law(energy: Real, distance_m: Real) -> Real:
 
 
 def brightness_db(energy: Real, distance_m: Real) -> float:
-    """Compute the brightness of a target: the received over transmitted power that it would have at one metre, in decibels.
+    """Compute the brightness of a target: its received over transmitted power in decibels if it were at one metre.
 
     Args:
         energy: (F,) energies from `target_energy`.

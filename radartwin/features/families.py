@@ -37,9 +37,9 @@ class FeatureSet:
 
     Attributes:
         families: names of the families in the order of the feature vector: built-in families, and names in `own`.
-        own: function of each family that the package adds. It takes a processed recording and the target's range (F,) in metres. It
-            returns feature values by name, each (F,) or a scalar. The feature of a recording is the mean over its F frames.
-        turntable: True if the target is on a turntable; its range is then the nominal range. If False, its range is the tracked range.
+        own: function of each family that the package adds. Such a function takes a processed recording and the target's range (F,) in
+            metres, and returns feature values by name, each (F,) or a scalar. The feature of a recording is the mean over its F frames.
+        turntable: True if the target is on a turntable; the target's range is then the nominal range, and otherwise the tracked range.
     """
 
     families: tuple[str, ...]

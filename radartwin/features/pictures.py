@@ -2,17 +2,17 @@
 
 P(f, r) is the power of frame f at range bin r, averaged over the azimuth channels and over the whole revolutions of the recording.
 
-- Channel 0 is the level of P over time. Row h of H rows stands for the turntable angle 2 pi h / H after the first frame. Its power is the
-  average of the frames around this angle, with triangular weights that reach one row spacing to either side, so that no flash of a flat
-  panel falls between two rows. If the revolution has fewer than H frames, the weights reach one frame spacing. The rows are circular: the
-  first row follows the last row.
+- Channel 0 is the level of P over time. Row h of H rows stands for the turntable angle 2 pi h / H after the first frame. The power of the
+  row is the average of the frames around this angle. The weights are triangular and reach one row spacing to either side, so that a flash
+  of a flat panel cannot fall between two rows. If the revolution has fewer than H frames, the weights reach one frame spacing. The rows are
+  circular: the first row follows the last row.
 - Channel 1 is the range-Doppler signature (signature.py). Row H // 2 has the Doppler frequency 0 Hz, and neighbouring rows differ by one
   cycle per revolution. If a revolution has more than H frames, only the H lowest Doppler frequencies remain. If it has fewer frames, the
   level of the missing rows is 0.
 
-Each channel has levels in dB, from 0 (signature.FLOOR_DB below the channel's strongest cell or weaker) to 1 (strongest cell). So a picture
-does not depend on the gain of the radar. A later start of the revolution rolls the rows of channel 0 and does not change channel 1. The
-columns are range bins, with the bin nearest to the target in column W // 2.
+Each channel has levels in dB, from 0 (signature.FLOOR_DB below the channel's strongest cell or weaker) to 1 (strongest cell). The picture
+therefore does not depend on the gain of the radar. If the revolution starts later, the rows of channel 0 shift cyclically, and channel 1
+does not change. The columns are range bins, with the bin nearest to the target in column W // 2.
 """
 
 from __future__ import annotations

@@ -4,17 +4,17 @@ The formulas use the range profile s_fcv(r) of frame f, chirp c (of C chirps) an
 samples. The chirps of a frame form K consecutive blocks of nearly equal length. Block k has C_k chirps and lasts at most BLOCK_S.
 - The power P(f, r) = mean_v sum_k (C_k / C) |mean_{c in k} s_fcv(r)|^2 is averaged coherently over the chirps of a block, and incoherently
   over blocks and channels. A coherent average over a long frame would lose the echo of a moving target.
-- The azimuth channels A_fv(r) = mean_{c in k} s_fcv(r) use the block k = K // 2 in the middle of the frame. They exist only for the virtual
-  channels v of the azimuth row. A contains the phase that a moving echo gains between the chirps of two transmitters.
+- The azimuth channels A_fv(r) = mean_{c in k} s_fcv(r) use the block k = K // 2 in the middle of the frame. The azimuth channels exist only
+  for the virtual channels v of the azimuth row. A contains the phase that a moving echo gains between the chirps of two transmitters.
 - The Doppler spectrum D(f, u, r) = mean_v |sum_c w_c s_fcv(r) exp(-j 2 pi u c / C)|^2 has a Hann window w over the chirps.
-- The noise N(r) is the power P that noise without echoes would have. It is estimated from the Doppler bin of the highest speed, because
-  nothing indoors moves so fast. The formula is N = K mean_f D / (C sum_c w_c^2), where the factor converts from D to P. A slow echo leaks
-  into this Doppler bin with less than -60 dB.
+- The noise N(r) is the power P that noise without echoes would have. The noise is estimated from the Doppler bin of the highest speed,
+  because nothing indoors moves so fast. The formula is N = K mean_f D / (C sum_c w_c^2), where the factor converts from D to P. A slow echo
+  leaks into this Doppler bin with less than -60 dB.
 An echo of amplitude a in the centre of its range bin and Doppler bin gives P = D = a^2 and A = a if its phase is constant over a block. An
 echo with the speed v has the phase step x = 4 pi v T / lambda_c between the C_k chirps of one transmitter, which are T apart. The speed
-multiplies P and |A|^2 by |sin(C_k x / 2) / (C_k sin(x / 2))|^2. This is a loss of 0.7 dB at 77 GHz for 0.2 m/s and a block of 2 ms. The
-frame of the IWR1843 is one block. The frame of the cascade has 22 blocks. The range bins end at MAX_RANGE_M, because no feature uses larger
-ranges.
+multiplies P and |A|^2 by |sin(C_k x / 2) / (C_k sin(x / 2))|^2. This factor is a loss of 0.7 dB at 77 GHz for 0.2 m/s and a block of 2 ms.
+The frame of the IWR1843 is one block. The frame of the cascade has 22 blocks. The range bins end at MAX_RANGE_M, because no feature uses
+larger ranges.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class Processed:
         channels: (F, A, B) complex64 signals of the A channels of `azimuth_row` in the middle of each frame, in the order of `azimuth_row`.
         doppler: (F, C, B) float32 power in C Doppler bins; None if the caller of `process` did not request it.
         velocity_mps: (C,) velocities of the Doppler bins in m/s, in ascending order; receding echoes have positive velocities.
-        noise: (B,) float32 noise power that `power` contains. It is None if the radar has fewer than MIN_CHIRPS chirps per frame; features
-            then assume zero noise.
+        noise: (B,) float32 noise power that `power` contains. `noise` is None if the radar has fewer than MIN_CHIRPS chirps per frame;
+            features then assume zero noise.
     """
 
     radar: Radar

@@ -4,8 +4,8 @@ The tracker selects one range bin b(f) per frame f. Inside the search window, it
 over frames of ln P(f, b(f)), where P is the power, under the condition |b(f+1) - b(f)| <= step. The method is dynamic programming (Y.
 Barniv, Dynamic programming solution for detecting dim moving targets, IEEE Trans. AES 21(1), 1985). The tracked range is the power-weighted
 mean range r(f) = sum P+ r / sum P+ over the range bins b(f) +- GATE_BINS, where P+ is the power above the noise. The RadarTwin paper calls
-this result the tracked peak-range trajectory. It does not depend on the signal level. The function `brightest` uses the strongest range bin
-of each frame instead of the best sequence.
+this result the tracked peak-range trajectory. The tracked range does not depend on the signal level. The function `brightest` uses the
+strongest range bin of each frame instead of the best sequence.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M
 # Half width in metres of the search window around the nominal range. The window includes the effects of wheel slip, start offset and the
 # depth of the object.
 SEARCH_M = 0.3
-LEAST_SPEED_MPS = 0.5  # speed in m/s at which the tracked peak may always move, twice the highest speed of the recorded motions (0.24 m/s)
+LEAST_SPEED_MPS = 0.5  # speed in m/s that the tracked peak may always have; twice the highest speed of the recorded motions (0.24 m/s)
 Real = NDArray[np.floating]
 
 
 def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_hz: float) -> Real:
     """Track the power-weighted range of the target's power peak in each frame, in metres, (F,).
 
-    The peak may move at LEAST_SPEED_MPS or at twice the speed of the search window, whichever is higher, and by one range bin per frame at
-    any frame rate.
+    The peak may move at LEAST_SPEED_MPS or at twice the speed of the search window, whichever is higher, and in any case by one range bin
+    per frame.
 
     Args:
         processed: processed recording of F frames.
@@ -91,17 +91,18 @@ def excursion(track_m: Real) -> float:
 def _strongest_path(power: Real, searched: NDArray[np.bool_], step: int) -> NDArray[np.intp]:
     """Select the sequence of range bins (F,) with the highest sum of log powers.
 
-    The search may use range bins outside the search window, at a very low power, so that a search window that jumps still has a solution.
+    The search may also use range bins outside the search window, which count with a very low power. A solution therefore exists even if the
+    search window jumps.
     """
     tiny = np.finfo(np.float64).tiny
     level = np.log(np.maximum(power, tiny))
     level -= level.max()
-    # Log power of a range bin outside the search window, which is lower than the lowest log powers of ten frames together.
+    # Log power of a range bin outside the search window: lower than the sum of the lowest log powers of ten frames.
     outside = 10 * (level.min() - 1.0)
     level = np.where(searched, level, outside)
     frames, bins = level.shape
     score, previous = level[0].copy(), np.zeros((frames, bins), dtype=np.intp)
-    shifts = np.array(sorted(range(-step, step + 1), key=abs))  # of equally good steps, take the smallest
+    shifts = np.array(sorted(range(-step, step + 1), key=abs))  # among equally good steps, the smallest is used
     source = np.arange(bins)[None] + shifts[:, None]
     allowed = (source >= 0) & (source < bins)
     source = np.clip(source, 0, bins - 1)

@@ -2,10 +2,10 @@
 
 The energy E_k(f) is the integral of the power P(f, r) over cell k. The BINS cells are centred on the tracked peak of the target. The module
 assumes that the energy of a range bin is uniform over the width of the bin. The feature of cell k is 10 log10 E_k. The RadarTwin paper
-reports that this feature family is among those that agree best between simulation and measurement. Cells are empty below NEAR_M, where
-antenna leakage dominates, and beyond the processed range. E_k is limited from below to the noise energy of its cell (from the median noise
-of all range bins), and to the energy of all cells minus FLOOR_DB, because weaker energies come from the measuring receiver and do not exist
-in the simulation.
+reports that this feature family is among those that agree best between simulation and measurement. Cells have no energy below NEAR_M, where
+antenna leakage dominates, and beyond the processed range. E_k has two lower limits: the noise energy of its cell (from the median noise of
+all range bins), and the energy of all cells minus FLOOR_DB. The limits are needed because weaker energies come from the measuring receiver
+and do not exist in the simulation.
 """
 
 from __future__ import annotations

@@ -282,7 +282,7 @@ def drop_abandoned(folder: Path) -> None:
             elif child.name != LOCK:
                 child.unlink()
         (folder / LOCK).unlink()
-        folder.rmdir()  # fails if another process has taken the lock anew
+        folder.rmdir()  # fails if another process has locked the folder again
 
 
 def alive(process: int) -> bool:

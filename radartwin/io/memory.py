@@ -50,8 +50,8 @@ def resident_bytes(pid: int) -> float:
 
 
 def free_bytes() -> float:
-    """Return the memory in bytes that this process may still use: the available memory of the machine, or what the memory limit of the
-    SLURM job or of the control group (container) leaves, if that is less.
+    """Return the memory in bytes that this process may still use: the machine's available memory, or less if the memory limit of the SLURM
+    job or of the control group (container) leaves less.
 
     If the system does not report the available memory, half of the total memory counts as available.
     """

@@ -45,8 +45,8 @@ class Answer:
         material: MINC category of the surface's material.
         confidence: confidence of the model or person in the answer, from 0 to 1; None if the answer states no confidence.
         wall_thickness_mm: thickness of an object's wall in millimetres; None if unknown or if the surface is no object.
-        contents: what fills an object, as one of the words in CONTENTS; None if unknown or if the surface is no object.
-        finish: roughness of the surface, as one of FINISH_WORDS; None in answers to earlier questions, which did not ask for it.
+        contents: filling of an object, as one of the words in CONTENTS; None if unknown or if the surface is no object.
+        finish: roughness of the surface, as one of FINISH_WORDS; None in answers to earlier questions, which did not ask for a finish.
         named: name of a material, if this name is more exact than the MINC category; None otherwise.
         invalid: True if the model gave no valid answer in any attempt; `material` is then "other".
     """
@@ -176,8 +176,8 @@ def specified(answer: Answer) -> Resolved | None:
 def _build_up(found: Resolved, entry: Row) -> str | Layered:
     """Return the usual layers of the named material `found`. The row `entry` belongs to the MINC category in the answer.
 
-    The layers are those of the table row of the named material, those of its common sheet, or a sheet of the named material that is as
-    thick as the sheet in `entry`.
+    The function uses the layers that belong to the name itself (its MINC category or BUILD_UPS). Otherwise it uses a sheet of the named
+    material that is as thick as the sheet in `entry`, or the common sheet or half-space of the named material.
     """
     if isinstance(found.material, Layered):
         return found.material

@@ -59,8 +59,8 @@ class LabelOptions:
 
     Attributes:
         provider: "recorded" uses stored answers, "server" a model on a server, "local" the model InternVL on this machine.
-        model: name of the vision-language model that answers; None takes the provider's default model, which the provider `local` lacks,
-            or stored answers of any model. The option `answers` needs a model name.
+        model: name of the vision-language model that answers; None means the default model for "server" and the stored answers of any model
+            for "recorded". "local" and the option `answers` need a model name.
         url: address of the server of the vision-language model.
         timeout_s: time limit of one request to the server, in seconds.
         concurrency: number of requests that are sent to the server in parallel.

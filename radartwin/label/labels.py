@@ -107,7 +107,7 @@ def answer_label(given: Record, surface: Surface, transferred: bool = False) -> 
 
 
 def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], source: str) -> Scene:
-    """Replace the materials of the room's surfaces by those that `rule` returns.
+    """Replace the materials of the room's surfaces by the materials that `rule` returns.
 
     A surface for which `rule` returns None stays unchanged.
     """

@@ -19,9 +19,9 @@ import trimesh
 from radartwin.errors import LabelError
 
 SPACING_M, MIN_POINTS = 0.25, 12  # spacing and smallest number of the stored points of a surface; 25 m2 of floor have 400 points
-REACH_M = 0.3  # largest distance from a point to the surface it votes for; above SPACING_M, because scans have errors of centimetres
-RIGHT_ANGLE_M = 0.4  # additional distance that a right angle between two flat surfaces counts as
-MIN_SHARE = 0.3  # smallest share of a surface's points that must vote for a surface of the other scan to match it
+REACH_M = 0.3  # largest distance from a point to the surface it votes for; larger than SPACING_M, because scans have errors of centimetres
+RIGHT_ANGLE_M = 0.4  # additional distance for a right angle between two flat surfaces, in metres
+MIN_SHARE = 0.3  # a surface matches a surface of the other scan if at least this share of its points votes for that surface
 
 
 @dataclass(frozen=True, eq=False)

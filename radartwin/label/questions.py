@@ -1,7 +1,7 @@
-"""Ask a vision-language model about the material and the roughness of a surface, and repeat the question until the model's answer is valid.
+"""Ask a vision-language model about the material and the roughness of a surface, at most ATTEMPTS times until the answer is valid.
 
-A material question consists of a prompt and pictures of the surface. The prompt states the size and orientation of the surface in the scan.
-The model gets no other information about the scene. Each recorded answer stores the version and the digest of the prompt.
+A material question consists of a prompt and pictures of the surface. The prompt states the size, orientation and height of the surface in
+the scan. The model gets no other information about the scene. Each recorded answer stores the version and the digest of the prompt.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ VERSION = 3
 ATTEMPTS = 3  # largest number of times that a question is asked; if all answers are invalid, the material category is `other`
 Message = dict[str, str]  # role ("user" or "assistant") and text of one message of a conversation with a model
 
-# This table explains the MINC categories to the model. It names no objects, because an object of the scanned room would reveal the answer.
+# This table explains the MINC categories to the model. The table names no objects, because an object of the scanned room would reveal the
+# answer.
 MEANINGS = {
     "brick": "bare brickwork",
     "carpet": "carpet",
@@ -54,7 +55,7 @@ MEANINGS = {
     "wood": "wood and boards made of wood, also varnished or laminated",
 }
 
-# This table explains the finishes to the model. The order is from smooth to rough. It names no objects, like the table above.
+# This table explains the finishes to the model. The order is from smooth to rough. Like MEANINGS, this table names no objects.
 LOOKS = {
     "polished": "gloss like glass: glass, glaze, polished stone or metal",
     "smooth": "no grain to be felt: planed, varnished or coated board, moulded plastic, sheet metal, paint on a smooth ground",
@@ -114,7 +115,7 @@ class Question:
 
     @cached_property
     def key(self) -> str:
-        """Digest of the question's prompt and pictures. It does not reveal the name or index of the surface."""
+        """Digest of the question's prompt and pictures. The digest does not reveal the name or index of the surface."""
         return hashlib.sha256("\n".join([self.text, *self.images]).encode()).hexdigest()
 
     @property

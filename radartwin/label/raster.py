@@ -268,7 +268,8 @@ def _rasterise(points, faces, intrinsics, rays, depth, face):
             continue
         left, right = int(np.ceil(max(low_u, 0.0))), int(np.floor(min(high_u, width - 1.0)))
         top, bottom = int(np.ceil(max(low_v, 0.0))), int(np.floor(min(high_v, height - 1.0)))
-        # The sign of the dot product of a ray with b x c, c x a or a x b tells on which side of that triangle edge the ray passes.
+        # The sign of the dot product of a ray with b x c, c x a or a x b tells on which side of the triangle edge between these two corners
+        # the ray passes.
         e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
         e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
         e2x, e2y, e2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -1,8 +1,9 @@
 """Compare the material labels of surfaces with the true materials: accuracy of the MINC categories, and reflection error in decibels.
 
 The error of a material label is the electromagnetic distance in dB (`radartwin.materials.distance`) between the labelled and the true
-material. Each surface is weighted by its area. The confidence intervals are Wilson's intervals (E. Wilson, JASA 22 (1927) 209). Their
-effective number of surfaces is (sum of areas)^2 / sum of areas^2, because the label of a 15 m2 wall is one decision and not fifteen.
+material. Each surface is weighted by its area. The confidence intervals are Wilson's intervals (E. Wilson, JASA 22 (1927) 209). The
+effective number of surfaces in these intervals is (sum of areas)^2 / sum of areas^2, because the label of a 15 m2 wall is one decision and
+not fifteen.
 """
 
 from __future__ import annotations

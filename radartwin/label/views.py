@@ -24,9 +24,9 @@ QUALITY = 88  # JPEG quality of a crop
 OUTLINE, HALO = (255, 0, 255), (0, 0, 0)
 RANKING_PIXELS = 64  # width and height in pixels of the small rendered pictures that rank the viewpoints
 FIELD_DEG, WIDE_FIELD_DEG = 60.0, 90.0
-MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of the surface in a crop, relative to its size; the last crop has the wide margin
+MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of a crop, relative to the surface's size; the last crop has the wide margin
 MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph that is scaled to a width of 256 pixels
-MIN_SHARE = 0.01  # smallest share of a rendered picture that the surface must fill, unless no viewpoint shows more of it
+MIN_SHARE = 0.01  # rendered pictures in which the surface fills a smaller share are used only if there are no others
 LARGE_M = 2.5
 # to rank viewpoints, meshes with at least MANY_FACES faces are simplified to grid cells of CELL_M, which suffices for pictures of 64 pixels
 MANY_FACES, CELL_M = 50_000, 0.08
@@ -120,7 +120,7 @@ class Views:
         return views
 
     def _centre(self, index: int) -> np.ndarray:
-        """Return the point that a camera looks at: the middle of the surface, or its nearest triangle if no triangle is near the middle."""
+        """Return the point that a camera looks at: the middle of the surface, or the nearest triangle if none is near the middle."""
         part = self._drawing.of(index)
         centres = self._drawing.vertices[self._drawing.faces[part]].mean(axis=1)
         middle = np.average(centres, axis=0, weights=np.maximum(self._drawing.area[part], 1e-12))

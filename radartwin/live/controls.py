@@ -33,7 +33,7 @@ STYLE = (
 
 
 class Actions(Protocol):
-    """What the panel asks of the page."""
+    """The functions of the page that the panel calls."""
 
     def ask(self) -> None: ...
     def change_materials(self) -> None: ...
@@ -57,7 +57,7 @@ class Controls:
         from viser import uplot
 
         self._gui, self._actions, self._playback = server.gui, actions, playback
-        self.searches = True  # whether the complete answer follows a draft
+        self.searches = True  # whether a complete answer follows each draft
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.set_panel_label("RadarTwin live")
@@ -194,7 +194,7 @@ class Controls:
             self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
         self._frame.on_update(lambda _: self._actions.show_frame(self.frame))
         self._which.on_update(lambda _: self._actions.draw())
-        self._turn = object()  # belongs to the newest start or stop of the playback
+        self._turn = object()  # identifies the newest start or stop of the playback
         self._plays.on_update(lambda _: self._play(playback))
 
     def _play(self, playback: Playback) -> None:

@@ -45,7 +45,7 @@ class Spectra:
 
 @dataclass(frozen=True, eq=False)
 class LivePath:
-    """Hold one propagation path, or the coherent sum of the paths of an object that the radar cannot resolve.
+    """Hold one propagation path of the room, or the coherent sum of paths of an object that the radar cannot separate.
 
     Attributes:
         level_db: received over transmitted power in decibels, with the gain of the antenna element.
@@ -83,7 +83,8 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
 def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[LivePath]:
     """Return the strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
 
-    The paths of a room come one by one. A path and its reverse, which have equal lengths, levels and corners, are listed once.
+    Paths of the room are listed separately, but a path and its reverse, which have equal lengths, levels and corners, are listed once. The
+    paths of an object with equal bounces and nearly equal ranges are summed.
     """
     found = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose, count)]
     for names, parts in traced.groups.items():
@@ -93,7 +94,7 @@ def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count
 
 
 def surfaces_at(path: LivePath, scene: Scene) -> list[str]:
-    """Return the names of the surfaces at the corners of a path, in the order of the path; two surfaces that meet at an edge share a name.
+    """Return the names of the surfaces at the corners of a path, in the order of the path. A corner where two surfaces meet has both names.
 
     Args:
         scene: the room and the objects at their places, in world coordinates.

@@ -158,7 +158,7 @@ class Page:
         self.choose(None if self._chosen == number else number)
 
     def choose(self, number: int | None) -> None:
-        """Choose a path, or none. A click on a path that the present answer lacks comes late and has no effect."""
+        """Choose a path, or none. A late click, on a path that is not in the present answer, has no effect."""
         with self._lock:
             count = len(self._answer.paths) if self._answer else 0
             if number != self._chosen and (number is None or number < count):
@@ -208,7 +208,7 @@ class Page:
 
 
 def _same_path(path: LivePath, paths: list[LivePath]) -> int | None:
-    """Return the number of the path with the same owner and bounces whose length is nearest, or None if it differs by over SIMILAR_M."""
+    """Return the number of the path with equal owner and bounces and the nearest length, or None if the lengths differ by SIMILAR_M."""
     away = [abs(p.length_m - path.length_m) if (p.owner, p.bounces) == (path.owner, path.bounces) else np.inf for p in paths]
     nearest = int(np.argmin(away)) if away else 0
     return nearest if away and away[nearest] < SIMILAR_M else None

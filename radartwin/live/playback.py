@@ -38,5 +38,5 @@ class Playback:
 
 
 def shifted_db(measured_db: np.ndarray, simulated_db: np.ndarray) -> np.ndarray:
-    """Return a measured profile (B,) whose maximum is that of a simulated profile, for recordings without calibration."""
+    """Shift the level of a measured profile (B,) without calibration, so that its maximum equals that of a simulated profile."""
     return measured_db + float(simulated_db.max() - measured_db.max())

@@ -62,7 +62,7 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         killer.cancel()
     if not all(session.end() for session in sessions):
         sys.stdout.flush()
-        os._exit(0)  # the thread still computes an answer in compiled code, and Python would unload this code under it
+        os._exit(0)  # a regular end of Python would unload the compiled code that the thread still runs
     return 0
 
 

@@ -46,7 +46,7 @@ class Session:
         self._pending = False  # whether the newest setting has not been answered
         self._found: list[tuple[LiveSetting, Found | BaseException]] = []  # finished searches that the thread has not used
         self._draft = False  # whether the last answer was a draft
-        self._open = False  # whether to complete the last answer as soon as its setting rests
+        self._open = False  # whether to complete the last answer when its setting has not changed for RESTS_S
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="live answers", daemon=True)
 
@@ -113,7 +113,9 @@ class Session:
         return not answer.complete
 
     def _complete(self, setting: LiveSetting) -> bool:
-        """Start the search for a setting that rests. Returns whether the search could not start, because the worker is busy."""
+        """Start the search for a setting that has not changed for RESTS_S. Returns whether the search could not start, because the worker
+        is busy.
+        """
         if not self._tracer.needs_search(setting):
             self._draft = self._answer(setting, complete=True)
             return False

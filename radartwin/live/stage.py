@@ -129,7 +129,7 @@ class Stage:
         )
 
     def _gizmo(self, name: str, pose: np.ndarray, scale: float) -> Any:
-        # a number, because viser would read some names as paths
+        # The control has a number instead of the object's name, because viser would read some names as paths.
         gizmo = self._server.scene.add_transform_controls(
             f"/moved/{len(self._gizmos)}", scale=scale, line_width=2.5, depth_test=False, opacity=0.7,
             wxyz=quaternion(pose[:3, :3]), position=pose[:3, 3],
@@ -176,7 +176,7 @@ def tube(points: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _facing(mesh: trimesh.Trimesh, normal: np.ndarray) -> np.ndarray:
-    """Return the faces of a wall, turned so that each one faces along `normal` (3,)."""
+    """Return the triangles of a wall, with the order of corners that turns their front towards `normal` (3,)."""
     faces = np.array(mesh.faces)
     away = mesh.face_normals @ normal < 0
     faces[away] = faces[away][:, ::-1]

@@ -34,7 +34,7 @@ SOLIDS = 2.7 * (1 - 0.02j)  # dry sugar, starch and protein: 2.5 to 3 (S. Nelson
 
 # Volume fractions of the components of each liquid mixture; the remaining volume is water.
 RECIPES = {
-    "mouthwash": {"ethanol": 0.22},  # 21.6 % by volume on the label of the classic antiseptic kind
+    "mouthwash": {"ethanol": 0.22},  # 21.6 % by volume on the label of the classic antiseptic mouthwash
     "detergent": {"oil": 0.25, "ethanol": 0.03},  # hand dishwashing: 15 to 30 % surfactants (label classes of EC 648/2004), a solvent
     "mustard": {"oil": 0.04, "solids": 0.09},  # yellow, prepared: 84 % water, 3 % fat, 10 % carbohydrate and protein by mass (USDA)
     "dressing": {"oil": 0.25, "solids": 0.09},  # Italian: about two thirds water, a fifth fat, 12 % carbohydrate by mass (USDA)

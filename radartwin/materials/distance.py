@@ -4,10 +4,10 @@
     d(A, B)  = mean over theta = 0, 2, ..., 80 degrees of |L_A - L_B|
 
 Here te and tm are the reflection coefficients at the angle of incidence theta. The definition assumes an unpolarised field, because the
-surfaces of a room have all orientations. It averages the power over the frequency sweep of the default radar, 77 to 80.4 GHz, because an
-echo contains the whole sweep. At a single frequency, the interference of the reflections from both faces of a wall would change with a
-millimetre of wall thickness. The distance does not include roughness, because roughness redistributes power and does not absorb it. The
-distance d is a metric, except that d is also 0 between different materials of equal reflectivity.
+surfaces of a room have all orientations. The definition averages the power over the frequency sweep of the default radar, 77 to 80.4 GHz,
+because an echo contains the whole sweep. At a single frequency, the interference of the reflections from both faces of a wall would change
+if the wall thickness changed by a millimetre. The distance does not include roughness, because roughness redistributes power and does not
+absorb it. The distance d is a metric, except that d is also 0 between different materials of equal reflectivity.
 
 The distance of two roughnesses compares the share of the reflected power that is diffuse at normal incidence, 1 - exp(-(2 k h)^2) for the
 rms height h and the wavenumber k at the middle of the sweep (Ament's factor, `radartwin.materials.roughness`).
@@ -24,8 +24,8 @@ from radartwin.materials.permittivity_by_name import permittivity, split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
-# Lower limit of the reflectivity in dB. The limit is about 30 dB below the reflectivity of plaster, and so are the diffuse echoes of a
-# room.
+# Lower limit of the reflectivity in dB. The limit, like the level of the diffuse echoes of a room, is about 30 dB below the reflectivity of
+# plaster.
 FLOOR_DB = -40.0
 SMOOTHEST_M = 2e-6  # rms height of a glazed or polished face; a face of lower rms height has no measurable diffuse echo
 
@@ -99,7 +99,7 @@ def _level(te: np.ndarray, tm: np.ndarray) -> np.ndarray:
 
 
 def diffuse_distance_db(first_m: float, second_m: float) -> float:
-    """Compute the distance in dB of two rms heights in metres: the ratio of the diffuse shares of the reflected power, as its magnitude.
+    """Compute the distance in dB of two rms heights in metres: the magnitude of the ratio, in dB, of their diffuse power shares.
 
     >>> round(diffuse_distance_db(0.3e-3, 0.05e-3), 1)
     13.7

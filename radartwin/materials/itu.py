@@ -2,9 +2,9 @@
 
 The real part of the permittivity is eta' = a f^b, and the conductivity is sigma = c f^d in S/m, with the frequency f in GHz. The
 coefficients are those of ITU-R P.2040-4 (09/2025), table 3, which contains fits to published measurements. Each fit is valid between two
-frequencies. Where two fits of one material overlap, the module uses the fit that the table P2040 lists first. It does not extrapolate any
-fit. At a frequency outside the fits of a material, a substitute material of STAND_INS replaces this material, with a warning. If a material
-has no substitute, the module raises MaterialError.
+frequencies. Where two fits of one material overlap, the module uses the fit that the table P2040 lists first. The module does not
+extrapolate any fit. At a frequency outside the fits of a material, a substitute material of STAND_INS replaces this material, with a
+warning. If a material has no substitute, the module raises MaterialError.
 """
 
 import warnings
@@ -60,15 +60,15 @@ P2040 = {
     "wet_ground": (Fit(30.0, -0.4, 0.15, 1.30, 1, 10),),
 }  # fmt: skip
 
-# Substitute materials at 77 GHz. Each substitute has a fit at 77 GHz, and its reflection at normal incidence is closest to that of the
-# replaced material. The reflection of the replaced material is computed at the end of its fit, or interpolated in log frequency between two
-# fits below and above 77 GHz. The reflection of the substitute minus that of the replaced material in dB is: brick -0.6, clear acrylic 0.0
-# (the substitute has more loss), plywood 1.0, marble -0.8, vinyl tile 0.1, carpet tile -0.5, asphalt 0.3, very dry ground -0.7, medium dry
-# ground 0.9, wet ground -0.1. The fits of ground end at 10 GHz, far below the relaxation frequency of water. Very dry ground is therefore
-# compared with its substitute at 10 GHz. Medium dry and wet ground are compared at 77 GHz, as a mixture of grains (permittivity 3.0) with
-# 15 and 30 % water by volume. The average of the refractive indices gives the permittivities 4.0 - j 1.3 and 4.9 - j 3.0 of these mixtures.
-# At 62 GHz, the same substitutes are the closest, and their reflection differs from that of the replaced materials by at most 0.8 dB. The
-# substitutes of medium dry and wet ground were not compared at 62 GHz.
+# Substitute materials at 77 GHz. Each substitute has a fit at 77 GHz, and of all such materials, its reflection at normal incidence is
+# closest to that of the replaced material. The reflection of the replaced material is computed at the highest frequency of its fit, or
+# interpolated in log frequency between two fits below and above 77 GHz. The reflection of the substitute minus that of the replaced
+# material in dB is: brick -0.6, clear acrylic 0.0 (the substitute has more loss), plywood 1.0, marble -0.8, vinyl tile 0.1, carpet tile
+# -0.5, asphalt 0.3, very dry ground -0.7, medium dry ground 0.9, wet ground -0.1. The fits of ground end at 10 GHz, far below the
+# relaxation frequency of water. Very dry ground is therefore compared with its substitute at 10 GHz. Medium dry and wet ground are compared
+# at 77 GHz, as a mixture of grains (permittivity 3.0) with 15 and 30 % water by volume. Averaging the refractive indices gives the
+# permittivities 4.0 - j 1.3 and 4.9 - j 3.0 of these mixtures. At 62 GHz, the same substitutes are the closest, and their reflection
+# differs from that of the replaced materials by at most 0.8 dB. The substitutes of medium dry and wet ground were not compared at 62 GHz.
 STAND_INS = {
     "brick": "floorboard",
     "clear_acrylic": "chipboard",

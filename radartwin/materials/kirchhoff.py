@@ -11,9 +11,9 @@ The scattering cross-section of a perfect conductor per unit of surface area is
             = |q|^4 / (4 pi q_z^2) * pi l^2 * sum over n >= 1 of exp(-g) g^n / n! * exp(-(|q_t| l)^2 / (4 n)) / n
 
 In these formulas, q is k times the sum of the unit vectors from the surface to transmitter and receiver. The vector q has the normal
-component q_z and the tangential part q_t, and g is (sigma_h q_z)^2 with the rms height sigma_h. The sum contains the full exponential and
-is therefore valid for every rms height. The code computes each term as a single exponential, so that no factor overflows. All terms are
-positive, so that no digits cancel.
+component q_z and the tangential part q_t, and g is (sigma_h q_z)^2 with the rms height sigma_h. The sum contains all terms of the
+exponential series and is therefore valid for every rms height. The code computes each term as a single exponential, so that no factor
+overflows. All terms are positive, so that no digits cancel.
 
 Kirchhoff's approximation conserves energy only approximately. At 77 GHz, an rms height of 0.1 mm and incidences up to 60 degrees, the
 scattered power differs from the power that Ament's factor removes by at most 0.1 % at l = 20 mm, 7 % at l = 3 mm and 20 % at l = 2 mm. The
@@ -66,8 +66,8 @@ def cross_section(roughness_m: float, correlation_m: float, wavenumber: float, c
 def _series(g, t):
     """Return the sums over n >= 1 of exp(-g) g^n/n! exp(-t/n)/n, for g and t of shape (N,).
 
-    For a large g, the terms are smooth in n. The function then computes one term per eighth of a standard deviation of n, and multiplies it
-    by the number of terms for which it stands.
+    For a large g, the terms are smooth in n. The function then computes only one term in each interval of n whose width is an eighth of the
+    standard deviation of n, and multiplies this term by the number of terms in the interval.
     """
     out = np.zeros(len(g))
     for i in range(len(g)):
@@ -105,7 +105,7 @@ def scattered_lobe(roughness_m: float, correlation_m: float, wavenumber: float, 
 def backscatter_lobe(roughness_m: float, correlation_m: float, wavenumber: float) -> np.ndarray:
     """Tabulate `scattered_lobe` for a receiver at the transmitter, for ANGLES equally spaced angles of incidence from 0 to 90 degrees.
 
-    The values (ANGLES,) are per steradian. They are zero if the cosine of the angle is below COS_GRAZING. Do not write to the table.
+    The values (ANGLES,) are per steradian. A value is zero if the cosine of its angle is below COS_GRAZING. Do not write to the table.
     """
     angle = np.linspace(0, np.pi / 2, ANGLES)
     angle = angle[np.cos(angle) >= COS_GRAZING]

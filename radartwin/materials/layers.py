@@ -5,7 +5,8 @@ T_m -> tm (electric field parallel to the plane of incidence), theta_0 -> incide
 exp(+j omega t), so a lossy medium has the permittivity eta' - j eta''. The reflection coefficient tm is the ratio of the reflected electric
 field along e_r = k_r x s to the incident electric field along e_i = k_i x s. Here k_i and k_r are the directions of the incident and the
 reflected wave, and s is the unit vector perpendicular to the plane of incidence. A perfect conductor therefore has te = -1 and tm = +1, and
-at normal incidence tm = -te. For transmission, both fields are along e_i, so that both coefficients are 1 if there are no layers.
+at normal incidence tm = -te. For transmission, the incident and the transmitted field are along e_i, so that te and tm are 1 if there are
+no layers.
 """
 
 import numbers
@@ -25,7 +26,7 @@ from radartwin.materials.sheets import MATERIAL_THICKNESS, SHEETS
 
 @dataclass(frozen=True)
 class Layered:
-    """Describe a stack of homogeneous layers that a wave meets from air.
+    """Describe a stack of homogeneous layers, on which a wave is incident from air.
 
     Attributes:
         layers: pairs (material name, thickness in metres), from the outermost to the innermost layer.
@@ -51,7 +52,7 @@ class Layered:
 
 
 def layered(material: str | Layered) -> Layered:
-    """Return the layers that a material means: those of a stack, the sheet of a name in MATERIAL_THICKNESS, or else a half-space.
+    """Return the layers of a material: a `Layered` stack itself, the sheet of a name in MATERIAL_THICKNESS, or else a half-space.
 
     Raises:
         MaterialError: the name is unknown.
@@ -108,7 +109,7 @@ def reflection(
 def transmission(
     material: str | Layered, cos_incidence: np.ndarray, frequency_hz: np.ndarray, roughness_m: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the complex transmission coefficients (te, tm) of a wall in air: the field behind the wall over the field in front of it.
+    """Compute the complex transmission coefficients (te, tm) of a wall in air: field behind over field in front of the wall.
 
     The field in front of the wall is taken where the ray enters the wall. The field behind the wall is taken at the opposite point along
     the normal. For a wall of thickness d, the phase of the coefficient therefore replaces the phase k d cos_incidence of the path in air.

@@ -8,9 +8,9 @@ build-ups. The field `note` gives the distances in dB.
 
 The package uses a P.2040 fit only inside its frequency range. The fits of concrete, plasterboard, wood, glass, ceiling board, chipboard and
 metal include 1 to 100 GHz, and that of floorboard 50 to 100 GHz. The fits of brick, marble and carpet tile end at 40 to 60 GHz. The table
-still names these three materials, so that a radar at a lower frequency uses their own fits. At 77 GHz, `itu.STAND_INS` replaces them by
-substitute materials, with a StandInWarning. Above 100 GHz, only materials with a second fit have values. Plastics and oil have values from
-10 to 100 GHz.
+still names brick, marble and carpet tile, so that a radar at a lower frequency uses their own fits. At 77 GHz, `itu.STAND_INS` replaces
+them by substitute materials, with a StandInWarning. Above 100 GHz, only materials with a second fit have values. Plastics and oil have
+values from 10 to 100 GHz.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Find the known material for a material name that is neither a MINC category nor a material of ITU-R P.2040.
 
 The module has two tables. The table SYNONYMS lists other words for a known material, such as drywall or steel. The table PERMITTIVITY lists
-further materials with their permittivity. For such a material, the module chooses air or a P.2040 material with a fit at 77 GHz, whichever
-half-space has the most similar reflection (`distance.closest`). For example, it replaces porcelain by glass, because the permittivity of
-porcelain is 6.0. There is no default material: the module refuses a name that is in neither table.
+further materials with their permittivity. For such a material, the module chooses air or a P.2040 material with a fit at 77 GHz, so that a
+half-space of the chosen material has the most similar reflection (`distance.closest`). For example, it replaces porcelain by glass, because
+the permittivity of porcelain is 6.0. There is no default material: the module refuses a name that is in neither table.
 
 Sources of PERMITTIVITY, real part and loss tangent at 60 to 100 GHz: [L] J. Lamb, Int. J. Infrared and Millimeter Waves 17 (1996) 1997;
 [A] 60 GHz values of docs/pcr_tech/radar_principles, Acconeer; [D] data sheets and handbooks at microwave frequencies. The loss tangents of

@@ -39,7 +39,7 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> NDArray[np.comp
 def varied(name: str, real: float, loss: float) -> str:
     """Return the material name `name` with the factors `real` and `loss` on the real and imaginary part of the permittivity.
 
-    If `name` already has factors, the function multiplies them by `real` and `loss`. It rounds all factors to four decimals.
+    If `name` already has factors, the function multiplies them by `real` and `loss`. The function rounds all factors to four decimals.
 
     >>> varied("glass", 1.05, 0.8)
     'glass~1.0500~0.8000'

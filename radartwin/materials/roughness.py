@@ -8,8 +8,8 @@ Ament's factor is valid for Gaussian heights, for gentle slopes (correlation len
 where parts of the surface shadow each other. Up to an rms height of lambda/(16 cos theta), which is 0.24 mm at 77 GHz and normal incidence,
 the loss for other height distributions differs from the loss by Ament's factor by at most 0.25 dB. At the Rayleigh criterion, which is an
 rms height of lambda/(8 cos theta) or 0.49 mm, Ament's factor gives a loss of 10.7 dB. Other height distributions then give losses that
-differ by several dB. At larger rms heights, nearly all reflected power is diffuse. There, measured surfaces reflect more coherent power
-than Ament's factor predicts (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
+differ by several dB. At larger rms heights, nearly all reflected power is diffuse. At such rms heights, measured surfaces reflect more
+coherent power than Ament's factor predicts (A. Miller, R. Brown, E. Vegh, IEE Proc. H 131 (1984) 114).
 """
 
 from typing import NamedTuple
@@ -42,7 +42,7 @@ _MOULDED = "moulded or coated: texture of the mould, 5 to 25 um (VDI 3400)"
 _WOVEN = "half of an upholstery yarn of 0.5 to 1 mm"
 _PILE = "upper end of the paper's range: pile, leaves and strands of millimetres"
 
-# Correlation length in metres of a surface whose correlation length is not given, and of smooth classes. It is the value of concrete.
+# Correlation length in metres of smooth classes, and of a surface whose correlation length is not given. The value is that of concrete.
 CORRELATION_M = 5e-3
 # Roughness of each class of surface. Published rms heights differ by a factor of two or three from most of these values, and the coherent
 # loss in dB grows with the square of the rms height. A study whose result depends on an rms height must therefore vary this height.
@@ -87,8 +87,9 @@ CLASSES = {
     "wet_ground": Roughness(5e-3, 50e-3, "as very dry ground"),
 }
 
-# Finishes that a viewer can tell apart, from smooth to rough. Published rms heights of one kind of surface differ by a factor of two or
-# three, so that the heights of two neighbouring finishes differ by a factor of about three. A grain is 4 to 6 rms heights deep.
+# Finishes that a viewer can tell apart, from smooth to rough. Published rms heights of the same kind of surface differ by a factor of two
+# or three. The heights of neighbouring finishes in this table therefore differ by a factor of about three. The depth of a grain is 4 to 6
+# times the rms height.
 FINISHES = {
     "polished": Finish(0.0, _FLOAT),
     "smooth": Finish(0.03e-3, f"{_PLANED}; {_MOULDED}; rolled sheet, Ra of 2 um at most (EN 10130)"),
@@ -102,7 +103,7 @@ FINISHES = {
 def roughness_m(name: str) -> float:
     """Return the rms height of a class of surfaces in metres.
 
-    Objects of the catalogue and scenes with material labels have these heights. A surface that has only a material name is smooth.
+    Objects of the catalogue and scenes with material labels use these heights. A surface for which only a material name is given is smooth.
 
     Raises:
         MaterialError: the class does not exist.

@@ -1,10 +1,10 @@
 """List the sheets of a room and their usual layers in the table `SHEETS`, with a source for each row.
 
-A plain material name of this table means a sheet of the stated thickness with air on both sides, because rooms contain the material as
+A plain material name of this table means a sheet of the stated thickness with air on both sides, because rooms contain these materials as
 panes, boards and housings. All other plain names (concrete, brick, metal, floors, ground, liquids) mean a half-space, which is opaque. A
 `Layered` stack states other thicknesses, and `Layered([], backing="glass")` is a half-space of glass.
 
-The last figure of each row is the two-way loss of a wave at normal incidence in dB, averaged over 77 to 80.44 GHz.
+The last number of each source text is the two-way loss in dB of a wave at normal incidence, averaged over 77 to 80.44 GHz.
 """
 
 from typing import NamedTuple

@@ -81,8 +81,8 @@ def _scale(axis: Any, limits: tuple[float, float], label: str) -> dict[str, Any]
 
 
 def _series(axes: Axes) -> list[dict[str, Any]]:
-    """Return the points of all lines, scatter plots, error bars and bars in data coordinates. For a bar, the third number is the bar's
-    value.
+    """Return the points (x, y) of all lines, scatter plots, error bars and bars in data coordinates. The point of a bar has the bar's value
+    as a third number.
     """
     from matplotlib.collections import PathCollection
     from matplotlib.container import BarContainer, ErrorbarContainer

@@ -81,6 +81,6 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
             stream = io.BytesIO()
             drawn.savefig(stream, format=path.suffix[1:], metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
             files.write_atomically(path, stream.getvalue())
-            drawn.set_layout_engine("none")  # keeps the layout, which takes as long as the drawing, for the other files
+            drawn.set_layout_engine("none")  # reuse the layout for the other files, because computing it takes as long as drawing
         files.write_atomically(paths[-1], pages.page(drawn, stem.name.replace("_", " ")))
     return paths

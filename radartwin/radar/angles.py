@@ -46,8 +46,8 @@ class AngleMethod:
     Attributes:
         name: "bartlett", "capon" or "music".
         loading: diagonal loading of Capon in units of the mean eigenvalue of the covariance matrix.
-        subarray: number of antennas of the sub-arrays for spatial smoothing, which needs a uniform line; 0 takes the whole array.
-        forward_backward: whether to average the forward and the backward covariance matrix, which needs a uniform line.
+        subarray: number of antennas of the sub-arrays for spatial smoothing, which needs a uniform linear array; 0 means no sub-arrays.
+        forward_backward: whether to average the forward and the backward covariance matrix, which needs a uniform linear array.
         sources: number of sources of MUSIC, or the criterion "mdl" or "aic" that estimates it.
     """
 
@@ -77,7 +77,7 @@ class AngleSpectrum:
 
     Attributes:
         form: Hermitian matrices (..., M, M) of the quadratic form in the array response.
-        positions_m: positions (M, 3) of the antennas that the form belongs to, in metres.
+        positions_m: positions (M, 3) of the antennas to which the rows and columns of `form` belong, in metres.
         frequency_hz: frequency of the array response.
         scale: factor of the quadratic form.
         reciprocal: whether the spectrum is the reciprocal of the scaled form.
@@ -98,7 +98,7 @@ class AngleSpectrum:
         beams = self.form.reshape(-1, antennas, antennas) @ weights.conj()
         value = np.einsum("ca,rca->ra", weights, beams).real
         if self.reciprocal:
-            # In the direction of a source, the form of MUSIC is zero, and rounding may make it negative.
+            # In the direction of a source, the quadratic form of MUSIC is zero, and rounding may make the form negative.
             trace = np.trace(self.form, axis1=-2, axis2=-1).real.reshape(-1, 1)
             value = 1 / np.maximum(value, np.finfo(np.float64).eps * self.scale**2 * trace)
         return value.reshape(*self.form.shape[:-2], len(directions))

@@ -8,19 +8,19 @@ The pattern is the product of an azimuth cut, an elevation cut and a ground-plan
 elevation asin(z).
 
 Data of the user's guide: the peak gain and the four beamwidths. In each cut, the gain of the main lobe at the angle psi is
-a (sqrt(1 + (s/b)^2) - 1) dB below the peak gain, with s = 2 sin(psi/2). The constants a and b of this hyperbola are chosen so that it
-passes through the 3 dB and the 6 dB beamwidth. The hyperbola is smooth and is quadratic near boresight.
+a (sqrt(1 + (s/b)^2) - 1) dB below the peak gain, with s = 2 sin(psi/2). The constants a and b of this hyperbola are chosen so that the
+loss is 3 dB and 6 dB at the published beamwidths. The hyperbola is smooth and is quadratic near boresight.
 
 Conventions of this module, for which there is no measurement of these boards:
 
 - Side lobes in elevation. TI measures the patterns of such boards only up to 30 degrees of elevation (TI E2E 821216, IWR6843ISK). The gain
-  of three equal patches in series, one wavelength on the board apart (SPACING), is 2.8 dB below the peak at 14 degrees and 6.2 dB below the
-  peak at 20 degrees. This agrees with the published beamwidths within 0.2 dB. The pattern therefore has the side lobe of three such
-  patches. With d = SPACING, their array factor is (1 + 2 cos(2 pi d sin psi))/3, and each patch has the pattern cos(pi d/2 sin psi) of its
-  two radiating edges (C. Balanis, Antenna Theory, section 14.2). Beyond the first null of the array factor, the power of the side lobe is
-  added to the power of the main lobe, which fills the null. The side lobe is 12.4 dB below the peak gain at 53 degrees. For comparison, 77
-  GHz arrays of tapered patches have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In Electromagnetics Research Letters 72 (2018)
-  23).
+  of three equal patches in series, at a spacing of one wavelength on the board (SPACING), is 2.8 dB below the peak at 14 degrees and 6.2 dB
+  below the peak at 20 degrees. These values agree with the published beamwidths within 0.2 dB. The pattern therefore has the side lobe of
+  three such patches. With d = SPACING, the array factor of the three patches is (1 + 2 cos(2 pi d sin psi))/3, and each patch has the
+  pattern cos(pi d/2 sin psi) of its two radiating edges (C. Balanis, Antenna Theory, section 14.2). Beyond the first null of the array
+  factor, the power of the side lobe is added to the power of the main lobe, which fills the null. The side lobe is 12.4 dB below the peak
+  gain at 53 degrees. For comparison, 77 GHz arrays of tapered patches have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In
+  Electromagnetics Research Letters 72 (2018) 23).
 - Ground plane. The amplitude gain has the factor 1 - (1 - cos theta)^16, where theta is the angle from boresight. The gain falls to zero in
   the plane of the board. This factor changes the gain by less than 0.01 dB up to 50 degrees from boresight.
 - Beyond 50 degrees of azimuth, the pattern continues the hyperbola. Behind the board, the gain is zero.
@@ -41,8 +41,8 @@ ELEMENTS = ("iwr1843", "isotropic")
 PEAK_GAIN_DBI = 10.5
 _AZIMUTH_DEG = (28.0, 50.0)  # azimuths at which the gain is 3 dB and 6 dB below the peak gain
 _ELEVATION_DEG = (14.0, 20.0)  # elevations at which the gain is 3 dB and 6 dB below the peak gain
-# Distance between the patches of an antenna, in wavelengths in air. It is one wavelength on a board with an effective permittivity of 2.8,
-# which a microstrip line has on the laminate RO4835 (relative permittivity 3.5). The laminate is quoted from memory.
+# Distance between the patches of an antenna, in wavelengths in air. The distance is one wavelength on a board with an effective
+# permittivity of 2.8, which a microstrip line has on the laminate RO4835 (relative permittivity 3.5). The laminate is quoted from memory.
 SPACING = 0.6
 
 
@@ -74,7 +74,7 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
 
 
 def _hyperbola(half_power_deg: float, quarter_power_deg: float) -> tuple[float, float]:
-    """Return the constants (1/b^2, a) of the hyperbola a (sqrt(1 + (s/b)^2) - 1) that is 3 dB and 6 dB at two angles.
+    """Return the constants (1/b^2, a) of the hyperbola a (sqrt(1 + (s/b)^2) - 1), from the angles of 3 dB and 6 dB loss.
 
     The angle of 6 dB must be less than twice the angle of 3 dB.
     """
@@ -101,7 +101,7 @@ def _gains(first, last, directions, out):
         sine = z / length  # of the elevation
         array = (1 + 2 * np.cos(2 * np.pi * SPACING * sine)) / 3
         patch = np.cos(np.pi / 2 * SPACING * sine)
-        # Three equal patches have a side lobe beyond their first null, where the power and its derivative are zero.
+        # The side lobe of three equal patches begins at their first null, where the power and its derivative are zero.
         side_lobe = (array * patch) ** 2 if abs(sine) > 1 / (3 * SPACING) else 0.0
         power = 10 ** (-_loss_db(across / length, _ELEVATION) / 10) + side_lobe
         ground = 1.0 - (1.0 - x / length) ** 16
@@ -110,5 +110,5 @@ def _gains(first, last, directions, out):
 
 @innermost
 def _loss_db(cosine, hyperbola):
-    """Return how many dB the antenna gain is below its peak, from the cosine of the azimuth or of the elevation and its hyperbola."""
+    """Return the loss below the peak gain in dB in one cut, from the cosine of the cut's angle and the constants of the cut's hyperbola."""
     return hyperbola[1] * (np.sqrt(1 + 2 * hyperbola[0] * (1 - cosine)) - 1)

@@ -1,37 +1,39 @@
 """Describe how the antennas of a real board deviate from the nominal pattern of radartwin.radar.antenna.
 
 Envelope. The nominal pattern is zero behind the board and falls to zero in the plane of the board. The real power pattern has a floor,
-which is `side_lobe_db` relative to the peak in the half space in front of the board. Behind the board, the floor in dB falls linearly with
-the cosine of the angle from the board's normal, from `side_lobe_db` in the plane of the board to `back_lobe_db` straight behind it. The
-gain of an antenna is the larger of the nominal pattern and the floor.
+which in front of the board is `side_lobe_db` relative to the peak. Behind the board, the floor in dB falls linearly with the cosine of the
+angle from the board's normal, from `side_lobe_db` in the plane of the board to `back_lobe_db` straight behind it. The gain of an antenna is
+the larger of the nominal pattern and the floor.
 
 Ripple. Other antennas of the board and the edges of the board scatter a part of the field of an antenna. The antenna k therefore radiates
-COPIES weaker copies of its wave from other points d_kj of the board. Its pattern is the envelope times
+COPIES weaker copies of its wave from other points d_kj of the board. The pattern of antenna k is the envelope times
 
     F_k(u) = c_k (1 + sum_j a_kj exp(-j k0 d_kj . u)),   |a_kj|^2 = 10^(ripple_db/10)/COPIES,
 
 with the direction u, the wavenumber k0 at the middle of the sweep, and the sign of a phase that grows with the length of a path. The number
-of the board is the seed of the points, which are NEAREST_M to FARTHEST_M away in any direction in the plane of the board, and of the phases
-of a_kj. The constant c_k makes the mean power over all directions equal to that of the envelope, and makes the mean phase of F_k zero. Both
-means are weighted with the power of the envelope. Constant gains and phases of the channels are part of radartwin.radar.hardware. The
-factor F_k neglects that k0 d_kj changes over the sweep, by at most 1.1 radians on either side of its middle. Paths that
-radartwin.simulation.merging joins get the factor of their mean direction, with an error of 0.008 of the signal of a bottle at 1.3 m, and of
-0.004 for a can.
+of the board is the seed of the random points d_kj and of the random phases of a_kj. The points are NEAREST_M to FARTHEST_M from the
+antenna, in any direction in the plane of the board. The constant c_k makes the mean power over all directions equal to that of the
+envelope, and makes the mean phase of F_k zero. Both means are weighted with the power of the envelope. Constant gains and phases of the
+channels are part of radartwin.radar.hardware. The factor F_k neglects the change of k0 d_kj over the sweep, which is at most 1.1 radians on
+either side of the middle frequency. If radartwin.simulation.merging joins several paths, the joined path gets the factor of the mean
+direction. The error is 0.008 of the signal for a bottle at 1.3 m, and 0.004 for a can.
 
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - side_lobe_db: 77 GHz arrays of tapered patches have side lobes of -15 and -20 dB (W. Wang, X. Wang, Progress In Electromagnetics Research
   Letters 72 (2018) 23). The floor of -18 dB is between both. There is no measurement of these boards beyond 30 degrees of elevation and 60
-  degrees of azimuth (TI E2E 821216, IWR6843ISK). The level in the plane of the board is an order-of-magnitude estimate. This level decides
-  the echo of a floor straight below the radar. At the shadow boundary of a half plane, the field is half of the field in front of it. Half
-  of the nominal field is -18.6 dB at 85 degrees of azimuth and -23.7 dB at 80 degrees of elevation.
+  degrees of azimuth (TI E2E 821216, IWR6843ISK). The level in the plane of the board is an order-of-magnitude estimate. This level
+  determines the echo of a floor straight below the radar. For comparison, the field at the shadow boundary of a half plane is half of the
+  field in front of the half plane. Half of the nominal field is -18.6 dB relative to the peak at 85 degrees of azimuth, and -23.7 dB at 80
+  degrees of elevation.
 - back_lobe_db: -25 dB is an order-of-magnitude estimate. Patch arrays on printed boards have front-to-back ratios of 20 to 30 dB. For
-  comparison, the edge of a half plane diffracts the wave of a source on the plane straight backwards. The diffracted field is 26 dB below
-  the field along the surface for a source 2 cm from the edge, and 20 dB below it for a source 5 mm from the edge (Keller's coefficient at
-  grazing incidence).
-- ripple_db: -20 dB is an order-of-magnitude estimate from the same diffraction coefficients. It gives ripples with a standard deviation of
-  0.6 dB and 4 degrees. For comparison, a TI E2E thread (1525632) suggests 0.5 dB and 5 degrees as errors of the channels of a calibrated
-  AWR2243, and reports that angles measured with calibrated boards have errors of 2 to 3 degrees.
-- NEAREST_M, FARTHEST_M: about one wavelength, and the distance to the edges of the antenna area of a board; order-of-magnitude estimates.
+  comparison, consider a source on a half plane, whose edge diffracts the wave straight backwards. The diffracted field is 26 dB below the
+  field along the surface for a source 2 cm from the edge, and 20 dB below the field along the surface for a source 5 mm from the edge
+  (Keller's coefficient at grazing incidence).
+- ripple_db: -20 dB is an order-of-magnitude estimate from the same diffraction coefficients. This level gives ripples with a standard
+  deviation of 0.6 dB and 4 degrees. For comparison, a TI E2E thread (1525632) suggests 0.5 dB and 5 degrees as errors of the channels of a
+  calibrated AWR2243, and reports that angles measured with calibrated boards have errors of 2 to 3 degrees.
+- NEAREST_M, FARTHEST_M: NEAREST_M is about one wavelength, and FARTHEST_M is the distance to the edges of a board's antenna area. Both are
+  order-of-magnitude estimates.
 """
 
 from __future__ import annotations
@@ -50,7 +52,7 @@ from radartwin.radar.field_checks import is_number
 
 COPIES = 3  # number of displaced copies of the wave of an antenna
 NEAREST_M, FARTHEST_M = 0.005, 0.03  # smallest and largest displacement of a copy
-_DIRECTIONS = 50_000  # number of directions over which the mean pattern is computed; the phase changes by 0.8 rad between neighbours
+_DIRECTIONS = 50_000  # number of directions for the mean power; between neighbours, the phase of a copy changes by at most 0.8 rad
 
 
 @dataclass(frozen=True)

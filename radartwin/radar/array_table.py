@@ -32,7 +32,7 @@ from radartwin.radar.description_files import read_text, read_yaml, with_numbers
 from radartwin.radar.field_checks import check_distinct
 
 UNITS = ("m", "half_wavelength")
-MAX_SPAN_M = 2.0  # no array of a board is larger along an axis; a table with a larger array gives another unit as metres
+MAX_SPAN_M = 2.0  # largest plausible size of an array along an axis, in metres; positions of a larger array are in another unit
 MAX_GAIN_DB = 100.0  # no antenna has a larger gain or loss
 _COMMON = ("design_frequency_hz", "pattern")  # columns whose value is the same in all rows
 _COLUMNS = ("antenna", *_COMMON, "gain_db")

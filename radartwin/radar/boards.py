@@ -5,19 +5,19 @@ mmWave EVM user's guide (TI SWRU546). On these boards, the receivers are half a 
 in azimuth, and TX2 is raised by half a wavelength. TX1 and TX3 with four receivers therefore form eight channels in azimuth at a spacing of
 half a wavelength. On the xWR1642BOOST (user's guide TI SWRU521), the two transmitters are two wavelengths apart.
 
-The board MMWCAS-RF-EVM carries four chips AWR2243 (design guide TI TIDUEN5A, figures 5 to 7). Its positions are those of TI's processing
-example for this board, in half wavelengths at 76.8 GHz. TX4 to TX12 are two wavelengths apart in azimuth. TX3, TX2 and TX1 of the main chip
-stand 1, 4 and 6 half wavelengths above them. With TX4 to TX12, these heights differ by every number of half wavelengths from 0 to 6, which
-is a minimum-redundancy array. The 16 receivers form groups of 4, 8 and 4 antennas at a spacing of half a wavelength. The azimuth row of 9
-transmitters and 16 receivers has 144 channels at 86 different places, without a gap.
+The board MMWCAS-RF-EVM carries four chips AWR2243 (design guide TI TIDUEN5A, figures 5 to 7). Its antenna positions are those of TI's
+processing example for this board, in half wavelengths at 76.8 GHz. TX4 to TX12 are two wavelengths apart in azimuth. TX3, TX2 and TX1 of
+the main chip are 1, 4 and 6 half wavelengths above TX4 to TX12. The differences between the four heights include every number of half
+wavelengths from 0 to 6, so that the heights form a minimum-redundancy array. The 16 receivers form groups of 4, 8 and 4 antennas at a
+spacing of half a wavelength. The azimuth row of 9 transmitters and 16 receivers has 144 channels at 86 different positions, without a gap.
 
 In this module, the channel number of the boards with one chip grows towards +y (left), because in the mmWave SDK demo the phase grows with
 the channel number for a target on the right. On the MMWCAS-RF-EVM, the positions of TI's example grow towards +y (left) and +z (up). This
-direction is an assumption of this project; if it is wrong for a real capture, its azimuths have the opposite sign. On the boards with one
-chip, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The user's guides do not give the
-distance between the two groups. This module therefore centres both groups at the origin of the sensor frame. On the MMWCAS-RF-EVM, both
-groups are centred in azimuth, and the receivers and TX4 to TX12 are at height zero. For a target at 0.5 m, this simplification shortens the
-two-way path by about 0.1 mm, and by nearly the same length on all channels.
+direction is an assumption of this project. If the assumption is wrong for a real capture, the azimuths of the capture have the opposite
+sign. On the boards with one chip, the transmitters and the receivers form two groups, side by side and a few wavelengths apart. The user's
+guides do not give the distance between the two groups. This module therefore centres both groups at the origin of the sensor frame. On the
+MMWCAS-RF-EVM, both groups are centred in azimuth, and the receivers and TX4 to TX12 are at height zero. For a target at 0.5 m, this
+simplification shortens the two-way path by about 0.1 mm, and by nearly the same length on all channels.
 """
 
 from __future__ import annotations

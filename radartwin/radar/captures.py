@@ -32,11 +32,11 @@ def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, i
 
     Args:
         path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file with one
-            .mmwave.json in its folder, or of a .npy file. Of a capture in several .bin files, any file names the whole capture. The array
-            in a .npy file has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
-            [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. Its samples are complex, or int16 with one more
-            axis of I and Q at the end. A .npz file holds this array as `iq`, and may hold the poses of the radar as `poses` (F, 4, 4). A
-            folder with the files of the cascade's capture board is a capture too (radartwin.radar.cascade_capture).
+            .mmwave.json in its folder, or of a .npy file. For a capture in several .bin files, the path of any of these files selects the
+            whole capture. The array in a .npy file has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample]
+            or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. The samples of the array are complex, or int16
+            with an additional last axis of I and Q. A .npz file holds this array as `iq`, and may hold the poses of the radar as `poses`
+            (F, 4, 4). A folder with the files of the cascade's capture board is a capture too (radartwin.radar.cascade_capture).
         radar: a Radar or the path of a radar file. An array and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
             the .mmwave.json.
         iq_swapped: whether Q comes before I in a capture of another tool. None detects the sample order from the noise. For a recording of
@@ -141,7 +141,7 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     if not np.iscomplexobj(cube):
         raise RecordingError(f"{path}: expected complex samples, or int16 with a last axis of I and Q, not {cube.dtype} {cube.shape}")
     if cube.ndim == 2:
-        # The array has one channel, but its chirps repeat at the loop interval of all transmitters.
+        # The array has a single channel. Its successive chirps are one loop of all transmitters apart.
         radar = replace(
             radar,
             tx_positions_m=radar.tx_positions_m[:1],

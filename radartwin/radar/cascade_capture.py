@@ -1,14 +1,14 @@
 """Read and write raw captures of the cascade of four AWR2243 (board MMWCAS-RF-EVM with the capture board MMWCAS-DSP-EVM).
 
-The capture board writes one file per chip: master_0000_data.bin, slave1_0000_data.bin, slave2_0000_data.bin and slave3_0000_data.bin. These
-hold RX1 to RX4, RX5 to RX8, RX9 to RX12 and RX13 to RX16. A file has no header. It holds little-endian int16 values, I before Q, in the
-order frame, loop, chirp (transmitter in firing order), sample, receiver of the chip. The layout is that of TI's reader for this board
-(function read_ADC_bin_TDA2_separateFiles) and of TI E2E 997761. It differs from the DCA1000 layout of radartwin.radar.dca1000, in which all
-samples of a receiver follow each other.
+The capture board writes one file per chip: master_0000_data.bin, slave1_0000_data.bin, slave2_0000_data.bin and slave3_0000_data.bin. In
+this order, the files hold RX1 to RX4, RX5 to RX8, RX9 to RX12 and RX13 to RX16. A file has no header, and holds little-endian int16 values,
+I before Q, in the order frame, loop, chirp (transmitter in firing order), sample, receiver of the chip. The layout is that of TI's reader
+for this board (function read_ADC_bin_TDA2_separateFiles) and of TI E2E 997761. The layout differs from the DCA1000 layout of
+radartwin.radar.dca1000, in which all samples of a receiver follow each other.
 
 The capture board splits long captures into parts 0000, 0001, ..., each of which holds whole frames, and writes an index file ..._idx.bin
-beside each part. This module reads all parts. It neither reads nor writes index files, so TI's own programs, which count frames by the
-index files, need them from elsewhere.
+beside each part. This module reads all parts, but neither reads nor writes index files. TI's own programs count frames by the index files,
+so these programs need index files from another source.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Find the directions of the targets in a range-Doppler cell from the covariance matrix of its channels.
 
-The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The row
-measures the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at elevation 0 is therefore asin(u_y). With an elevation, the
-search over the direction cosine u_z uses the fixed u_y and the Bartlett beam of all antennas, and the azimuth is atan2(u_y, u_x). Capon and
-MUSIC sort the row by y and average the channels whose antennas are at equal places (`row_places`), because smoothing needs a uniform line.
+The azimuth comes from the azimuth row (`azimuth_row`), and the elevation from all virtual antennas if their heights differ. The azimuth row
+measures the direction cosine u_y = sin(azimuth) cos(elevation). The azimuth at elevation 0 is therefore asin(u_y). If the elevation is
+measured, the direction cosine u_z is found with the Bartlett beam of all antennas at this fixed u_y. The azimuth is then atan2(u_y, u_x).
+Capon and MUSIC sort the row by y and average the channels whose antennas have equal y (`row_places`), because smoothing needs a uniform
+linear array.
 
 If the antennas of the azimuth row have the same y, the row does not measure u_y, and the azimuth is NaN. If all antennas have the same y,
 the search over u_z uses u_y = 0, because the phases do not depend on u_y. If only the antennas of the row have the same y, the elevation is
@@ -11,8 +12,8 @@ NaN too, because the other antennas do not separate u_y from u_z.
 
 Bartlett gives one target per cell, because a weaker maximum may be a sidelobe. Capon and MUSIC give up to TARGETS_PER_CELL targets. The
 powers of several targets are the least-squares estimates diag(A+ R A+^H), where A+ is the pseudo-inverse of the responses A. A target is
-dropped if it is more than DEPTH_DB weaker than the strongest target of the cell. A maximum is dropped if its response is nearly parallel
-to that of a higher one (PARALLEL).
+dropped if it is more than DEPTH_DB weaker than the strongest target of the cell. A maximum is dropped if its response is nearly parallel to
+the response of a higher maximum (PARALLEL).
 
 A uniform row with the spacing d has equal responses in the directions u_y and u_y +- lambda_c/d, where lambda_c is the wavelength at the
 middle of the sweep. A direction is therefore unambiguous if |u_y| < lambda_c/d - 1. The sector |u_y| <= lambda_c/(2d) contains one
@@ -68,10 +69,10 @@ class Directions:
 
 
 def standard_method(name: str, positions_m: Real) -> AngleMethod:
-    """Return the settings with which `cell_directions` uses a method on antennas (M, 3), which are sorted along their line.
+    """Return the settings of a method in `cell_directions`, for antennas at the positions (M, 3), sorted along their line.
 
     On a uniform line, Capon and MUSIC smooth forward and backward over sub-arrays of two thirds of the antennas, because the echoes of a
-    cell are coherent. The matrix then has full rank from a single snapshot.
+    cell are coherent. Because of the smoothing, the matrix has full rank even from a single snapshot.
     """
     if name not in METHODS:
         raise InputError(f"angle method {name!r} is unknown; use one of {', '.join(METHODS)}")
@@ -133,7 +134,7 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
 
 
 def _strongest(found: AngleSpectrum) -> Real:
-    """Return the azimuths (N,) of the highest maxima of N spectra, by a parabola through the levels of three neighbouring azimuths."""
+    """Return the azimuths (N,) of the highest maxima of N spectra, interpolated by a parabola through the levels at three azimuths."""
     power = found(unit_vectors(_AZIMUTH_RAD))
     strongest = np.argmax(power, axis=1)
     inner = np.clip(strongest, 1, len(_AZIMUTH_RAD) - 2)
@@ -171,7 +172,7 @@ def maxima(level: Real) -> NDArray[np.intp]:
 
 
 def _zoom(found: AngleSpectrum, index: int) -> float:
-    """Return the azimuth of the maximum near an azimuth of the grid, to 0.002 degrees, because the peaks of MUSIC can be very narrow."""
+    """Refine the azimuth of a maximum on the grid to 0.002 degrees, because the peaks of MUSIC can be very narrow."""
     low, high = _AZIMUTH_RAD[max(index - 1, 0)], _AZIMUTH_RAD[min(index + 1, len(_AZIMUTH_RAD) - 1)]
     fine = np.linspace(low, high, _ZOOM_POINTS)
     for _ in range(_ZOOMS):

@@ -201,7 +201,7 @@ class Radar:
 
     @property
     def pattern(self) -> Any:
-        """Return the plain values that decide the result of `gain`, for keys of stored results."""
+        """Return the plain values that determine the result of `gain`. They are part of the keys of stored results."""
         errors = self.antenna_errors
         return self.element if errors is None else [self.element, errors.side_lobe_db, errors.back_lobe_db]
 
@@ -235,7 +235,7 @@ class Radar:
     def iwr1843(cls, element: str = "iwr1843") -> Radar:
         """Return the radar of the RadarTwin paper, an IWR1843BOOST with two alternating azimuth transmitters and four receivers.
 
-        The chirp interval of 64 us is an assumption of this project, because the paper gives none. The published profile from which
+        The chirp interval of 64 us is an assumption of this project, because the paper gives no interval. The published profile from which
         `radartwin.radar.hardware` takes the IF filter has a chirp interval of 486 us. With this interval, the unambiguous speed would be
         0.97 m/s instead of 7.44 m/s. The noise figure of 15 dB and the transmit power of 12 dBm are typical values of the IWR1843 data
         sheet (TI SWRS228, RF specification).

@@ -4,8 +4,9 @@ Symbols and their names in the code: x_k -> snapshots, K -> count, M -> number o
 d -> number of sources.
 
 A snapshot holds the signals of all antennas at one time. Echoes of one range-Doppler cell have a constant phase relation while the scene
-does not move, so that their covariance matrix has rank one (coherent sources). Spatial smoothing averages the matrices of shifted equal
-sub-arrays of a uniform line, which restores the rank. The backward average adds the matrix of the reversed, conjugated signals.
+does not move, so that their covariance matrix has rank one (coherent sources). Spatial smoothing averages the covariance matrices of
+shifted equal sub-arrays of a uniform line of antennas, which restores the rank. The backward average adds the matrix of the reversed,
+conjugated signals.
 
 References: T.-J. Shan, M. Wax, T. Kailath, IEEE Trans. ASSP 33 (1985) 806 (spatial smoothing); S. Pillai, B. Kwon, IEEE Trans. ASSP 37
 (1989) 8 (forward-backward smoothing); M. Wax, T. Kailath, IEEE Trans. ASSP 33 (1985) 387 (MDL and AIC).
@@ -24,7 +25,7 @@ Complex = NDArray[np.inexact]
 Real = NDArray[np.floating]
 
 CRITERIA = ("mdl", "aic")
-_STEP_TOLERANCE = 1e-3  # largest deviation of a step between antennas from the mean step, in steps; 0.2 degrees of phase
+_STEP_TOLERANCE = 1e-3  # largest deviation of a step from the mean step, in steps; 0.2 degrees of phase at half a wavelength
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,8 @@ class Covariance:
 
     Attributes:
         matrix: matrices (..., M, M), E[x x^H], in squared units of the signals.
-        count: number of snapshots that were averaged. Smoothing multiplies it by the number of sub-arrays, and by 2 for forward-backward
-            averaging, although these snapshots are not independent.
+        count: number of snapshots that were averaged. Smoothing multiplies this number by the number of sub-arrays, and by 2 for
+            forward-backward averaging, although these snapshots are not independent.
     """
 
     matrix: Complex
@@ -44,7 +45,7 @@ class Covariance:
         """Average the matrices of all shifted sub-arrays of a uniform line; the result belongs to the first `subarray` antennas.
 
         Args:
-            subarray: number of antennas of a sub-array; with M, the only sub-array is the whole array.
+            subarray: number of antennas of a sub-array; if `subarray` is M, the only sub-array is the whole array.
             forward_backward: whether to add the matrices of the reversed, conjugated signals.
         Raises:
             InputError: the sub-array is larger than the array or has fewer than two antennas.

@@ -79,7 +79,7 @@ def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: Pow
         iq: samples (frame, chirp, tx, rx, sample); the detector averages the power over all frames.
         radar: radar that recorded the samples.
         static_removed: whether to subtract the echoes at rest before the detection, as in `power_maps`.
-        maps: result of `power_maps` for the same arguments; None computes it.
+        maps: result of `power_maps` for the same arguments; None computes the maps.
         angle: "bartlett", "capon" or "music" (see radartwin.radar.cell_directions); the last two can find two peaks in one cell.
     """
     maps = maps or power_maps(iq, radar, static_removed)

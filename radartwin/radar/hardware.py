@@ -6,26 +6,26 @@ The simulation applies the imperfections in this order:
 3. radartwin.simulation.signal.synthesis adds thermal noise with the noise figure of the radar, shaped by the IF filter.
 4. The method `digitised` adds the image of the mixer and the offset of the ADC, and saturates and rounds the samples.
 The IF filter must act on each echo before the beat frequency folds, so the simulated radar contains the filter (`front_end`). All other
-imperfections act on the ideal samples. The simulation applies an imperfection that depends on the echo delay to the spectrum of each chirp,
-in which a beat frequency corresponds to a delay. A test compared this approximation with exact phase noise for each echo. The energy of the
-phase error differs by at most 0.1 dB. With a Hann window, the amplitude of the phase error differs by at most 5 %. Without a window, this
-amplitude differs by 20 %, because a strong near echo leaks into all spectral lines. The difference of 20 % occurs only in the first and
-last samples of a chirp.
+imperfections act on the ideal samples. If an imperfection depends on the delay of the echo, the simulation applies it to the spectrum of
+each chirp, in which each beat frequency corresponds to a delay. A test compared this approximation with exact phase noise for each echo.
+The energy of the phase error differs by at most 0.1 dB. With a Hann window, the amplitude of the phase error differs by at most 5 %.
+Without a window, this amplitude differs by 20 %, because a strong near echo leaks into all spectral lines. The difference of 20 % occurs
+only in the first and last samples of a chirp.
 
 Sources of the default values, all of which were chosen before the simulation was compared with any measurement:
 - if_filter: both high-pass stages have their lowest corner frequencies, 175 and 350 kHz (codes 0 0), and the receiver gain is 30 dB. These
   are the values of a published mmWave SDK profile with the paper's sampling ("profileCfg 0 77 429 7 57.14 0 0 70 1 256 5209 0 0 30",
-  TI E2E 757413). The filter is a setting and no imperfection, so `scaled` does not change it, except that strength 0 removes it.
+  TI E2E 757413). The IF filter is a setting and no imperfection, so `scaled` does not change the filter, except that strength 0 removes it.
 - line_loss: the feed lines attenuate an echo by 5.2 dB on both ways together. An antenna alone has a gain of 10.5 dBi. Measured through the
   feed lines, a transmit antenna has 7.8 dBi and a receive antenna 8 dBi (TI E2E 681535).
-- coupling: the leakage is -45 dB between the nearest transmitter and receiver, which are 8.77 mm apart (xWR1642BOOST, TI E2E 674013). It
-  falls with distance. The length of the feed line, 6 cm, is an order-of-magnitude estimate. In two public captures with the same high-pass
-  stages, the leakage is 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a
-  sample. The default coupling gives 14 dB.
+- coupling: the leakage is -45 dB between the nearest transmitter and receiver, which are 8.77 mm apart (xWR1642BOOST, TI E2E 674013). The
+  leakage falls with the distance between transmitter and receiver. The length of the feed line, 6 cm, is an order-of-magnitude estimate. In
+  two public captures with the same high-pass stages, the leakage is 12.6 dB (IWR6843, shelta-zhao/mmwave-eyes) and 15.2 dB
+  (77 GHz, PreSenseRadar/OpenRadar) above the noise power of a sample. The default coupling gives a leakage of 14 dB above the noise.
 - full_scale: in the same two captures, the noise of a sample is 7.3 counts. With the noise figures of the data sheets and a receiver gain
-  of 30 dB, the ADC's full scale then corresponds to a received power of -23 and -22 dBm. At this gain, the in-band compression point is at
-  -29 dBm (IWR1443 data sheet, figure 5-1, according to TI E2E 702363: -23, -35, -47 dBm at gains of 24, 36, 48 dB). The simulation does not
-  model the compression of large signals.
+  of 30 dB, the ADC's full scale then corresponds to a received power of -23 and -22 dBm. At a gain of 30 dB, the in-band compression point
+  is at -29 dBm (IWR1443 data sheet, figure 5-1, according to TI E2E 702363: -23, -35, -47 dBm at gains of 24, 36, 48 dB). The simulation
+  does not model the compression of large signals.
 - image: the gains of I and Q differ by 1 dB and their phases by 2 degrees (AWR1243 data sheet, according to TI E2E 654592). The SDK's
   "complex 1x" output filters the image band, so only echoes in the first tenth of the range have an image. This image appears at the far
   end of the range.
@@ -220,7 +220,7 @@ class Hardware:
 
 @functools.lru_cache(maxsize=8)
 def _leakage_and_channels(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.complex64], NDArray[np.complex64]]:
-    """Return the leakage signal (T, R, N) and the channel gains (T, R). They are cached, because they are the same in every frame."""
+    """Return and cache the leakage signal (T, R, N) and the channel gains (T, R), which are the same in every frame."""
     return hardware.leakage(radar), hardware.channels(radar)
 
 
@@ -238,9 +238,9 @@ def _beats(radar: Radar) -> NDArray[np.float64]:
 
 @functools.lru_cache(maxsize=8)
 def _nodes(radar: Radar) -> tuple[tuple[float, ...], NDArray[np.float32]]:
-    """Return the K delays for which the phase error is computed, and interpolation weights (K, N) for the delays of N spectral lines.
+    """Return the K delays of the computed phase errors, and the weights (K, N) that interpolate to the delays of the N spectral lines.
 
-    The interpolation error of the phase error is at most 0.3 % over the band of the radar `iwr1843`.
+    The phase errors that are interpolated have an error of at most 0.3 % over the band of the radar `iwr1843`.
     """
     longest = radar.band_hz / radar.slope_hz_per_s
     nodes = tuple(share * longest for share in _NODES)

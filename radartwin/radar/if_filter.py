@@ -1,16 +1,16 @@
 """Compute the gain of the receiver's intermediate-frequency (IF) chain over the beat frequency of an echo.
 
-The IF chain has first-order high-pass stages, which attenuate the leakage between the antennas. It also has the low-pass filter of the
-decimation, which keeps echoes beyond the unambiguous range from folding back. The band of beat frequencies ends at the sample rate, or at
-half the sample rate for real samples. Higher beat frequencies fold into this band, so the stop band of the low-pass filter begins at the
-upper edge of the band. The gain falls between `pass_share` times the edge frequency and the edge frequency.
+The IF chain has first-order high-pass stages, which attenuate the leakage between the antennas. The IF chain also has the low-pass filter
+of the decimation, which keeps echoes beyond the unambiguous range from folding back. The band of beat frequencies ends at the sample rate,
+or at half the sample rate for real samples. Higher beat frequencies fold into this band, so the stop band of the low-pass filter begins at
+the upper edge of the band. The gain falls between `pass_share` times the edge frequency and the edge frequency.
 
 Sources: the first high-pass stage has a corner frequency of 175, 235, 350 or 700 kHz, and the second stage 350, 700, 1400 or 2800 kHz.
 These values are those of the fields hpfCornerFreq1 and hpfCornerFreq2 of rlProfileCfg_t in TI's mmWaveLink, and comments in public mmWave
 Studio scripts repeat them. The AWR2944P data sheet (SWRS330) describes both stages together as a second-order high-pass filter with a
-corner at -6 dB, as two equal first-order stages have. TI states that nine tenths of the band are usable (SWRA553, from memory). In two
-public captures, the noise falls over the last tenth of the band, by 8 to 10 dB in the middle of this tenth. The depth of the stop band and
-the shape of the transition are assumptions of this module.
+corner at -6 dB. Two equal first-order stages have such a corner. TI states that nine tenths of the band are usable (SWRA553, from memory).
+In two public captures, the noise falls over the last tenth of the band, by 8 to 10 dB in the middle of this tenth. The depth of the stop
+band and the shape of the transition are assumptions of this module.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
 | iwr6843 | IWR6843ISK | 60 GHz | 3 x 4 |
 | awr2243_cascade | MMWCAS-RF-EVM | 77 GHz | 12 x 16 |
 
-The waveform of awr2243_cascade is that of TI's MIMO script for this board. The waveform of iwr6843 is a choice of this project within the
+The waveform of awr2243_cascade comes from TI's MIMO script for this board. The waveform of iwr6843 is a choice of this project within the
 limits of the data sheet, because the board has no waveform of its own. Every field can be changed by an option of the configuration group
 `radar`.
 """

@@ -1,9 +1,9 @@
 """Find the cells of a range-Doppler power map that hold peaks: CFAR, local maxima, window sidelobes, and positions between bins.
 
-The detector drops a local maximum that may be a window sidelobe of a stronger peak. To find the position of a peak between bins, it fits a
-parabola to the levels (dB) of three neighbouring bins in range and Doppler. With complex sampling, the range axis is circular like the
-Doppler axis. Energy just below zero range, such as the edge of the leakage from transmitter to receiver, therefore appears at the
-unambiguous range.
+The detector drops a local maximum that may be a window sidelobe of a stronger peak. To find the position of a peak between bins, the
+detector fits a parabola to the levels (dB) of three neighbouring bins in range and Doppler. With complex sampling, the range axis is
+circular like the Doppler axis. Energy just below zero range, such as the edge of the leakage from transmitter to receiver, therefore
+appears at the unambiguous range.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Real = NDArray[np.float64]
 # Number of guard bins and of training bins on each side of the cell under test, along (Doppler, range), counted without zero padding. The
 # detector uses fewer bins if a frame has too few chirps.
 GUARD, TRAINING = (3, 3), (4, 4)
-FALSE_ALARM = 1e-7  # probability of a false alarm per cell, which gives one false peak in about a hundred frames
+FALSE_ALARM = 1e-7  # probability of a false alarm per cell; this value gives one false peak in about a hundred frames
 # Smallest ratio of a detected peak's power to the mean power of its training cells. With many frames, the noise estimate is so exact that
 # FALSE_ALARM alone would detect every small variation of the clutter.
 MIN_CONTRAST_DB = 3.0
@@ -31,8 +31,8 @@ MIN_CONTRAST_DB = 3.0
 # precision covers 140 dB below the strongest echo, but this echo may be a static echo that was removed before the detection.
 DYNAMIC_RANGE_DB = 100.0
 MIN_RANGE_M = 0.2  # peaks at a shorter range are leakage from transmitter to receiver and are ignored
-# Factor by which the power of a peak must exceed the window sidelobe of a stronger peak (6 dB), because noise and sidelobes of further
-# peaks add to a sidelobe.
+# Factor by which the power of a peak must exceed the window sidelobe of a stronger peak (6 dB), because noise and the sidelobes of other
+# peaks add to this sidelobe.
 _SIDELOBE_MARGIN = 4.0
 
 

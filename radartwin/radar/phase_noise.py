@@ -10,11 +10,11 @@ The IWR1843 data sheet (TI SWRS228B, RF specification) gives a phase noise level
 -95 dBc/Hz. Neither data sheet gives the level at another offset. It is an assumption of this module that the level is constant up to the
 corner frequency of the control loop and falls with 1/f^2 beyond it.
 
-The method `processes` serves the synthesis of samples from propagation paths. It separates delay and frequency by
+The method `processes` serves the synthesis of samples from propagation paths. This method separates delay and frequency by
 exp(-j 2 pi f tau) = exp(-j w) sum_k (2 - [k=0]) (-j)^k J_k(w) T_k(u), with w = pi f tau_max, tau = tau_max (1 + u)/2, the Bessel functions
 J_k and the Chebyshev polynomials T_k. A few random processes are therefore enough for the echoes of all delays. The method `at_delays`
-computes the phase error at a few delays, and the function `interpolation` interpolates between these delays. Both serve to add phase noise
-to existing samples.
+computes the phase error at a few delays, and the function `interpolation` interpolates between these delays. The method `at_delays` and the
+function `interpolation` serve to add phase noise to existing samples.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ class PhaseNoise:
     ) -> NDArray[np.float64]:
         """Draw random processes psi_k, from which an echo of delay tau gets the phase error sum_k psi_k T_k(2 tau/longest_s - 1).
 
-        The noise of different chirps is independent. Its frequencies range from a quarter of a cycle per chirp to half the sample rate.
+        The noise of different chirps is independent. The frequencies of the noise range from a quarter of a cycle per chirp to half the
+        sample rate.
 
         Args:
             chirps: number of chirps.

@@ -1,6 +1,6 @@
 """Compute the echo power of a recording over range and time, over range and Doppler, and over range and azimuth.
 
-The computation processes blocks of frames one after another to limit its memory.
+The module processes blocks of frames one after another to limit its memory.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> Power
         covariance += channels @ channels.conj().transpose(0, 2, 1)
     beams = spectrum(Covariance(covariance, len(iq)), radar.virtual_positions[row], radar.center_frequency_hz)
     range_azimuth = beams(unit_vectors(azimuth_rad)).T
-    # By Parseval's theorem over the Doppler bins, the division by this number gives a constant echo of amplitude a the power a^2 in the
-    # range-azimuth map.
+    # The energy is summed over the Doppler bins. By Parseval's theorem, after division by this number, a constant echo of amplitude a has
+    # the power a^2 in the range-azimuth map.
     bins_of_energy = len(iq) * len(velocity_mps) * float((hann(radar.num_chirps) ** 2).sum())
     return PowerMaps(
         range_m=range_m,

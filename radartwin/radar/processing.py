@@ -33,7 +33,7 @@ def decibels(power: ArrayLike) -> Real:
 def hann(size: int) -> Real:
     """Return a periodic Hann window of unit sum, shape (size,). A window of one or two samples has equal weights."""
     if size <= 2:
-        return np.full(size, 1 / size)  # because the formula gives the first sample no weight
+        return np.full(size, 1 / size)  # because the formula gives the first sample a weight of zero
     taps = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
     return taps / taps.sum()
 

@@ -29,7 +29,7 @@ from radartwin.radar.description_files import read_json
 from radartwin.radar.field_checks import check_rigid
 
 _FORMAT = "radartwin recording 1"
-# If the recording has no scale, `save` writes its largest value as this ADC count, which is 6 dB below clipping.
+# If a recording has no scale, `save` writes the recording's largest value as this ADC count, which is 6 dB below clipping.
 _PEAK_COUNT = dca1000.FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
 _SAVED_BYTES = 8 << 20  # size of the samples that `save` and `load` convert at once; the conversion needs seven times this memory
@@ -255,12 +255,12 @@ def read_counts(
 ) -> NDArray[np.complex64]:
     """Read the counts of a .bin times `scale`, [frame, chirp, tx, rx, sample]. More than MAPPED_BYTES of samples are mapped into memory.
 
-    The argument `frames` names the consecutive frames to read. None reads all frames and refuses an incomplete last frame. The content of
-    the files `others` follows that of `path`.
+    The argument `frames` names the consecutive frames to read. None reads all frames and refuses an incomplete last frame. The files
+    `others` are read after `path`, as its continuation.
 
     Raises:
         RecordingError: the file is empty or does not fit the radar.
-        OutputError: the samples of a large recording fit neither on the disk of the file nor on that of the temporary files.
+        OutputError: the samples of a large recording fit neither on the disk of the file nor on the disk of the temporary files.
     """
     size, frame = sum(file.stat().st_size for file in (path, *others)), dca1000.frame_bytes(radar)
     if size == 0:

@@ -45,7 +45,7 @@ class Adapted(Generic[Rows]):
 def weighted_statistics(
     simulated: Samples, measured: Rows, probabilities: Callable[[Unlabelled], NDArray], shrinkage: float = SHRINKAGE
 ) -> Adapted[Rows]:
-    """Adapt measured rows by their mean and spread and by those of simulated rows with the class shares of the measured batch.
+    """Adapt measured rows to the mean and spread of the simulated rows, which are weighted to the class shares of the measured batch.
 
     Args:
         simulated: training rows of the classifier, with class labels.
@@ -93,7 +93,7 @@ def class_shares(probabilities: NDArray, shrinkage: float = SHRINKAGE) -> NDArra
 
 
 def skewed(samples: Samples, seed: int, share: float = 1 / 3, kept: int = 1) -> Samples:
-    """Draw a batch with unequal class shares: `kept` stored recordings of a random third of the classes, and all rows of the other classes.
+    """Draw a batch with unequal class shares: `kept` stored recordings of randomly chosen classes, and all rows of the other classes.
 
     Args:
         samples: rows of a batch with class labels.

@@ -35,7 +35,7 @@ def text_loss(z, y, texts, weight, settings: Settings):
 
 
 def pair_loss(first, second, temperature: float):
-    """Return the InfoNCE loss between N paired embeddings (N, T) each, averaged over both directions; row i belongs to row i."""
+    """Return the InfoNCE loss of N pairs of embeddings, averaged over both directions; pair i is row i of `first` and `second` (N, T)."""
     import torch
     from torch.nn.functional import cross_entropy
 

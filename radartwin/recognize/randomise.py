@@ -1,4 +1,5 @@
-"""Draw what the user of a simulation cannot know, so that copies of a simulated turntable recording differ (domain randomisation).
+"""Draw the quantities that the user of a simulation cannot know, so that copies of a simulated turntable recording differ (domain
+randomisation).
 
 A classifier that is trained on equal copies of a recording trusts features that a slightly different set-up changes. Each quantity below is
 drawn uniformly from a range. The range is half as large at strength 0.5, and strength 0 leaves the quantity unchanged. All ranges were

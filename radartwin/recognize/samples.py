@@ -75,9 +75,9 @@ class Samples(Unlabelled):
 
     Attributes:
         label: (N,) class of each row: its object, or after `relabelled` for example the shape of its object.
-        cell: (N,) cluster of each row in tests and intervals. It is the object and the stratum, because measured recordings of one object
-            and stratum are compared with the same simulation. After `relabelled` it is the object, because a class then has several
-            objects, and only the objects are independent examples of the class.
+        cell: (N,) cluster of each row in tests and intervals. The cluster is the object and the stratum, because measured recordings of one
+            object and stratum are compared with the same simulation. After `relabelled`, the cluster is the object, because a class then
+            has several objects, and only the objects are independent examples of the class.
     """
 
     label: NDArray[np.str_]

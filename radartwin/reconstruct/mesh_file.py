@@ -36,7 +36,7 @@ LARGE_M, HIGH_M = 15.0, 7.0
 ROOM_M, ROOM_HIGH_M = (1.5, LARGE_M), (1.8, HIGH_M)
 FLOOR_M = 0.15  # faces at most this far from the lowest or highest point count as floor or ceiling
 LEVEL = 0.9  # smallest |z| of the normal of a horizontal face
-UP_MARGIN = 1.2  # smallest ratio of the area of faces perpendicular to the up axis to the area of faces perpendicular to the next axis
+UP_MARGIN = 1.2  # smallest ratio of the face area perpendicular to the up axis to the largest face area perpendicular to another axis
 
 
 class ScanWarning(UserWarning):

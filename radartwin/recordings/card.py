@@ -1,4 +1,4 @@
-"""Read, check and write card.yaml, the data card of a recording set. It states origin, licence and units of the recordings."""
+"""Read, check and write card.yaml, the data card of a recording set. The data card states origin, licence and units of the recordings."""
 
 from __future__ import annotations
 

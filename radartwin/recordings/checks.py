@@ -22,7 +22,7 @@ from radartwin.recordings.studio_log import PACKET_BYTES
 from radartwin.scene.trajectories.file import read_track
 
 CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by judgement; above it, clipping causes notable harmonics
-EDGE_FRAMES = 16  # frames used to test whether I and Q are exchanged; for one frame of few chirps, band_edge_db errs by 1 to 2 dB
+EDGE_FRAMES = 16  # number of frames that test whether I and Q are exchanged; in one frame of few chirps, band_edge_db is off by 1 to 2 dB
 LOST_SHARE = 0.01  # a recording set is unusable if more than this share of frames has lost samples, even if the log reports the loss
 
 
@@ -153,7 +153,7 @@ def clipped_share(recording: Recording) -> float:
 def zero_filled_frames(recording: Recording) -> list[int]:
     """Return the indices of frames that contain at least half a packet of zeros. The capture card writes zeros for lost packets."""
     per_sample = 2 if recording.radar.real_sampling else 4
-    run = PACKET_BYTES // per_sample // 2  # a packet of zeros always covers an aligned block of half a packet, wherever it begins
+    run = PACKET_BYTES // per_sample // 2  # wherever a packet of zeros begins, it covers an aligned block of half a packet
     per_frame = recording.iq[0].size
     found: set[int] = set()
     for block in recording.frame_blocks():
@@ -164,7 +164,7 @@ def zero_filled_frames(recording: Recording) -> list[int]:
 
 
 def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
-    """Interpolate the sensor poses (F, 4, 4) at the frame times. A frame at most half a frame period outside the time span of the file
+    """Interpolate the sensor poses (F, 4, 4) at the frame times. A frame outside the time span of the file, by at most half a frame period,
     takes the nearest pose.
 
     Args:
@@ -194,7 +194,7 @@ def _trajectory(folder: Path, row: Row, recording: Recording) -> Iterator[str]:
 
 
 def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
-    """Yield a problem for each recording file without a row in the index, which an interrupted import may leave, for example."""
+    """Yield a problem for each recording file without a row in the index, for example from an interrupted import."""
     known = {row.recording for row in rows}
     for path in sorted((folder / RECORDINGS).glob("*")):
         if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):

@@ -25,7 +25,7 @@ class Picture:
     kind: str
 
     def read(self) -> bytes:
-        """Read the bytes of the picture file. Raise InputError if the file cannot be read or its content is not of its kind."""
+        """Read the bytes of the picture file. Raise InputError if the file cannot be read or its content is no picture of this kind."""
         try:
             data = self.path.read_bytes()
         except OSError as error:

@@ -1,7 +1,7 @@
 """Encode the messages of radartwin.recordings.foxglove in Protobuf, for viewers that do not read JSON.
 
 The numbers and types of the fields are those of Foxglove's published definitions (github foxglove/foxglove-sdk, schemas/proto/foxglove). A
-schema is a FileDescriptorSet that holds the definitions, which MCAP prescribes for the encoding "protobuf" (mcap.dev/spec/registry).
+schema is a FileDescriptorSet with the definitions of the messages, as MCAP prescribes for the encoding "protobuf" (mcap.dev/spec/registry).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _OPTIONAL, _REPEATED = 1, 3  # of FieldDescriptorProto.Label
 
 
 def schema(name: str) -> bytes:
-    """Return the serialised FileDescriptorSet that defines all messages of a timeline, also the message `name`."""
+    """Return the serialised FileDescriptorSet that defines all messages of a timeline, among them the message `name`."""
     return _definitions()[0]
 
 

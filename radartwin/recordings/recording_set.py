@@ -9,8 +9,9 @@
                                  if the index has a column start_s
 
 A folder is a recording set if it contains a card.yaml. All recordings of a set have the same radar, but may differ in frame rate. A
-recording belongs to the set only if the index has a row for it. The row in index.csv is written after the recording's files, so a process
-may be killed while it writes a recording. To complete the set after an interrupted write, add the recording of the same name again.
+recording belongs to the set only if the index has a row for it. The row in index.csv is written after the recording's files. If a process
+is killed while it writes a recording, the recording's files therefore have no row. To complete the set, add the recording of the same name
+again.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES,
 from radartwin.scene.trajectories.file import read_track
 
 LOCK = "index.lock"
-_SAME_DISTANCE_M = 1e-4  # two distances count as equal if they differ by at most this, because the index stores rounded distances
+_SAME_DISTANCE_M = 1e-4  # distances that differ by at most this count as equal, because the index stores rounded distances
 
 
 class RecordingSet:

@@ -14,9 +14,9 @@ The samples have the layout of a DCA1000 .bin with Q before I, so that an import
 
 Source: the public description of the format and of the data set (github RadarML/red-rover: docs/roverd/index.md, docs/iq1m/index.md,
 collect/config/grt-i.yaml, processing/src/roverp/readers/pose.py) and of the samples (github RadarML/xwr: RadarFrame, XWRConfig,
-AWR1843Boost). Earlier descriptions name the types i16, f64 and u8. This module was tested on files written from this description. It was
-not run on the files of the data set. These facts are assumptions: the poses (front, left, up) are those of the sensor rig, so that the
-distance from the rig to the radar is ignored, and the transmitters fire in the order TX1, TX2, TX3.
+AWR1843Boost). Earlier descriptions name the types i16, f64 and u8. This module was tested on files written from this description. The
+module was not run on the files of the data set. Two facts are assumptions. The poses (front, left, up) are taken as those of the sensor
+rig, so that the distance from the rig to the radar is ignored. The transmitters are assumed to fire in the order TX1, TX2, TX3.
 """
 
 from __future__ import annotations

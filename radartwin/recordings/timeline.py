@@ -11,9 +11,10 @@
 | /camera/image | foxglove.CompressedImage | a picture of the camera |
 
 Frame f is stamped with the start of its first chirp, start + f/frame_rate. The maps of a frame are those of radartwin.radar.power_maps for
-this frame alone. The file is written frame by frame, so that the memory does not grow with the length of the file. It has a temporary name
-until it is complete. Format: mcap.dev/spec. Messages are JSON with schemas in JSON Schema, or Protobuf (radartwin.recordings.protobuf),
-which rerun needs: its documentation (rerun.io/docs/reference/mcap) names Foxglove's schemas in Protobuf only.
+this frame alone. The file is written frame by frame, so that the memory does not grow with the length of the file. The file has a temporary
+name until it is complete. Format: mcap.dev/spec. Messages are JSON with schemas in JSON Schema, or Protobuf
+(radartwin.recordings.protobuf). The viewer rerun needs Protobuf, because its documentation (rerun.io/docs/reference/mcap) names Foxglove's
+schemas in Protobuf only.
 """
 
 from __future__ import annotations

@@ -46,9 +46,7 @@ def unit_hint(extent: float) -> str:
 
 
 def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a copy of a mesh in which vertices at the same position are merged, so that sharp edges and texture seams do not open the
-    mesh.
-    """
+    """Return a copy of a mesh without duplicate vertices, which would leave the mesh open at sharp edges and texture seams."""
     out = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     out.merge_vertices(merge_tex=True, merge_norm=True)
     return out

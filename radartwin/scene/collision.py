@@ -13,7 +13,7 @@ from radartwin.errors import PoseError
 from radartwin.scene.checks import inside_solid, welded
 from radartwin.scene.scene import Scene
 
-CONTACT_M = 0.002  # shallower overlaps count as contact, because rounding and the flattening of scans cause such overlaps
+CONTACT_M = 0.002  # shallower overlaps are ignored, because rounding and the flattening of scanned surfaces cause them
 _BLOCK_PAIRS = 2_000_000  # point-triangle pairs per block
 _MAX_SAMPLES = 500  # largest number of vertices that are tested for being inside a solid
 

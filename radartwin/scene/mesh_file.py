@@ -2,8 +2,8 @@
 
 Meshes keep their textures and colours; a missing texture causes a warning.
 
-The unpacked size of a .glb and of its pictures is checked before unpacking, because a file of a kilobyte can unpack to more than the memory
-of the computer.
+The reader checks the unpacked size of a .glb and of its pictures before unpacking, because an unpacked kilobyte can exceed the memory of
+the computer.
 Ref: Khronos glTF 2.0, sections 3.6.2 (accessors; an accessor without a buffer view is all zeros), 3.5.2 (the node tree) and 4.4 (binary
 container).
 """
@@ -43,8 +43,8 @@ class TextureWarning(UserWarning):
 def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
     """Read the triangle meshes of a .glb, .ply, .obj or .stl, and return them in a dictionary by name.
 
-    Node transforms are applied. No mesh is merged with a second mesh or dropped. The triangles of a .stl share no vertices in the file, so
-    that vertices at the same position are merged.
+    Node transforms are applied. No mesh is merged with a second mesh or dropped. The triangles in a .stl share no vertices, so the function
+    merges vertices at the same position.
 
     Raises:
         MissingError: the file does not exist.

@@ -1,7 +1,7 @@
 """Draw the visible patterns of surfaces as pictures: wood grain, joints, weave, mottling. Each pattern repeats without a seam.
 
-Every pattern function has the arguments (rng, picture size (h, w), metres per pixel, colours (K, 3) in 0..1). It returns a picture (h, w,
-3) with values in 0..1 and row 0 at the top.
+Every pattern function has the arguments (rng, picture size (h, w), metres per pixel, colours (K, 3) in 0..1). Every pattern function
+returns a picture (h, w, 3) with values in 0..1 and row 0 at the top.
 """
 
 from __future__ import annotations

@@ -28,7 +28,8 @@ from radartwin.scene.surface import Surface
 
 FORMAT, VERSION = "radartwin-scene", 1
 GEOMETRY, MANIFEST = "scene.glb", "manifest.json"
-# Texture coordinates are rounded to multiples of 1/UV_STEPS: glTF stores 1 - v, which is then exact in float32 up to 64 repeats.
+# Texture coordinates are rounded to multiples of 1/UV_STEPS. glTF stores 1 - v, which these multiples make exact in float32 for up to 64
+# repeats of the texture.
 UV_STEPS = 2**17
 
 

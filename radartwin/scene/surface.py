@@ -20,7 +20,7 @@ Role = Literal["auto", "object", "room"]
 OBJECT_EXTENT_M = 0.5  # limit of the longest extent; the largest of the twelve catalogue objects is a 0.3 m bottle
 # limit of the second-longest extent; about ten ray tubes of role "room" fit side by side into this width at a range of 3 m
 OBJECT_WIDTH_M = 0.2
-CURVED_EXTENT_M = 2.0  # limit of the longest extent of a curved mesh; a larger mesh with bent edges is a flat surface with scan noise
+CURVED_EXTENT_M = 2.0  # limit of the longest extent of a curved mesh; larger meshes with bent edges are flat surfaces with scan noise
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

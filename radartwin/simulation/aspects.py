@@ -1,4 +1,5 @@
-"""Compute the signal of a turning target by interpolation between aspects. For one aspect, the target rests at one turntable angle.
+"""Compute the signal of a turning target by interpolation between aspects. An aspect is the signal of the target at rest at one turntable
+angle.
 
 The field of a target that extends to a distance R from the turntable axis has angular harmonics up to 2 k R, where k is the wavenumber. A
 whole revolution therefore needs 4 k R aspects, for example 600 aspects for R = 9 cm at 77 GHz. A windowed sinc function interpolates

@@ -24,7 +24,7 @@ RADAR = Radar.iwr1843()
 
 
 def compile_all(backwards: bool = False) -> None:
-    """Simulate a furnished room with a can at rest, in motion and on a drive, and objects in free space; or in the opposite order."""
+    """Simulate a furnished room with a can at rest, in motion and on a drive, and objects in free space; `backwards` reverses the order."""
     parts = (_room_at_rest, _can_in_motion, _drive, _free_space)
     for simulated in reversed(parts) if backwards else parts:
         simulated()
@@ -68,7 +68,7 @@ def _poses() -> np.ndarray:
 
 @contextlib.contextmanager
 def compiling() -> Iterator[Callable[[], None]]:
-    """Compile in two worker processes while the `with` block runs. The block gets a function that waits for their end."""
+    """Compile in two worker processes while the `with` block runs. The block gets a function that waits until both have ended."""
     pool = ProcessPool(min(2, cores()), import_main=False)
     started = [pool.submit(compile_all, backwards) for backwards in (False, True)]
 

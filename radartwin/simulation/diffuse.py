@@ -9,7 +9,7 @@ direction to the radar is theta. Between isotropic antennas, the ratio of receiv
 In these formulas, rho_s is Ament's roughness factor, and Gamma(0) is the reflection coefficient of the smooth surface at normal incidence.
 The function p is the lobe of Kirchhoff scattering in the direction back to the radar (`materials.kirchhoff`); its integral over the
 half-space is 1. The ray tubes and mirror images of the simulator reflect the power fraction rho_s^2 |Gamma(theta)|^2. On a metal, mirror
-reflection and diffuse scattering together therefore have all of the power.
+reflection and diffuse scattering together therefore contain all of the incident power.
 
 Polarisation: a surface scatters a wave back from facets that face the radar, where the wave has normal incidence in both polarisations
 (Kirchhoff's approximation with stationary phase; F. Ulaby, R. Moore, A. Fung, Microwave Remote Sensing II, section 12-4). These facets
@@ -17,8 +17,8 @@ preserve the polarisation. If both antennas have the same polarisation, the rece
 
 Speckle: a point represents a part of the surface with many independent facets. The simulator draws the field factor of each point once,
 from a complex circular Gaussian distribution of unit mean power. The points of a surface lie in the frame of the surface and move with it.
-They depend only on the mesh, roughness and name of this surface and on a seed, so that other surfaces, frames and drives do not change
-them. Only if surfaces that move together would have more than MAX_POINTS points, all of them have fewer points.
+The points depend only on the mesh, roughness and name of this surface and on a seed, so that other surfaces, frames and drives do not
+change them. The only exception: if surfaces that move together need more than MAX_POINTS points, each of them gets fewer points.
 
 Density: a narrow lobe shows only a small part of a surface to the radar. The density of points therefore grows with the inverse square of
 the lobe width, so that at least seven points of a flat surface at 2 m are in the lobe. The sensor sees the radius of a patch under the
@@ -225,7 +225,8 @@ def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_p
     """Return the diffuse paths of all bodies of a scene. A Mitsuba variant must be active.
 
     Each body hides the points of all bodies behind it. The paths of the static surfaces do not depend on the moving bodies and come from
-    the array cache. The points that moving bodies hide from the radar have a second path of opposite amplitude in those frames.
+    the array cache. A static point that a moving body hides from the radar in a frame has a second path of opposite amplitude in this
+    frame.
 
     Args:
         static: static surfaces; None if all surfaces move.
@@ -317,8 +318,8 @@ def _block(
 
     Returns:
         For each path: index of the pose, amplitude, distance of the point in metres, direction to the point in the sensor frame, and rate
-        of change of the path length in m/s. A line through panes of the triangles `tree` has their transmission there and back, and its
-        distance includes the delay of the layers.
+        of change of the path length in m/s. If a line crosses panes (triangles of `tree`), the amplitude includes their transmission there
+        and back, and the distance includes the delay of the layers.
     """
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, towards, power, above = _returns(

@@ -4,11 +4,11 @@ Repeated drives along one nominal drive differ by centimetres, which changes the
 share traced paths unchanged, but they share two results. First, the sequences of faces and edges that give strong paths are searched once
 for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter (the small
 or curved static objects of the room), and the paths between an object and the room, are traced only at sensor positions with a spacing of 4
-cm along the track (places). For each other sensor pose, the paths of the nearest place are moved to this pose. The move keeps amplitudes;
-lengths, directions and rates of change are exact for the first and last points of the path. If the radar cannot resolve several moved
-paths, or several paths of an object, they become one path (`merging`). Paths of the flat room and direct echoes of a target are not moved
-but traced at every pose, because the phase between edge waves and specular echo changes within millimetres (error of moved paths: 0.23 of
-the signal).
+cm along the track (places). For each other sensor pose, the paths of the nearest place are moved to this pose. The move keeps the
+amplitudes. The new lengths, directions and rates of change are exact for the first and last points of the path. If the radar cannot resolve
+several moved paths, or several paths of an object, they become one path (`merging`). Paths of the flat room and direct echoes of a target
+are not moved but traced at every pose, because the phase between edge waves and specular echo changes within millimetres (error of moved
+paths: 0.23 of the signal).
 """
 
 from collections import OrderedDict
@@ -33,11 +33,11 @@ from radartwin.simulation.signal.synthesis import received
 
 SPACING_M = 0.04  # distance between places along a track
 OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
-CLUTTER_OVER_ROOM = 0.125  # the same for clutter (errors: 0.03 of the signal of a metal umbrella stand, 0.10 of that of a litter bin)
+CLUTTER_OVER_ROOM = 0.125  # the same for clutter (error: 0.03 of the signal of a metal umbrella stand, 0.10 of the signal of a litter bin)
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
 TOGETHER = 20  # largest number of places traced at once; limits memory
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
-RESTING = 12  # number of objects at rest whose paths are cached: the parts of a turntable's stand
+RESTING = 12  # number of resting objects, such as the parts of a turntable's stand, whose paths are cached
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
 
@@ -297,7 +297,7 @@ class Drives:
         return self._track(traced, places)
 
     def _track(self, traced: Callable[[np.ndarray], list[Paths]], chosen: np.ndarray | slice = slice(None)) -> Track:
-        """Call `traced` for the chosen ones of the equally spaced sensor positions along the track. Return the traced paths as a Track."""
+        """Call `traced` for the places with the indices `chosen`, and return the traced paths as a Track."""
         places = self._places
         index = np.unique(np.arange(len(places))[chosen])
         blocks = np.array_split(index, -(-len(index) // TOGETHER))

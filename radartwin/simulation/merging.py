@@ -1,4 +1,4 @@
-"""Add paths with nearly equal lengths, directions and rates of change to one path, so that the synthesis has fewer paths.
+"""Merge paths with nearly equal lengths, directions and rates of change into one path, so that the synthesis has fewer paths.
 
 An object that is traced by ray tubes has a path for each tube, but the radar cannot resolve the tubes. The paths of one pose are sorted
 into cells of directions of departure and arrival, length and rate of change. The paths of a cell become one path at their mean, weighted by

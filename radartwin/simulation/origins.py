@@ -35,7 +35,8 @@ class Origin:
     Attributes:
         surface: name of the surface from which the strongest part of the peak comes; "" if no path reaches the range of the peak.
         level_db: power of the paths that end at this surface, relative to the power of all paths, at the range and azimuth of the peak, in
-            decibels. The level is about 0 if the peak is the echo of one surface. It may be above 0 if other surfaces weaken the peak.
+            decibels. The level is about 0 if the peak is the echo of one surface. The level may be above 0 if other surfaces weaken the
+            peak.
     """
 
     surface: str

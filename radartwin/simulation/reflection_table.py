@@ -13,8 +13,8 @@ numbers grow with D. With the sweep of 3.44 GHz, a cavity between plasterboards 
 | 150 mm | 25 | 6144 |
 | 300 mm | 52 | 12288 |
 
-If the largest table is not enough, `build` warns. The coefficients are those of plane waves. They neglect that the wavefront of a delayed
-echo is less curved than that of the echo of the outer face.
+If the largest table is not enough, `build` warns. The coefficients are those of plane waves. Such coefficients neglect that a delayed echo
+has a less curved wavefront than the echo of the outer face.
 
 A path that crosses a sheet has the length of the straight line through the mesh, as if the sheet were not there. The transmission
 coefficient of a sheet of thickness d therefore contains the factor exp(+j k d cos t), where k is the wavenumber and t the angle of

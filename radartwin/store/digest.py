@@ -4,7 +4,8 @@ digests.
 The key of a stored result must change whenever the result could change. The digest of source code covers whole packages: every package with
 a module that the computation imports, directly or indirectly. In this module, a package is a folder two levels deep, such as
 radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting, imports for type
-checkers and the texts of raised exceptions do not change the digest of source code. The versions of the installed packages in NUMERICAL do.
+checkers and the texts of raised exceptions do not change the digest of source code. The versions of the installed packages in NUMERICAL
+change the digest.
 """
 
 from __future__ import annotations
@@ -199,8 +200,8 @@ def _imports(name: str) -> frozenset[str]:
 
 
 def _with_parents(names: Iterable[str]) -> frozenset[str]:
-    """Return those of the names that are modules, and the packages that contain these modules, because Python runs the __init__.py of a
-    package before its modules.
+    """Return the modules among `names`, and the packages that contain them, because Python runs the __init__.py of a package before its
+    modules.
     """
     parents = {".".join(parts[:n]) for parts in (name.split(".") for name in names) for n in range(1, len(parts) + 1)}
     return frozenset(name for name in parents if _source(name))

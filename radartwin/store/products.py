@@ -36,7 +36,7 @@ KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
 META = "meta.json"
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-RUN = "run"  # the kind of product that holds the result of an experiment
+RUN = "run"  # kind of the stored results of experiments
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class Store:
                     shutil.rmtree(final) if final.is_dir() and not final.is_symlink() else final.unlink()
                 _build(build, work / "product", final, {"kind": kind, "key": key, **described})
         finally:
-            with contextlib.suppress(OSError):  # another process may wait in the folder; the last process removes it
+            with contextlib.suppress(OSError):  # another process may wait for the lock in this folder; the last process removes the folder
                 work.rmdir()
         return Product(final, key, reused=False)
 

@@ -28,7 +28,7 @@ class Recent(Generic[T]):
         return len(self._values)
 
     def get(self, key: Hashable, size: float, make: Callable[[], T]) -> T:
-        """Return the value of `key`. If there is none, call `make`, and keep its value unless `size` exceeds the limit."""
+        """Return the value of `key`. If no value is stored, call `make`, and keep the new value unless `size` exceeds the limit."""
         with self._lock:
             if key in self._values:
                 self._values.move_to_end(key)

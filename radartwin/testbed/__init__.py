@@ -1,4 +1,4 @@
 """A virtual measurement campaign that replaces real radar measurements.
 
-It differs on purpose from the simulation that it is compared with.
+The campaign differs on purpose from the simulation with which it is compared.
 """

@@ -1,13 +1,13 @@
-"""Add a person who stands in the room during a recording, which the scan of the room does not contain.
+"""Add a person who stands in the room during a recording, but is missing in the scan of the room.
 
 The body is one closed surface of elliptical cross-sections with the permittivity of dry skin. Clothes are left out, because a millimetre of
-cotton is transparent at 77 GHz. The person stands at a random free place, 1.5 to 4 m from the radar and 20 to 60 degrees beside its viewing
-direction. Only the direct echo is modelled: the person neither shadows nor reflects other echoes. At 2 and 3 m, the mean radar
+cotton is transparent at 77 GHz. The person stands at a random free place, 1.5 to 4 m from the radar and 20 to 60 degrees beside the viewing
+direction of the radar. Only the direct echo is modelled: the person neither shadows nor reflects other echoes. At 2 and 3 m, the mean radar
 cross-section over all directions is -6.5 and -7.9 dBsm.
 
 A person who stands still sways. The echo of each frame is shifted by a random displacement along the line of sight, with a standard
-deviation of 4 mm and a correlation time of 1 s. D. Abrahamova and F. Hlavacka (Physiol. Res. 57 (2008) 957) measured a root mean square of
-some millimetres for adults in quiet stance; the values of this module are order-of-magnitude estimates.
+deviation of 4 mm and a correlation time of 1 s. D. Abrahamova and F. Hlavacka (Physiol. Res. 57 (2008) 957) measured a root-mean-square
+sway of some millimetres for adults in quiet stance; the values of this module are order-of-magnitude estimates.
 """
 
 from __future__ import annotations

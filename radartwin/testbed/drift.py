@@ -4,9 +4,9 @@ At 77 GHz, a shift of 0.1 mm towards the radar changes the phase of an echo by a
 change the background signal between two revolutions of a turntable. All shifts are proportional to one random process, the room's
 temperature. The value of this process, in standard deviations, is called the temperature state. The room is simulated at the middle
 temperature state, at both extreme states, and at enough states between them that an object moves at most 0.2 mm between neighbouring
-states. A polynomial in the temperature state is fitted to the simulated room signals and gives the room's signal at every frame. For a path
-straight back to the radar, whose phase is 4 pi s / lambda for a shift s, the error of the polynomial is less than 0.02 of the path's
-amplitude (tested). An object's shift across the line of sight changes the echo's phase less than a shift along it.
+states. A polynomial in the temperature state is fitted to the simulated signals of the room. This polynomial gives the room's signal at
+every frame. For a path straight back to the radar, whose phase is 4 pi s / lambda for a shift s, the error of the polynomial is less than
+0.02 of the path's amplitude (tested). An object's shift across the line of sight changes the echo's phase less than a shift along it.
 
 The default size of the drift is an order-of-magnitude estimate. A plastic object of half a metre expands by 0.05 mm per degree. Wood and
 cardboard of this length expand by a few tenths of a millimetre if the relative humidity rises by ten per cent. Furniture boards settle and
@@ -82,7 +82,7 @@ def traced(signal: Callable[[float], NDArray], errors: DriftErrors) -> NDArray[n
 
 
 def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, errors: DriftErrors, seed: int) -> list[Surface]:
-    """Return the surfaces with those in `names` shifted as the temperature state `state` requires, each along its own direction.
+    """Return the surfaces, with each surface in `names` shifted along its own direction as the temperature state requires.
 
     Args:
         names: names of the surfaces that drift.

@@ -43,7 +43,7 @@ def tripod(sensor_pose: np.ndarray) -> Scene:
 
 
 def rover(height_m: float = 0.4) -> Scene:
-    """Build a rover under and behind its radar, in the radar's coordinates. To move the rover, pass the motion `{ROVER: sensor_poses}`.
+    """Build a rover under and behind its radar, in the radar's coordinates. To move it, simulate with the motion `{ROVER: sensor_poses}`.
 
     The chassis and wheels are one metal block 3 cm above the floor. Computer and battery are on the rear of the block, and a mast is behind
     the radar.

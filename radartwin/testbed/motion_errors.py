@@ -1,11 +1,12 @@
 """Add motion errors to nominal poses: compute the true poses of a rover, rail, turntable or placed object from the logged poses.
 
-A recording stores the nominal (logged) pose of frame f, for the time f / frame rate. The sizes of each kind of motion error are a frozen
-dataclass with a method `scaled(strength)`. At strength 0 the true poses equal the nominal poses exactly. Equal seeds give equal errors.
+A recording stores the nominal (logged) pose of frame f, for the time f / frame rate. For each kind of motion, a frozen dataclass with a
+method `scaled(strength)` holds the sizes of the motion errors. At strength 0 the true poses equal the nominal poses exactly. Equal seeds
+give equal errors.
 
 The default sizes of the motion errors were chosen before any result table was computed. If no value for such equipment is published, the
 default is an order-of-magnitude estimate:
-- Rover slip: 1.5 % of the path. Half of its variance is constant (wheel size, load), and half has a correlation length of 0.3 m. The
+- Rover slip: 1.5 % of the path. Half of the slip's variance is constant (wheel size, load), and half has a correlation length of 0.3 m. The
   uncalibrated odometry of a differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans.
   Robotics and Automation 12 (1996) 869, cited from memory). After the wheel size in the log is corrected, the remaining slip is smaller.
   Mecanum wheels slip more.
@@ -60,8 +61,8 @@ class RoverErrors(_Errors):
     """Sizes of the motion errors of a wheeled platform. Lengths and angles are standard deviations; the ripple is an amplitude.
 
     Attributes:
-        slip: error of the travelled distance relative to the path length. Half of its variance is constant, and half has the
-            correlation length slip_length_m.
+        slip: error of the travelled distance relative to the path length. Half of the variance of this error is constant along the path,
+            and half has the correlation length slip_length_m.
         slip_length_m: correlation length of the changing part of the slip, in metres.
         start_m: error of the start position along world x and y, in metres.
         heading_deg: error of the heading at the start, in degrees.
@@ -108,7 +109,7 @@ class TurntableErrors(_Errors):
 
     Attributes:
         start_deg: standard deviation of the rotation angle at the start, in degrees.
-        rate: relative standard deviation of the rotation rate. Half of its variance is constant, and half changes within rate_turns
+        rate: relative standard deviation of the rotation rate. Half of the rate's variance is constant, and half changes within rate_turns
             revolutions.
         ripple_deg: amplitude in degrees of a periodic angle error with ripple_cycles periods per revolution.
         wobble_deg: standard deviation of the tilt of the rotation axis about each horizontal direction, in degrees.

@@ -9,12 +9,12 @@ a drawing is taken as two standard deviations:
   of 4.812 +- .015 inches, which are +-0.09 mm of radius and +-0.38 mm of height.
 - cans, out of roundness: +-.015 inches for round drawn cans of 2 to 3.5 inches (Hudson Technologies, standards and tolerances), which is
   +-0.19 mm of radius.
-- food cans, side seam: two sheets of 0.2 mm overlap, so a ridge of 0.2 mm. Its width of 3 mm and its rounded flanks are order-of-magnitude
-  estimates.
+- food cans, side seam: two sheets of 0.2 mm overlap, so a ridge of 0.2 mm. The width of the ridge, 3 mm, and its rounded flanks are
+  order-of-magnitude estimates.
 - food cans, body beads: the inspection manual of the Canadian Food Inspection Agency says that a body may have beads. Half of the cans have
   beads, 0.5 mm deep and 6 mm apart; both numbers are order-of-magnitude estimates.
-- dents, ribs and label panels of bottles, bulges of flat panels, and the tolerances of bottles, mug and reflector have no source. They are
-  order-of-magnitude estimates of the deviations that a calliper shows on ordinary goods.
+- dents, ribs and label panels of bottles, bulges of flat panels, and the tolerances of bottles, mug and reflector have no source. The sizes
+  of these deviations are order-of-magnitude estimates of the values that a calliper shows on ordinary goods.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ DENT_WIDTH_M = 0.008  # standard deviation of a dent's Gaussian profile
 
 @dataclass(frozen=True)
 class Form:
-    """Deviations of one kind of object at strength 1, in metres. Random deviations have a mean of zero and this standard deviation.
+    """Deviations of one kind of object at strength 1, in metres. Random deviations have a mean of zero, and the size is their standard
+    deviation.
 
     Attributes:
         radius_m: deviation of the radius.
@@ -137,7 +138,7 @@ def _turn(angle: np.ndarray) -> np.ndarray:
 
 
 def _between(share: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return 1 between two shares of the height and 0 outside, with smooth ends of 0.04."""
+    """Return 1 where `share`, the relative height, is between `low` and `high`, and 0 elsewhere, with transitions of the width 0.04."""
     return np.clip((share - low) / 0.04 + 0.5, 0, 1) * np.clip((high - share) / 0.04 + 0.5, 0, 1)
 
 
@@ -148,7 +149,7 @@ def _deformed(mesh: trimesh.Trimesh, move: Callable[[np.ndarray], np.ndarray]) -
 
 
 def _moved_tips(mesh: trimesh.Trimesh, strength: float, rng: np.random.Generator) -> trimesh.Trimesh:
-    """Move every corner of flat plates except the one at which most plates meet. Corners of different plates at one place stay together."""
+    """Move every corner of flat plates except the one at which most plates meet. Plates with a common corner stay together."""
     places, which, counts = np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True, return_counts=True)
     steps = strength * TIP_M * rng.standard_normal(places.shape)
     steps[counts == counts.max()] = 0.0

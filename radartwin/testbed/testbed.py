@@ -1,10 +1,10 @@
 """The virtual testbed: a virtual measurement campaign that differs on purpose from the simulation it is compared with.
 
-The scene that the testbed measures is called the true scene; it has the exact geometry. Its materials, roughness and contents deviate from
-the nominal values (radartwin.testbed.variation), and it also contains clutter and measurement equipment (radartwin.testbed.fixtures). The
-testbed traces more rays and one more reflection order than the simulation it is compared with. An imperfect radar
-(radartwin.radar.hardware) records the result with antennas that deviate from the nominal pattern (radartwin.radar.antenna_errors). Rover,
-turntable and target deviate from their logged poses (radartwin.testbed.motion_errors).
+The scene that the testbed measures is called the true scene; it has the exact geometry. The materials, roughness and contents of the true
+scene deviate from the nominal values (radartwin.testbed.variation). The true scene also contains clutter and measurement equipment
+(radartwin.testbed.fixtures). The testbed traces more rays and one more reflection order than the simulation it is compared with. An
+imperfect radar (radartwin.radar.hardware) records the result with antennas that deviate from the nominal pattern
+(radartwin.radar.antenna_errors). Rover, turntable and target deviate from their logged poses (radartwin.testbed.motion_errors).
 
 Each kind of difference between the testbed and the simulation of the scanned room is called a gap. A gap has a strength: 0 removes the
 difference, 1 is the default size, 2 doubles the default size. The testbed is not reality, so a table computed with it only tests the method
@@ -40,8 +40,8 @@ class Gaps:
     Attributes:
         materials: strength of the deviations of layer thickness and permittivity of everything but the target.
         roughness: strength of the deviations of the roughness heights of surfaces.
-        clutter: strength of the difference in small objects and equipment, which the scan lacks; below 1, some of them are also missing in
-            the testbed.
+        clutter: strength of the difference in small objects and equipment, which the scan lacks; below 1, some of these objects are also
+            missing in the testbed.
         hardware: strength of the imperfections of the radar.
         trajectory: strength of the motion errors of rover, rail and turntable, and of errors of the frame times.
         solver: above 0, the testbed traces more rays and one more reflection order than the simulation of the scanned room.
@@ -80,7 +80,7 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = (), ta
             all recordings of the campaign.
         clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures need no entry, because their
             provenance marks them.
-        target: whether the scene is the target, whose walls have a gap of their own (object_material).
+        target: whether the scene is the target, whose walls deviate by the gap `object_material` instead of `materials`.
     """
     surfaces, room = [], str(scene.provenance.get("room", ""))
     repeats: Counter[str] = Counter()

@@ -6,7 +6,7 @@ random numbers at every strength. The default sizes of the deviations were chose
 - permittivity: standard deviations of 10 % for the real part, and of a factor exp(0.5) for the dielectric loss. ITU-R P.2040-4 has several
   rows for each of ten materials (concrete to floorboard). At 100 GHz, the rows of one material differ by 11 % in the real part, and by 0.51
   in the logarithm of the loss. The permittivities of metal and air do not deviate.
-- roughness: a factor exp(0.7) of the roughness height, which is the factor of two between values in the literature
+- roughness: a factor exp(0.7) of the roughness height. Values in the literature differ by this factor of two
   (radartwin/materials/roughness.py). A nominally smooth metal surface gets a roughness height of 0.1 mm. Glass and glazed ceramic are
   smooth to micrometres (EN 572-2, EN 14411) and get 2 micrometres. Any other nominally smooth surface gets 0.3 mm, the lower end of the
   range of 0.3 to 3 mm in the paper's own calibration (implementation section).

@@ -1,4 +1,4 @@
-"""Implement `radartwin demo`: take a shipped phone scan from mesh to labelled scene, recording, peaks and page, with the functions of the
+"""Implement `radartwin demo`: turn a shipped phone scan into a labelled scene, a recording, its peaks and a page, with the functions of the
 verbs reconstruct, label, simulate, process and view.
 
 The scan is in the folder `scan` beside this file, with its source and licence. A second run computes and replaces all files again.

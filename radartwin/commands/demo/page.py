@@ -1,4 +1,6 @@
-"""Write the page of `radartwin demo`: one HTML file with the room, the echoes with the surface of each peak, and the next commands."""
+"""Write the page of `radartwin demo`: one HTML file that shows the room, the echoes, the surface of each peak, and the next commands to
+type.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """The learner `convolution`: a small convolutional network. Its input is a picture of a turntable revolution with two channels
 (features/pictures.py).
 
-Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequency) have different rows. Each therefore has its own branch
-of three convolutions with 16, 32 and 32 channels. A linear layer maps both branches together to the space of the text embeddings.
+Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequency) have different rows. Each of the two channels
+therefore has its own branch of three convolutions with 16, 32 and 32 channels. A linear layer maps both branches together to the space of
+the text embeddings.
 
 - The time branch is circular over the revolution. It keeps all rows and takes the largest and the mean value over time, so a start of the
   revolution that is later by whole rows does not change the embedding. Its kernels have dilations of 1, 2 and 4 rows. Each output value of
@@ -11,9 +12,9 @@ of three convolutions with 16, 32 and 32 channels. A linear layer maps both bran
   absolute.
 - The first convolution of each branch keeps every third column (range bin), and each further convolution keeps every second one.
 
-Training shifts channel 0 circularly by a random time, because the start angle of a measured revolution is unknown. Only the fraction of a
-row matters, because a shift by whole rows does not change the embedding. The interpolation between rows is linear. The initial weights
-follow K. He et al., Delving deep into rectifiers, ICCV 2015.
+Training shifts channel 0 circularly by a random time, because the start angle of a measured revolution is unknown. The shift is a fraction
+of a row, because a shift by whole rows does not change the embedding. The interpolation between rows is linear. The initial weights follow
+K. He et al., Delving deep into rectifiers, ICCV 2015.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ class Fitted(Protocol):
         ...
 
     def predict(self, rows: Unlabelled) -> NDArray[np.str_]:
-        """Return for each row (N,) the most likely class of the training rows, without any measured class label."""
+        """Return for each row (N,) the most likely training class. No measured class label is used."""
         ...
 
     def probabilities(self, rows: Unlabelled) -> NDArray[np.float64]:

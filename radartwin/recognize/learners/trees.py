@@ -1,9 +1,9 @@
 """The learner `trees`: gradient-boosted trees on feature vectors, as a baseline that needs no text and no scaling of the features.
 
-Ref: J. Friedman, Greedy function approximation: a gradient boosting machine, Annals of Statistics 29, 2001; G. Ke et al., LightGBM,
-NeurIPS 2017 (histograms), as scikit-learn's HistGradientBoostingClassifier implements them. The embedding of a row is the vector of its K
-log class probabilities, so that the same probes classify it. The training classes are its coordinates, and rows of other classes have
-embeddings too.
+Ref: J. Friedman, Greedy function approximation: a gradient boosting machine, Annals of Statistics 29, 2001; G. Ke et al., LightGBM, NeurIPS
+2017 (histograms), as scikit-learn's HistGradientBoostingClassifier implements them. The embedding of a row is the vector of its K log class
+probabilities, so that the same probes classify it. The vector has one coordinate per training class, and a row of any other class has such
+an embedding too.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from radartwin.recognize.randomise import Randomisation, copies
 from radartwin.simulation.signal.synthesis import thermal_noise
 
 FEATURES, WITHOUT = "rotation", ("brightness",)  # brightness is an absolute level, and the gain of a user's radar is unknown
-NOISE_FRAMES = 8  # frames of noise from which its power is computed, to about 1 %
+NOISE_FRAMES = 8  # number of simulated noise frames from which the noise power is computed, with an error of about 1 %
 
 
 def feature_rows(

@@ -11,14 +11,15 @@ The following text is an example of such a file:
         description: a flat square metal plate
       - name: bottle
         mesh: meshes/bottle.obj
-        material: {layers: [[pet, 0.0005]], backing: water}   # wall of 0.5 mm, filled with water; without backing: with air
+        material: {layers: [[pet, 0.0005]], backing: water}   # wall of 0.5 mm, filled with water; filled with air if backing is absent
         description: a plastic bottle of water
       - name: cup
         catalogue: mug               # an object of the catalogue, which defines its mesh and material
         description: a white ceramic mug
 
-Every object has a description, or none has. An object of the catalogue without a description has the catalogue's description if other
-objects have one. Each object stands on its lowest point. The middle of its bounding box is on the axis of the turntable.
+Either every object has a description, or no object has one. An object of the catalogue without a description has the catalogue's
+description if other objects have one. Each object stands on its lowest point. The middle of its bounding box is on the axis of the
+turntable.
 """
 
 from __future__ import annotations

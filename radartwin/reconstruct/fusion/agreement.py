@@ -1,9 +1,9 @@
 """Check the depth unit and the pose convention of frames by comparing overlapping views.
 
 A moving camera sees the same surfaces from several positions. The surfaces in these views coincide only if the depth unit and the pose
-convention are right. The check scales all views to the same median depth. It then measures the distance between the surfaces of
+convention are right. The check scales all views to the same median depth. The check then measures the distance between the surfaces of
 overlapping views, for each known depth unit and pose convention. If the surfaces coincide clearly better with another unit or convention
-than with the user's, the check raises an error that names the better unit or convention.
+than with those of the user, the check raises an error that names the better unit or convention.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from radartwin.reconstruct.mesh_file import ScanWarning
 COMPARED_VIEWS = 40  # number of views that are compared, evenly distributed over the scan
 MEDIAN_M = 2.0  # all views are scaled to this median depth
 CLEARLY_BETTER = 0.5  # ratio of two median distances between views, at or below which the smaller distance is clearly better
-EQUAL_RATIO = 1.5  # two median distances between views with a smaller ratio count as equal
-GOOD_M = 0.01  # depth noise and pose drift of a phone explain a smaller distance between views at the median depth MEDIAN_M
+EQUAL_RATIO = 1.5  # two median distances between views count as equal if their ratio is smaller than this
+GOOD_M = 0.01  # smaller distances between views at MEDIAN_M can come from the depth noise and pose drift of a phone
 # a larger distance between views at MEDIAN_M shows a wrong unit or convention; twice the drift of a phone in a large hall gives 0.05 m
 SUSPECT_M = 0.06
 MIN_PAIRS = 0.7  # smallest number of overlapping view pairs under another unit or convention, relative to the number under the user's
@@ -36,7 +36,7 @@ MIN_PAIRS = 0.7  # smallest number of overlapping view pairs under another unit 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far the surfaces seen by overlapping camera views lie apart, under one assumed depth unit or pose convention.
+    """The distance between the surfaces in overlapping camera views, under one assumed depth unit or pose convention.
 
     Attributes:
         pairs: number of overlapping view pairs.

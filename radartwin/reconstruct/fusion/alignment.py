@@ -111,7 +111,7 @@ def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list
         apart = float("nan")
         if len(pairs):
             with warnings.catch_warnings():
-                # two views of opposite sides of a surface have no residuals, so their median is NaN
+                # views of opposite sides of a surface have no residuals, so the median of the residuals is NaN
                 warnings.simplefilter("ignore", RuntimeWarning)
                 apart = _normal_equations(poses, sampled, pairs, np.zeros(3), SCALES_M[0])[1]
         found.append((len(pairs) if np.isfinite(apart) else 0, apart))

@@ -148,8 +148,8 @@ def fuse(
         alignment = align(views)
         low, high, used = _bounds(views, lambda _: None)
     volume = _filled_volume(views, low, high, used, voxel_m, lambda i: progress(len(views) + i, steps) if progress else None)
-    # A surface is kept only if the standard deviation of its distance is below the truncation distance. A view that sees through a wrong
-    # surface removes this surface.
+    # A surface is kept only if the standard deviation of its distance is below the truncation distance. A view that measures points behind
+    # a wrong surface removes this surface.
     mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
     residual = np.concatenate([volume.distance(_points(views[i], RESIDUAL_STEP)) for i in used])

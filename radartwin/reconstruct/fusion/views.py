@@ -66,7 +66,7 @@ def prepared(frame: Frame, max_range_m: float) -> View:
 def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Return the colour picture, averaged to about the resolution of the depth picture, and the intrinsics of the averaged picture.
 
-    Averaging prevents voxels from aliasing fine texture.
+    Without averaging, fine texture would be aliased in the colours of the voxels.
     """
     if frame.colour is None or frame.colour_intrinsics is None:
         return None, None

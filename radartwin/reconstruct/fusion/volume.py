@@ -8,7 +8,8 @@ from a surface that the volume stores, on either side of the surface.
 
 The distance between a voxel and the surface at a pixel is measured perpendicular to the surface, not along the ray. This distance is the
 depth difference times the pixel's `slope` |n . r|, where n is the surface normal and r is the ray with a depth component of 1. Behind the
-surface, the weight of a voxel decreases to zero at the truncation distance, so that the two sides of a thin board disturb each other less.
+surface, the weight of a voxel decreases to zero at the truncation distance, so that the measurements of the two sides of a thin board
+disturb each other less.
 """
 
 from __future__ import annotations
@@ -252,7 +253,7 @@ def _integrate(first, last, blocks, camera):
 
 @compiled
 def _distance(first, last, points, field, distances):
-    """Write the trilinearly interpolated signed distances of the points number `first` to `last`. They are NaN beside unobserved voxels."""
+    """Write the trilinearly interpolated signed distances of the points number `first` to `last`; NaN beside unobserved voxels."""
     slot, sdf, weight, origin, voxel = field
     nx, ny, nz = slot.shape
     corner = np.empty((2, 2, 2))

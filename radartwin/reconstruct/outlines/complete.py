@@ -23,7 +23,7 @@ from radartwin.reconstruct.segmentation import masks
 BEHIND_M = 0.10  # points count as behind the plane beyond this depth, which exceeds noise and the reveal of a window
 BEFORE_M = 0.04  # points count as in front of the plane beyond this distance, which exceeds the noise
 CLOSE_M = 0.25  # an object nearer than this hides the plane from every viewpoint
-HIDES_M = 1.2  # an object farther from a wall does not hide the wall: from each viewpoint, a chair at two metres hides a different part
+HIDES_M = 1.2  # objects farther from a wall than this do not count as hiding it, because from each viewpoint they hide a different part
 # an object higher above a floor does not hide the floor; larger than HIDES_M, because tall objects hide the floor below them
 STANDS_M = 2.6
 # Smallest fractions of the cells of a gap.
@@ -137,7 +137,7 @@ def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
 def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
     """Return whether enough viewpoints see most of a gap.
 
-    The required number is VIEWPOINTS. It is smaller if the scan has few viewpoints, and at most half of the number of viewpoints that see
+    The required number is VIEWPOINTS, or less if the scan has few viewpoints. It never exceeds half of the number of viewpoints that see
     the plane beside the gap.
     """
 
@@ -157,7 +157,7 @@ def _split(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
     """Separate a window from an adjacent hidden part of the wall.
 
     Returns:
-        Two masks, for the largest rectangle in the gap and for the rest of the gap; or a single mask of the whole gap.
+        A mask of the largest rectangle in the gap and one mask of each remaining part, or a single mask of the whole gap.
     """
     if _fills_rectangle(gap):
         return [gap]

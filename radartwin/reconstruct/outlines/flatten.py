@@ -17,7 +17,7 @@ from radartwin.reconstruct.segmentation.faces import Segment
 
 # a plane is rotated to a regular direction (upright, level or along the walls) if its normal is within this angle of the direction
 NEARLY = np.radians(1.5)
-SLACK_M = 0.003  # and if the rotation increases the rms distance between plane and faces by at most this length
+SLACK_M = 0.003  # and if the rotation increases the mean square distance between plane and faces by at most the square of this length
 
 
 def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Segment], float]:

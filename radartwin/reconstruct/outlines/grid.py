@@ -32,7 +32,7 @@ class Grid:
 
     @classmethod
     def around(cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0) -> Grid:
-        """Make a grid that covers points (N, 3) with a margin. Its axes are the vectors of `in_plane`, rotated by `turn` radians."""
+        """Make a grid that covers points (N, 3) with a margin. The grid axes are the vectors of `in_plane`, rotated by `turn` radians."""
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
         flat = points @ axes.T
         low, high = flat.min(axis=0) - MARGIN_M, flat.max(axis=0) + MARGIN_M

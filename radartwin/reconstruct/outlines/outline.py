@@ -18,12 +18,12 @@ from skimage.measure import find_contours
 
 from radartwin.reconstruct.outlines.grid import Grid
 
-SNAP_CELLS = 4.0  # an edge moves onto an intersection line if it is at most this number of cells away from the line,
-ALONG = np.cos(np.radians(15.0))  # and if its angle to the line is at most 15 degrees
+SNAP_CELLS = 4.0  # an edge moves onto an intersection line if it is at most this number of cells away from the line
+ALONG = np.cos(np.radians(15.0))  # and if the angle between the edge and the intersection line is at most 15 degrees
 SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most 12 degrees
 SQUARE_M = 0.1  # shorter edges keep their direction
 SMALLEST_M2 = 0.004
-RAGGED = 0.1  # largest area by which the cells and the rectangle fitted to them differ, relative to the area of the rectangle
+RAGGED = 0.1  # largest area in which the cells and the fitted rectangle differ, relative to the area of the rectangle
 
 Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
 _Edge = tuple[np.ndarray, np.ndarray, Line | None]  # the ends of an edge, and the line that it moves onto
@@ -53,7 +53,7 @@ def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: floa
 
 
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
-    """Return a rectangle along the grid axes if the marked cells are nearly rectangular, as of a door or poster; otherwise None.
+    """Return a rectangle along the grid axes if the marked cells form nearly a rectangle, as on a door or poster; otherwise None.
 
     Each side of the rectangle lies at the median end of the rows or columns of marked cells. The number of cells in which the marked cells
     and the rectangle differ must not exceed the circumference of the rectangle in cells, nor the fraction RAGGED of its area in cells.

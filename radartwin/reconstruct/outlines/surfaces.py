@@ -64,7 +64,7 @@ class Flattened(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """Data of the whole scan for outlining its planes, among them `main_rad`, the main direction of the walls in radians.
+    """Data of the whole scan that are needed to outline its planes; `main_rad` is the main direction of the walls in radians.
 
     `points` are scan points, thinned to a regular spacing.
     """

@@ -21,7 +21,7 @@ SAME = 7.0  # largest weighted L*a*b* difference between segments of an object t
 # smallest height of a wall relative to the height of the scan: for a plane with nothing behind it, and for any other plane
 OUTER_HEIGHT, INNER_HEIGHT = 0.4, 0.85
 INNER_WIDTH_M = 1.0  # a narrower plane is the side of a column
-# a plane has nothing behind it if less than the fraction NOTHING of the scan lies more than BEHIND_M behind it
+# a plane counts as having nothing behind it if less than the fraction NOTHING of the scan lies more than BEHIND_M behind the plane
 BEHIND_M, NOTHING = 0.15, 0.02
 WALL_AREA_M2 = 1.0
 LEVEL = np.cos(np.radians(15.0))
@@ -33,8 +33,8 @@ APART_M = 0.06  # segments with a smaller distance count as touching, because sc
 def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
     """Return a mask (S,) of the segments that bound the room: floor, ceiling, and walls.
 
-    A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts as a wall if the scan has no points
-    behind the plane.
+    A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts as a wall if the scan has almost no
+    points behind the plane.
     """
     places = faces.centre[thinned(faces.centre, 0.1)]
     low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
@@ -56,7 +56,7 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
 
 
 def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | None) -> list[Segment]:
-    """Return the segments with their `body` numbers, which tell which segments are sides of the same object.
+    """Return the segments with their `body` numbers. Segments with the same number are sides of the same object.
 
     `lab` (F, 3) are the weighted L*a*b* colours of the faces; with None, colour is not compared.
     """
@@ -81,7 +81,7 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
             continue
         difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
         if not convex and colour is None:
-            continue  # parts such as legs and handles stay separate, because the scan does not show to which object they belong
+            continue  # without colours, parts such as legs and handles stay separate, because nothing shows to which object they belong
         limit = SIMILAR if convex else SAME
         # The mean colours of two bodies must also agree, so that a chain of similar segments cannot join two objects.
         if difference < limit and (colour is None or float(np.linalg.norm(body_colour[a] - body_colour[b])) < limit):

@@ -19,10 +19,10 @@ from radartwin.reconstruct.segmentation.coplanar import in_plane
 
 LIGHTNESS = 0.6  # weight of the lightness L*; a* and b* have weight 1
 DEEP_M, BESIDE_M = 0.3, 0.25  # largest distances from an edge, inside and outside of a piece, at which colours are compared
-EDGE = 0.4  # largest colour difference between a cell and the second next cell in an area without edges, relative to STEP
-MOSTLY = 0.6  # smallest fraction of the cells of a piece that differ from the outside, and of the border of a piece that is a sharp edge
-ACROSS = 2.5  # distance from a border in cells; nearer to a border, colours are blurred
-# smallest colour step that divides a piece further, relative to the step at the border of the piece, because light scales both
+EDGE = 0.4  # largest colour difference between the two neighbours of a cell in an area without edges, relative to STEP
+MOSTLY = 0.6  # smallest fraction of a piece's cells that differ from the outside, and of its border cells that have a sharp colour step
+ACROSS = 2.5  # distance in cells from a border beyond which colours are compared, because nearer colours are blurred
+# smallest colour step that divides a piece further, relative to the step at the border of the piece, because the light scales both steps
 WITHIN = 0.5
 ROUNDS = 12  # largest number of divisions per plane
 CELL_M = 0.02  # cell size of the picture, about the resolution of the scan

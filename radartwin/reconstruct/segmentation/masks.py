@@ -53,7 +53,7 @@ def largest_rectangle(mask: np.ndarray) -> tuple[slice, slice]:
     best, area = (slice(0, 0), slice(0, 0)), 0
     for row, cells in enumerate(mask):
         height = np.where(cells, height + 1, 0)
-        growing: list[tuple[int, int]] = []  # start column and height of rectangles that may continue to the right
+        growing: list[tuple[int, int]] = []  # start column and height of the rectangles that may extend further to the right
         for column, tall in enumerate([*height.tolist(), 0]):
             start = column
             while growing and growing[-1][1] >= tall:

@@ -17,7 +17,7 @@ from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import absorb, grow
 
 ANGLE_DEG = 25.0  # a face joins a plane up to this angle between its smoothed normal and the plane's normal
-DISTANCE_M = 0.04  # and up to this distance between the face's centre and the plane; about twice the depth noise (phone LiDAR: 1-2 cm)
+DISTANCE_M = 0.04  # largest distance of a face's centre from a plane that it joins; about twice the depth noise (phone LiDAR: 1-2 cm)
 MIN_PLANE_M2 = 0.06  # planes with a smaller area are dissolved, and their faces then belong to no plane
 SMOOTHING_M = 0.08  # radius for averaging normals; larger triangles keep their own normals
 # limit instead of ANGLE_DEG for a remaining face with all corners within DISTANCE_M of a plane, because the tilt of such a face is noise

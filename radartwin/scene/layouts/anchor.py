@@ -20,7 +20,8 @@ PARTS = {
 }  # fmt: skip
 STANDS_ON_M2 = 0.002  # smallest horizontal area in m^2 on which an object can stand
 MAX_TILT_DEG = 15.0  # on a steeper supporting surface an object slides (wood on wood at about 15 degrees)
-# smallest ratio |horizontal part of the sum of area vectors| / area of a flat surface; the front of a flat surface is its normal
+# an anchor counts as flat if the horizontal part of the sum of its area vectors, divided by its area, is longer than this; its front is
+# then its normal
 FACING = 0.6
 _ARTICLES = {"the", "a", "an", "my", "this", "that"}
 
@@ -34,8 +35,8 @@ class Anchor:
         surfaces: surfaces that belong to the anchor; empty for the sensor.
         points: (N, 2) x and y coordinates of the anchor's vertices, metres.
         front: (2,) horizontal unit vector that points out of the front side of the anchor.
-        left: (2,) horizontal unit vector to the left of a person who looks at the front of the anchor; for the sensor, to the sensor's
-            left.
+        left: (2,) horizontal unit vector to the left of a person who looks at the front of the anchor; if the anchor is the sensor, to the
+            sensor's own left.
     """
 
     name: str
@@ -106,7 +107,7 @@ def level_area(surface: Surface) -> float:
     upward = np.asarray(surface.mesh.face_normals[:, 2])
     areas = np.asarray(surface.mesh.area_faces)
     up, down = float(areas[upward > least].sum()), float(areas[upward < -least].sum())
-    return max(up, down)  # the faces of a scan may have either winding direction
+    return max(up, down)  # the normals of a scanned surface may point up or down
 
 
 def floor(scene: Scene) -> Surface:

@@ -12,12 +12,12 @@ The following text is an example of an object layout file, in YAML:
         position_m: [4.3, 1.2]       # x and y only: the height is that of the surface
       - object: mug
         on: table
-        relations:                   # the place on the table; anchors are surfaces, earlier objects, or the sensor
+        relations:                   # the position on the table; anchors are surfaces, earlier objects, or the sensor
           - {relation: in front of, anchor: door, distance_m: 1.5}
       - object: corner_reflector
         position_m: [3.0, 0.0, 1.0]
         held: true                   # the support is not modelled, so the object may float
-      - object: meshes/bottle.obj    # a .glb, .ply, .obj or .stl; the path starts at the layout file; it stands on its lowest point
+      - object: meshes/bottle.obj    # a .glb, .ply, .obj or .stl, relative to the layout file; the mesh stands on its lowest point
         material: hdpe               # of the whole mesh: a name, or {layers: [[hdpe, 0.001]], backing: water}
         unit: mm                     # of the mesh: m (default), cm, mm or in
         up: y                        # its upward axis: z (default) or y

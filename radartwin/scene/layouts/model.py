@@ -1,8 +1,8 @@
 """Convert sentences to object layouts with a language model, if the fixed grammar of `grammar` cannot read the sentences.
 
 The model gets the sentence, the names of the catalogue objects and the names of the scene's surfaces. The model answers in the JSON schema
-of layouts. If an answer is not a layout or contains an unknown name, the model gets the reason and answers again. The model gives only
-names and relations; the module `place` computes the coordinates.
+of layouts. If an answer is not a layout or contains an unknown name, the model gets the reason for the refusal and answers again. The model
+gives only names and relations; the module `place` computes the coordinates.
 """
 
 from __future__ import annotations

@@ -22,13 +22,13 @@ from radartwin.scene.trajectories.trajectory import pose
 
 FLOATING_M = 0.02  # largest height above the supporting surface; a higher object floats
 COVER_M = 0.03  # objects may stand on flat covers up to this thickness, such as a rug
-# gap between object and supporting surface; faces in contact would shadow each other, because rays start off a face, by up to 1 mm at
-# coordinates of 10 m
+# gap between object and supporting surface; without a gap, the faces would shadow each other, because each ray starts at a distance from
+# its face (up to 1 mm at coordinates of 10 m)
 GAP_M = 0.005
 BASE_M = 0.005  # vertices up to this height above the lowest vertex belong to the base of an object
 STANDS_SHARE = 0.5  # smallest fraction of an object's base that must lie on the supporting surface
 TILT_RADIUS_M = 0.15  # radius of the region around an object in which the slope of the supporting surface is measured
-FINE_FACES = 5000  # a mesh with more faces counts as fine, because overlap tests with it are slow
+FINE_FACES = 5000  # a mesh with more faces counts as fine; overlap tests with a fine mesh are slow
 _MAX_TRIES = 200  # largest number of candidate positions that are tested for overlaps
 
 Stock = Callable[[str], Sequence[Surface]]
@@ -100,7 +100,7 @@ def _placed(item: Item, scene: Scene, sensor_pose: np.ndarray | None, make: Stoc
 
 
 def _free_name(item: Item, scene: Scene) -> str:
-    """Return the name of a placed object: the item's own name or the catalogue name, with a number if the scene already has that name."""
+    """Return the name of a placed object: the item's own name, or else the catalogue name, with a number if the catalogue name is taken."""
     taken = set(scene.names)
     if item.name:
         if item.name in taken:
@@ -113,7 +113,7 @@ def _free_name(item: Item, scene: Scene) -> str:
 def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
     """Return the pose of an object whose x, y and height are given, and the name of the surface below it.
 
-    The name is empty for an object with `held: true`, which may float.
+    The name is empty for an object with `held: true`, which may float, and in a scene without a room.
     """
     assert item.position_m is not None
     x, y, z = item.position_m
@@ -160,7 +160,7 @@ def _tilt_deg(support: Surface, at: np.ndarray, limit_m: float) -> float:
     z = top_below(support.mesh, at + points, limit_m + TILT_RADIUS_M)
     known = np.isfinite(z)
     if known.any():
-        known &= z > np.median(z[known]) - TILT_RADIUS_M  # without lower parts of the same surface
+        known &= z > np.median(z[known]) - TILT_RADIUS_M  # leave out lower parts of the same surface
     if known.sum() < 12:
         return 0.0
     columns = np.column_stack([points[known], np.ones(known.sum())])

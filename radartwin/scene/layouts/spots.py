@@ -23,7 +23,8 @@ Side = tuple[Anchor, np.ndarray, np.ndarray, float | None]
 def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation, Anchor]]) -> np.ndarray:
     """Return candidate positions (N, 2), in metres, of the vertical axis of an object on a supporting surface, the best first.
 
-    The best position is nearest to the axes of the anchors. Without relations, the best position is nearest to the middle of the surface.
+    The best position is nearest to the axes of the anchors. The axis of an anchor is the line through its middle in the direction of the
+    relation. Without relations, the best position is nearest to the middle of the surface.
 
     Args:
         radius_m: radius in metres of the object's base, which must lie within the supporting surface.
@@ -53,7 +54,7 @@ def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation,
 
 
 def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | Anchor]]:
-    """Convert relations to directions. The result has a list for each combination of left and right that "beside" allows.
+    """Convert relations to lists of directions, with a list for each combination of left and right that "beside" allows.
 
     In these lists, the relation "under" is represented by its anchor.
     """
@@ -73,7 +74,7 @@ def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | 
 
 
 def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Shift grid points to the distances of the relations.
+    """Move grid points so that they have the distances from the anchors that the relations state.
 
     Return the points that satisfy all relations, and a cost in metres for each point.
     """
@@ -83,7 +84,7 @@ def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) 
         normals = np.array([direction for (_, direction, _, _), _ in exact])
         offsets = np.array([_end(anchor, direction) + distance for (anchor, direction, _, _), distance in exact])
         points = grid + (offsets - grid @ normals.T) @ np.linalg.pinv(normals).T
-        # the distances of several relations may contradict each other
+        # remove the points that do not have all stated distances, because the distances of several relations may contradict each other
         points = points[(np.abs(points @ normals.T - offsets) < 1e-6).all(axis=1)]
     cost = np.zeros(len(points))
     for side in sides:

@@ -61,17 +61,17 @@ class Entry:
         contents: name of the material inside the object, or None for air.
         shape, material_class: the object's shape class and material class, the class labels of the recognition study.
         minc: category of the wall material in the MINC data set of material photographs.
-        volume_ml: inside volume in millilitres: of a can filled to the brim, and of a bottle as printed on its label; None for the
-            reflector.
+        volume_ml: inside volume in millilitres, for a can up to the brim, and for a bottle as printed on the label; None for the reflector.
         description: description of what the object looks like, from which a text encoder computes a text embedding of the class.
         source: publication or standard from which the dimensions come.
         build: function that returns the parts of the object, given its contents ("air" if the object is empty).
         aim_m: height in metres above the object's base at which a level radar aims.
         rover: whether the rover experiments use the object.
         outline_m: outline of a body of revolution about the z axis; None for other objects.
-        radar_description: description of the object's radar echo on a turntable, for a second text embedding of the class. It follows from
-            shape and material: a cylinder's echo is constant and grows with its length, a flat side flashes when it faces the radar, and
-            plastic with oil reflects less than plastic with water. It was written without any simulated or measured recording.
+        radar_description: description of the object's radar echo on a turntable, for a second text embedding of the class. The description
+            follows from shape and material: a cylinder's echo is constant and grows with its length, a flat side flashes when it faces the
+            radar, and plastic with oil reflects less than plastic with water. The description was written without any simulated or measured
+            recording.
     """
 
     name: str
@@ -102,8 +102,8 @@ class Entry:
         Args:
             pose: (4, 4) object-to-world pose; by default the parts stay in the object's own frame.
             name: name of the surfaces; by default the name of the catalogue object.
-            contents: "filled" builds walls and contents of the catalogue. "unknown" is for a simulation that knows only the surface: every
-                part is a half-space of its outermost material.
+            contents: "filled" builds the walls and contents of the catalogue. With "unknown", every part is a half-space of its outermost
+                material, for a simulation that does not know what is behind the surface.
         """
         parts = self.build(self.contents or "air")
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}

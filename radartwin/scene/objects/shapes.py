@@ -35,9 +35,8 @@ def dihedral(face_m: float, height_m: float) -> trimesh.Trimesh:
 def trihedral(leg_m: float) -> trimesh.Trimesh:
     """Build a triangular trihedral corner reflector of three right isosceles triangles, with its boresight towards +x.
 
-    The origin is the apex, which is the phase centre. Of the three edges that meet at the apex, the first rises in the xz plane,
-    and the second and third spread to the left and right below the first. The peak radar cross section in the far field is
-    4 pi leg_m^4 / (3 lambda^2).
+    The origin is the apex, which is the phase centre. Of the three edges that meet at the apex, one rises in the xz plane. The other two
+    run to the left and to the right below this edge. The peak radar cross section in the far field is 4 pi leg_m^4 / (3 lambda^2).
 
     Args:
         leg_m: length in metres of the two equal sides of each triangle.

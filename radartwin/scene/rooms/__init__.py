@@ -3,9 +3,9 @@
 The world frame has its origin on the floor, x along the room, y to the left and z up, in metres.
 
 Walls, floor and ceiling are single-sided rectangles that face into the room. Windows and doors fill openings in their walls, so that
-surfaces never overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls. The gap is needed because the ray tracer
-starts rays off a face, by up to 1 mm at coordinates of 10 m. Without a gap, faces in contact would shadow each other. Every surface has a
-material, a roughness and a texture (a name in `textures.LOOKS`). The provenance of a surface contains its true category in the MINC data
+surfaces never overlap. Furniture consists of closed boxes with a gap of 1 cm to floor and walls. Without the gap, faces in contact would
+shadow each other, because the ray tracer starts each ray at a distance from its face (up to 1 mm at coordinates of 10 m). Every surface has
+a material, a roughness and a texture (a name in `textures.LOOKS`). The provenance of a surface contains its true category in the MINC data
 set of material photographs.
 """
 

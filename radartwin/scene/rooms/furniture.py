@@ -1,8 +1,9 @@
 """Build furniture from closed boxes with outward normals and gaps of a few millimetres between the boxes.
 
-Boxes never touch, because the ray tracer starts rays off a face, by up to 1 mm at coordinates of 10 m. Faces in contact would therefore
-shadow each other. Table legs end 5 mm below the table top, and all furniture stands at a distance of 1 cm (`GAP`) from floor and walls.
-Every box is at least 12 mm thick, because the ray tracer traces faces narrower than 10 mm by ray tubes instead of flat faces with edges.
+Boxes never touch, because faces in contact would shadow each other: the ray tracer starts each ray at a distance from its face (up to 1 mm
+at coordinates of 10 m). Table legs end 5 mm below the table top, and all furniture stands at a distance of 1 cm (`GAP`) from floor and
+walls. Every box is at least 12 mm thick, because the ray tracer traces faces narrower than 10 mm by ray tubes instead of flat faces with
+edges.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ Axes = Literal["sensor", "optical"]
 MAX_SPEED_MPS = 30.0  # a higher speed of a track shows that its units are wrong; a car at 100 km/h is slower
 MAX_STEP_S = 3600.0  # a longer time between two poses shows that times are not in seconds
 UNIT_TOLERANCE = 1e-2  # largest deviation of a quaternion's length from 1; rounding to four decimals causes about 1e-4
-# Columns: sensor axes x, y, z in camera axes (x right, y down, z forward), that is z, -x and -y. REP 103, suffix _optical.
+# The columns are the sensor axes x, y and z in camera axes (x right, y down, z forward): z, -x and -y. REP 103, suffix _optical.
 OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 

@@ -149,7 +149,7 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
         poses: (F, 4, 4) sensor-to-world poses, metres.
         ceiling_m: height of the ceiling in metres; infinite for a room without a ceiling.
     Raises:
-        PoseError: the sensor is too low or too high; the message names the first such frame and the height of the sensor in it.
+        PoseError: the sensor is too low or too high; the message names the first such frame and the height of the sensor in this frame.
     """
     z = np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, 2, 3]
     out = (z <= floor_m) | (z >= ceiling_m)

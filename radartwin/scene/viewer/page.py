@@ -36,7 +36,7 @@ _SCRIPTS = ("camera.js", "renderer.js", "panel.js", "main.js")
 
 
 def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title: str | None = None, by: str = "material") -> Path:
-    """Write a scene as an HTML page. In the page of a large scene, the meshes are simplified and a note says so.
+    """Write a scene as an HTML page. If the scene is large, the page contains simplified meshes and a note about the simplification.
 
     Args:
         path: path of the .html file.

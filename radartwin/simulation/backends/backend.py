@@ -54,8 +54,8 @@ class Backend(Protocol):
             track: (T, 4, 4) all sensor poses of a recording, of which `sensor_poses` are a part; None if they are the whole recording. A
                 simulator may ignore it, or prepare once for the whole track.
         Returns:
-            `Paths` objects whose signals add up. Each has F poses, or one pose that is valid for all frames. The list is empty for a scene
-            without surfaces.
+            `Paths` objects whose signals add up. Each object has F poses, or one pose that is valid for all frames. The list is empty for a
+            scene without surfaces.
         """
         ...
 
@@ -66,8 +66,8 @@ def paths_of_frames(
     """Return the paths of the frames `start` to `stop` - 1 of a recording; the other arguments are those of `Backend.paths` for the whole
     recording.
 
-    The function also traces the frame after a block, or the frame before a block that has only the last frame, because velocities are
-    differences of poses.
+    The function also traces the frame after these frames, because velocities are differences of poses. If the only frame is the last one of
+    the recording, the function also traces the frame before it.
     """
     frames = len(sensor_poses)
     if (start, stop) == (0, frames):
@@ -127,8 +127,8 @@ def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:
     """Return the simulator for a call that passes both a simulator and settings of the Mitsuba tracer.
 
     Raises:
-        InputError: `simulator` is neither a simulator nor a known name, or a setting differs from its default but `simulator` is not the
-            simulator on Mitsuba and would ignore it.
+        InputError: `simulator` is neither a simulator nor a known name, or a setting of the Mitsuba tracer differs from its default
+            although another simulator is chosen, which ignores this setting.
     """
     if simulator == MitsubaBackend.name:
         return MitsubaBackend(settings)

@@ -3,12 +3,12 @@
 - In a room of flat surfaces, the simulator computes paths of reflections and edge diffractions exactly (`flat.room`), at any pose.
 - In a room that is not flat, the simulator traces ray tubes (`tube_paths`). If the setting `rays` is given, it does so in every room.
 - In a room of flat surfaces, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses
-  in a few batches. It traces direct paths and paths that also reflect at flat faces (`coupling`).
+  in a few batches. The simulator traces direct paths and paths that also reflect at flat faces (`coupling`).
 - Objects cast shadows on the room's paths (`flat.silhouette`) and on each other (`flat.shadows`).
 - Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surface (`diffuse`).
 
-If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. It does not model paths
-between two groups of surfaces that move differently.
+If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. The simulator does not model
+paths between two groups of surfaces that move differently.
 """
 
 import atexit
@@ -138,7 +138,8 @@ class MitsubaBackend:
         The simulator traces these paths once per room. All frames, objects, repetitions and chirp timings then use the cached paths.
 
         Args:
-            searched: sequences of faces and edges of a flat room that differs by much less than a wavelength; None searches for them.
+            searched: sequences of faces and edges that were found in a flat room whose geometry differs by much less than a wavelength;
+                None searches for them.
         """
         spec = {
             "settings": replace(self.settings, variant=variant.activate(self.settings.variant)),

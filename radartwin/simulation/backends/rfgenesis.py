@@ -1,9 +1,9 @@
 """Simulate a scene like the program RF Genesis: one ray per camera pixel, and each hit is a point scatterer with a single phase.
 
-This module calls that method the naive tracer. It implements the method anew from X. Chen, X. Zhang, RF Genesis: Zero-Shot Generalization
-of mmWave Sensing through Simulation-Based Data Synthesis and Generative Diffusion Models, SenSys 2023 (doi 10.1145/3625687.3625798), and
-from the behaviour of the program that the authors of RF-Genesis released (the original program). The naive tracer serves as a baseline for
-comparison. It is correct only in range and direction. It has three versions:
+This module calls that method the naive tracer. The module implements the method anew from X. Chen, X. Zhang, RF Genesis: Zero-Shot
+Generalization of mmWave Sensing through Simulation-Based Data Synthesis and Generative Diffusion Models, SenSys 2023 (doi
+10.1145/3625687.3625798), and from the behaviour of the program that the authors of RF-Genesis released (the original program). The naive
+tracer serves as a baseline for comparison. The naive tracer is correct only in range and direction. It has three versions:
 
 - The version `shipped` computes the same as the original RF-Genesis program. Rays pass through the corners of 128 x 128 camera pixels over
   a field of view of 60 degrees. Surfaces have the albedo 0.8. A spotlight of intensity 1000 beside the camera illuminates them; its
@@ -19,7 +19,7 @@ comparison. It is correct only in range and direction. It has three versions:
   solid angle of the pixel and r the distance. The signal amplitude is the square root of this power. Rays pass through pixel centres, the
   radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
 
-All versions have these errors. They have no mirror reflection, so plates have no specular echo and corners have no multiple bounces. A
+All versions have these errors. There is no mirror reflection, so plates have no specular echo and corners have no multiple bounces. A
 surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in phase. Surfaces outside
 the field of view return no power. There is no polarisation.
 

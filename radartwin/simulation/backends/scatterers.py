@@ -1,9 +1,9 @@
 """Simulate objects as one or a few isotropic point scatterers, and each wall of a room as a single mirror reflection.
 
-This simulator is the simplest one of the package. It models no near field, no paths between object and room, and no occlusion. The shape of
-an object enters only through a table of its far-field radar cross-section sigma. By the radar equation, a point at distance R has the
-amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)). A wall at the perpendicular distance d reflects the radar signal like a mirror, with
-the amplitude a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is the wall's reflection coefficient at normal incidence.
+This simulator is the simplest one of the package. The simulator models no near field, no paths between object and room, and no occlusion.
+The shape of an object enters only through a table of its far-field radar cross-section sigma. By the radar equation, a point at distance R
+has the amplitude a = sqrt(sigma lambda^2 / ((4 pi)^3 R^4)). A wall at the perpendicular distance d reflects the radar signal like a mirror,
+with the amplitude a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is the wall's reflection coefficient at normal incidence.
 """
 
 import functools

@@ -1,15 +1,15 @@
 """Simulate scenes with the ray tracer Sionna RT, which finds exact mirror reflections at mesh facets, in a worker process.
 
-Sionna treats every facet that contains a mirror reflection point as an infinite mirror, and it ignores all other facets. Its echoes of
+Sionna treats every facet that contains a mirror reflection point as an infinite mirror, and it ignores all other facets. Sionna's echoes of
 walls are therefore exact, but its echoes of objects are not. A plate of any size has the echo of an infinite mirror, a trihedral or a
 sphere has no echo, and diffuse paths add coherently. `sionna_limits` warns the user about these errors. If transmitter and receiver are at
 one point, the reflection point in a corner lies exactly on an edge, and rounding decides whether Sionna finds the path. The setting
 `separation_m` therefore moves the receiver aside while Sionna searches for paths.
 
 The reflection coefficients are those of the scene's layered materials (`sionna_material`). The simulator does not use Sionna's phases,
-which have single precision. It computes length, angles and mirror matrix of each path again from the path's facets, in double precision.
-The simulator connects the hits of a path by a line and moves each hit with its surface. The rate of change of the length of this line is
-the rate of the path.
+which have single precision. The simulator computes length, angles and mirror matrix of each path again from the path's facets, in double
+precision. The simulator connects the hits of a path by a line and moves each hit with its surface. The rate of change of the length of this
+line is the rate of the path.
 """
 
 import warnings
@@ -49,8 +49,9 @@ class SionnaSettings:
         diffuse: whether to add diffuse reflection. Its power is the power that roughness removes from the mirror reflection at normal
             incidence.
         diffraction: whether to add paths with one diffraction at an edge (uniform theory of diffraction), also at free edges, and to let
-            Sionna refract. Sionna treats the faces at an edge as metal. Surfaces here reflect only, so refraction finds no further paths.
-            At the reflection boundary of a free edge, the diffracted wave of sionna-rt 2.2.0 has the wrong sign. The paths keep this sign.
+            Sionna refract. Sionna treats the faces at an edge as metal. The material that RadarTwin gives to Sionna only reflects, so
+            refraction finds no further paths. At the reflection boundary of a free edge, the diffracted wave of sionna-rt 2.2.0 has the
+            wrong sign. The paths keep this sign.
         separation_m: distance of the receiver from the transmitter while Sionna searches for paths, 0 to 1 m. The simulator computes
             lengths and angles of the paths for receiver and transmitter at one point.
         variant: Mitsuba variant: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).

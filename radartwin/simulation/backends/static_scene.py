@@ -33,8 +33,9 @@ from radartwin.simulation.reflection_table import ReflectionTable
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
 MAX_FACES = 20_000  # rooms with more flat faces are traced by tubes, with a warning; a room of 10,000 takes minutes (decision 018)
 # A body that fits into a cylinder with this radius is an object even if it is long. Its faces span less than a Fresnel zone at 0.2 m. For
-# such faces, physical optics and shadows are more accurate than edges. Behind frames with bars of 1 cm, the echo of a wall has errors below
-# 0.2 dB instead of 2.9 and 2.1 dB. Behind boxes of 2 cm, its error is 0.02 of the echo instead of 1.5.
+# such faces, physical optics and shadows are more accurate than edges. Behind frames with bars of 1 cm, the echo of a wall then has errors
+# below 0.2 dB; with edges, the errors were 2.9 and 2.1 dB. Behind boxes of 2 cm, the error is 0.02 of the echo; with edges, it was 1.5 of
+# the echo.
 THIN_M = 0.0115
 
 
@@ -113,7 +114,7 @@ class StaticScene:
         return [silhouette.skin(geometry_module.subset(self.geometry, mask)) for mask in masks]
 
     def _hiding(self, some: np.ndarray) -> np.ndarray:
-        """Return a mask (F,) of those of the triangles `some` (F,) that block.
+        """Return a mask (F,) of the opaque triangles among those that the mask `some` (F,) selects.
 
         A body that transmits casts no shadow here, because the shadow factor of an outline is that of an opaque body.
         """
@@ -193,9 +194,10 @@ def shadows_of_mover(
     poses: np.ndarray,
     wavenumber: float,
 ) -> list[Paths]:
-    """Return the paths that add the shadow of a moving body to static paths: the shaded static paths, with the change of their amplitude.
+    """Return paths that add the shadow of a moving body to static paths: copies of the shaded paths, whose amplitude is the change by the
+    shadow.
 
-    Like other paths, a change below a share of the strongest path of its frame is left out (`pruning.SHADED`).
+    A change below the share `pruning.SHADED` of the strongest path of its frame is left out.
 
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.

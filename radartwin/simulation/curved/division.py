@@ -3,14 +3,15 @@
 The tracer assumes that a whole tube meets the surface that its centre ray hits. This assumption is wrong for a tube that straddles an edge
 between two surfaces. To find such tubes, the module casts test rays without fields through the middles and the corners of all grid cells. A
 cell straddles an edge if its test rays hit different sequences of smooth surface patches. The tracer divides such a cell into pieces of a
-finer grid. It also divides a cell whose tube is reflected by a curved surface onto another surface. The division of the tube's weight
-function is exact: a box weight is the sum of the box weights of its pieces, and a hat (triangle) weight is the sum of hats n times finer,
+finer grid. The tracer also divides a cell whose tube is reflected by a curved surface onto another surface. The division of the tube's
+weight function is exact: a box weight is the sum of the box weights of its pieces, and a hat (triangle) weight is the sum of hats n times
+finer,
 
     hat(x) = sum over |k| < n of (1 - |k|/n) hat(n x - k)
 
-so that the hats of divided and whole tubes still sum to one. A piece therefore has two weights. Its hat weight is the sum of its factors in
-all divided hats that contain it. Its box weight is 1 if it lies in a divided cell and 0 otherwise. Cells whose test rays hit nothing are
-not traced. Import this module only after a Mitsuba variant is active.
+so that the hats of divided and whole tubes still sum to one. A piece therefore has two weights. The hat weight of a piece is the sum of its
+factors in all divided hats that contain it. The box weight of a piece is 1 if the piece lies in a divided cell and 0 otherwise. Cells whose
+test rays hit nothing are not traced. Import this module only after a Mitsuba variant is active.
 """
 
 from collections.abc import Iterator
@@ -34,7 +35,8 @@ SPREADING = 1 << 31  # bit in the number of a patch sequence, set if a curved su
 
 
 def blocks(device: Device, grid: TubeGrid, corners: np.ndarray, options: TraceOptions, walls: Walls | None) -> Iterator[TubeSelection]:
-    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or a part of the tubes of one large pose.
+    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or, if a pose has too many tubes, a part of
+    them.
 
     The function divides no tube if `options.pieces` is 1 or if the tubes of a pose do not fit into one block.
 

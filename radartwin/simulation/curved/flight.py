@@ -123,8 +123,8 @@ class Tubes:
     def joined(parts: "list[Tubes]") -> "Tubes":
         """Join tubes that have met equally many facets.
 
-        The function reads the places of each part from memory, because Dr.Jit would compile a kernel of `dr.concat` anew for each number of
-        tubes.
+        The function writes each part to an opaque offset of the joined arrays, because Dr.Jit would compile a kernel of `dr.concat` anew
+        for each number of tubes.
         """
         if len(parts) == 1:
             return parts[0]
@@ -206,7 +206,8 @@ def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: Pieces |
     field = project(dr.gather(mi.Vector3f, axis, pose), direction)
     if cross:  # the H vector is the cross product of the direction towards the radar with the V vector; the ray points away from the radar
         field = dr.cross(-direction, field)
-    # No index is as large as this. A zero that depends on an array has the array's width also when Dr.Jit replays a recorded program.
+    # The result is zero, because no index is 0xFFFFFFFF. It depends on the array `index`, so that it has the width of this array also when
+    # Dr.Jit replays a recorded program.
     none = dr.select(index == 0xFFFFFFFF, mi.UInt32(1), mi.UInt32(0))
     nothing = mi.Vector3f(mi.Float(none))
     position_du, position_dv = (direction_du, direction_dv) if grid.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))

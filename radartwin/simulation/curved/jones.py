@@ -14,7 +14,7 @@ import numpy as np
 from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.simulation.reflection_table import ReflectionTable
 
-FEW_NODES = 4  # number of frequency nodes by which weak hits are found
+FEW_NODES = 4  # number of frequency nodes whose amplitudes decide whether a hit is weak
 GRAIN = 4000  # smallest number of amplitudes that one thread computes
 
 
@@ -99,7 +99,7 @@ def _amplitudes(
     a, b, x, y, s, p = work[0], work[1], work[2], work[3], work[4], work[5]
     for n in range(first, last):
         a[:], b[:], x[:], y[:] = 1, 0, 1, 0
-        back_cos, back_sin = 1.0, 0.0  # of the angle by which the components `x` and `y` have turned
+        back_cos, back_sin = 1.0, 0.0  # cosine and sine of the angle by which `x` and `y` have turned
         # No facet increases the power of a field, so the squared amplitude is at most `most` times the power of the field.
         most = 0.0
         for i in range(0, 8, 4):

@@ -85,7 +85,9 @@ _single_bounce = dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000
 
 
 class Tracer:
-    """Trace the tubes of one grid. Without `shells`, tubes pass through panes only; with `shells`, they pass through walls of shells."""
+    """Trace the tubes of one grid. Without `shells`, tubes pass through panes only. With `shells`, the tubes are those that enter a shell
+    through its wall.
+    """
 
     def __init__(
         self,
@@ -98,7 +100,7 @@ class Tracer:
         options: TraceOptions,
         panes: np.ndarray | None = None,
     ):
-        """Prepare the tracing. `panes` is a mask (faces,) of the sheets that tubes also pass through; None if there are none."""
+        """Prepare the tracing. `panes` is a mask (faces,) of the sheets through which tubes pass; None if there are none."""
         self.geometry, self.grid, self.transmit, self.receive, self.options = geometry, grid, transmit, receive, options
         self.device = Device.of(geometry, options)
         self.coefficients = Coefficients(table, table if shells is None else shells.inside)
@@ -110,7 +112,7 @@ class Tracer:
             self.device, flight.GridArrays.of(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
             dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT), transmit.cross, receive.cross,
         )  # fmt: skip
-        # The receiver sees the first hit of every tube, and no tube goes on.
+        # The receiver sees the first hit of every tube, and no tube is traced beyond this hit.
         self.single = self.monostatic and options.max_bounces == 1 and not (self.walls or self.panes or options.occluder)
 
     def hits(self) -> list[Hits]:
@@ -122,8 +124,8 @@ class Tracer:
     def _block(self, selection: flight.TubeSelection) -> Iterator[Hits]:
         """Trace one block of tubes and yield its hits.
 
-        Tubes that meet a pane continue twice, reflected and straight on. All tubes that are traced together have had the same number of
-        bounces and of panes.
+        Tubes that meet a pane continue twice, reflected and straight on. Tubes that are traced together have the same number of bounces and
+        have crossed the same number of panes.
         """
         strongest = np.zeros(self.grid.poses)
         index, pieces = upload(mi.UInt32, selection.index), flight.Pieces.of(self.grid, selection)
@@ -134,7 +136,7 @@ class Tracer:
         active = contacts.cast(self.device, tubes, True)
         waiting: dict[tuple[int, int], list[Tubes]] = {(1, 0): [tubes]}
         while waiting:
-            done = min(waiting, key=sum)  # no tubes still to be traced can join these tubes
+            done = min(waiting, key=sum)  # no other waiting tubes can still come to the same (bounce, crossed)
             found, onward = self._step(Tubes.joined(waiting.pop(done)), *done, active, strongest)
             yield from found
             for going, following in onward:
@@ -145,7 +147,7 @@ class Tracer:
         """Reflect tubes at the facets that `contacts.cast` found for them.
 
         Args:
-            bounce: number of bounces including this one. crossed: number of panes before.
+            bounce: number of bounces including this one. crossed: number of panes that the tubes have already crossed.
             strongest: (F,) largest amplitude of a hit of each sensor pose so far; the function updates the array.
         Returns:
             A list of hits, which may be empty, and a list of (tubes, (bounce, crossed)) for the tubes that must still be traced.
@@ -215,7 +217,8 @@ class Tracer:
 
         Returns:
             Direction, distance and polarisation of the receiver at each contact, encounters of the polarisation vector with the walls of
-            shells, and a mask of the contacts that the receiver sees. If the geometry has panes, `Panes` tests the surfaces later.
+            shells, and a mask of the contacts that the receiver sees. If the geometry has panes, this mask ignores its surfaces, and
+            `Panes.free` tests them later.
         """
         plane = self.grid.plane
         reception, seen = self.setting.reception(tubes.pose, contact, active)

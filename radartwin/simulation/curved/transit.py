@@ -87,8 +87,8 @@ class Panes:
         """Follow lines to the receiver through panes.
 
         Yields:
-            The indices of lines that meet no further surface behind the same number of panes, and the encounters of the receive
-            polarisation vector with these panes. Lines through more than CROSSINGS panes, and blocked lines, are left out.
+            For each number of panes from 0, the indices of the lines that meet no surface after these panes, and the encounters of the
+            receive polarisation vector with the panes. Lines through more than CROSSINGS panes, and blocked lines, are left out.
         """
         device, encounters = self.device, []
         index = dr.arange(mi.UInt32, dr.width(line.across))

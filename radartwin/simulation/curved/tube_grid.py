@@ -137,8 +137,8 @@ def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int =
 def covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray | None:
     """Return the ascending indices of those grid cells of one pose whose centre ray can meet a facet.
 
-    The function returns None if a facet is not completely in front of the source. It saves time because a large object close to the radar
-    may fill only a few percent of its grid.
+    The function returns None if a facet is not completely in front of the source. The function saves time, because a large object close to
+    the radar may fill only a few percent of its grid.
 
     Args:
         grid: grid of tubes.

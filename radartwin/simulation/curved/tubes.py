@@ -23,9 +23,9 @@ Symbols of the formulas and their names in the code:
 |a|^2 is received over transmitted power between isotropic antennas. On a perfect conductor, V is the textbook expression 2 n x (k x E).
 
 The tracer describes a tube by ray differentials. Over a distance t, the derivative x_u grows by t d_u. A reflection sets x_u = p_u and
-d_u = d_u - 2 (d_u . n) n + 2 cos t dn(p_u) - 2 (k_i . dn(p_u)) n. A tube therefore spreads behind a curved surface. Its field varies as the
-inverse square root of its cross-section, and the phase of the field turns by 90 degrees at each caustic. The amplitude a depends only on
-the product of field and cross-section, which goes to zero at a caustic.
+d_u = d_u - 2 (d_u . n) n + 2 cos t dn(p_u) - 2 (k_i . dn(p_u)) n. A tube therefore spreads behind a curved surface. The field of a tube
+varies as the inverse square root of the tube's cross-section, and the phase of the field turns by 90 degrees at each caustic. The amplitude
+a depends only on the product of field and cross-section, which goes to zero at a caustic.
 
 On curved facets and in rooms, the weight function w is a triangle (hat) on [-1, 1] in units of the tube width. There, neighbouring tubes
 overlap by half, and their weights sum to one. On flat facets of objects, the weight function w is a constant (box) on [-1/2, 1/2] in units
@@ -55,7 +55,7 @@ def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: 
 
     A tube that meets a sheet of layers with air behind it continues as a reflected tube and as a straight tube, through at most
     `transit.CROSSINGS` sheets. The echoes return through sheets in the same way. Tubes also pass through the walls of hollow objects
-    (`shell.find_shells`). They enter straight through the near wall, are reflected inside and leave straight through a wall.
+    (`shell.find_shells`). These tubes enter straight through the near wall, are reflected inside and leave straight through a wall.
 
     Args:
         geometry: triangles of the surfaces.

@@ -9,7 +9,9 @@ from radartwin.compiled import innermost
 
 @innermost
 def clip(polygon: np.ndarray, count: int, nx: float, ny: float, nz: float, offset: float, out: np.ndarray) -> int:
-    """Write the part of a polygon with n . x >= offset to `out`, but no corners beyond its room. Returns the number of corners."""
+    """Write the part of a polygon with n . x >= offset to `out`, without corners for which `out` is too short. Returns the number of
+    corners.
+    """
     kept = 0
     previous = count - 1
     before = nx * polygon[previous, 0] + ny * polygon[previous, 1] + nz * polygon[previous, 2] - offset

@@ -33,7 +33,7 @@ FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle
 # bottle at 1 and 2 m.
 UNDIVIDED = 1.5
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
-STRONGEST = 0.5  # share of the strongest direct path below which direct paths that are only estimated are dropped
+STRONGEST = 0.5  # if direct paths are only estimated, paths below this share of the strongest one are dropped
 GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
@@ -59,7 +59,7 @@ def group_paths(
     ball: tuple[np.ndarray, float] | None = None,
     direct: bool = True,
 ) -> list[Paths] | None:
-    """Trace the direct paths of an object and its paths with the room; None if it is too close for a planar grid of tubes.
+    """Trace the direct paths of an object and its paths with the room; None if the object is too close for a planar grid of tubes.
 
     Args:
         room: faces that reflect, and surfaces that hide the object. None: free space. built, table: geometry and reflection of the object
@@ -93,7 +93,7 @@ def group_paths(
     radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
     if ball is not None:
         centre, radius = np.repeat(ball[0][None], frames, axis=0), ball[1]
-    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # small motions in front of a resting sensor use one place
+    elif np.ptp(sensor_poses[:, :3, 3], axis=0).max() == 0:  # before a resting sensor, nearby object positions share one place
         step = radius / 2
         centre, radius = np.round(centre / max(step, 1e-9)) * step, radius + np.sqrt(3) / 2 * step
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)
@@ -116,7 +116,7 @@ def group_paths(
         rows = np.flatnonzero(straight != over)
         if not len(rows):
             continue
-        weakest = prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)  # the tracer multiplies by EARLY
+        weakest = prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)  # the ray tracer multiplies this by EARLY
         estimated = not (over or direct)
         limits = max_bounces - reflections[rows], weakest, STRONGEST if estimated else share_of_pair
         divide = not over or cell > UNDIVIDED * radar.wavelength_m
@@ -257,7 +257,7 @@ def _place(first, last, row, frame, objects, place, velocity, turn, direction, l
 
 
 def _loudest(part: Paths, radar: Radar) -> float:
-    """Return the largest sum of a pose's paths, with the element gain, over all poses and frequency nodes."""
+    """Return the largest magnitude of the coherent sum of a pose's paths, with the element gain, over all poses and frequency nodes."""
     turned = part.amplitude * np.exp(2j * np.pi / SPEED_OF_LIGHT * part.length_m[:, None] * part.frequencies_hz)
     turned *= both_gains(radar, part.departure, part.arrival)[:, None]
     total = np.zeros((part.poses, turned.shape[1]), complex)

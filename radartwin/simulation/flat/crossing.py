@@ -126,8 +126,8 @@ def delayed(factor: np.ndarray, nodes_hz: np.ndarray, at_hz: float) -> tuple[np.
     Args:
         factor: (N, Q) result of `factors`. nodes_hz: (Q,) frequency nodes. at_hz: frequency of a path with one node.
     Returns:
-        value: (N,) factor at `at_hz` for exp(+j omega t), without the phase of the length.
-        extra_m: (N,) this length in metres, for all passes along the line together.
+        value: (N,) factor at `at_hz` for exp(+j omega t), without the phase of the length `extra_m`.
+        extra_m: (N,) length in metres that carries the delay, for all passes along the line together.
     """
     wavenumber = 2 * np.pi / SPEED_OF_LIGHT * (nodes_hz - at_hz)
     extra = np.zeros(len(factor))

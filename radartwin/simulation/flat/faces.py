@@ -25,8 +25,8 @@ FLAT_RAD = 2e-3  # largest angle between triangles that count as coplanar
 SAME_M = 1e-5  # largest distance of points that coincide, and of a point from its plane
 SHORTEST_M = 1e-3  # shorter pieces of an edge are ignored
 SAME_RAD = 1e-3  # largest difference of equal angles
-# An inner corner of 180/m degrees diffracts nothing if the relative error of its angle is below this. At other corners, both orders of
-# reflection can exist, or none, and only the wave of the corner makes their sum smooth.
+# An inner corner of 180/m degrees diffracts nothing if the relative error of its angle is below this. At other corners, the reflections in
+# both orders or in neither order can exist, and only the diffracted wave of the corner makes their sum continuous.
 EXACT = 1e-7
 
 
@@ -74,7 +74,7 @@ class Faces(NamedTuple):
 
 @dataclass
 class _Region:
-    """A flat region: its polygon in the coordinates of `axes` (2, 3) about `origin`. `outward`: whether the normal leaves a solid."""
+    """A flat region: its polygon in the coordinates of `axes` (2, 3) about `origin`. `outward`: whether the normal points out of a solid."""
 
     polygon: Any
     origin: np.ndarray
@@ -205,7 +205,7 @@ def _parts(region: _Region, smallest_m: float) -> list[_Region]:
 
 
 class _Side(NamedTuple):
-    """One half-plane at an edge piece: its direction, its face, and the unit normal that leaves its solid (zero for a thin face)."""
+    """One half-plane at an edge piece: its direction, its face, and the unit normal out of its solid (zero for a thin face)."""
 
     direction: np.ndarray
     face: int

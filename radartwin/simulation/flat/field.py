@@ -134,7 +134,7 @@ def reversed_at_corners(chain: np.ndarray, points: np.ndarray, close: float, out
 
     A path from the sensor to itself over two perpendicular faces meets the line of their corner, where each of the two orders carries half
     of the field. If the faces have layers and the path is not perpendicular to the line, the fields of the two orders differ. At a corner
-    of three faces, six orders meet, of which the path has one and its reverse.
+    of three faces, six orders are possible; the function gives only the reverse of the path's order.
 
     Args:
         points: (len(chain), 3) points of reflection. close: largest distance between two successive points at a corner, m.
@@ -265,7 +265,7 @@ def ends_weight(start: Point, along: Point, length: float, place: float, source:
     """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
 
     Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of this wave. The weight of an end is
-    therefore the mean of a smooth end (Fresnel integral) and an abrupt end.
+    therefore the mean of two weights: of a smooth end (Fresnel integral) and of an abrupt end.
     """
     x, end = moved(start, along, place), moved(start, along, length)
     total = distance(x, source) + distance(x, receiver)
@@ -380,7 +380,7 @@ def edge_terms(
 
 @innermost
 def soft_and_hard(along: Point, direction: Point) -> tuple[Vector, Vector]:
-    """Return the soft and the hard direction of a ray at an edge: in the plane of both, and across this plane."""
+    """Return the soft and the hard direction of a ray at an edge: in the plane of ray and edge, and across this plane."""
     cosine = dot(along, direction)
     sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
     soft = toward(moved((0.0, 0.0, 0.0), direction, cosine), along, sine)
@@ -416,7 +416,7 @@ def evaluate(
     Args:
         opaque: (surfaces,) bool. tables: of the surfaces.
         nudge: (3,) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset, a
-            sensor exactly in the plane of a face or exactly opposite a corner would be on both sides.
+            sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.

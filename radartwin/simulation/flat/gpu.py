@@ -1,7 +1,7 @@
 """Run compiled functions as kernels of numba.cuda. Only `parallel` imports this module, and only to use a GPU.
 
-numba.cuda compiles the Python source of a function that Numba has compiled for the processor again, for the GPU. The compiled kernels are
-not kept on the disk, because their key would have to contain the source of all functions that they call.
+Numba has compiled each function for the processor. For the GPU, numba.cuda compiles the Python source of the function again. The compiled
+kernels are not kept on the disk, because the key of a stored kernel would have to contain the source of all functions that it calls.
 """
 
 import functools
@@ -33,7 +33,7 @@ def compute(function: Any, count: int, arguments: Sequence[Any], results: Sequen
 
 
 def kernel(function: Any) -> Callable[[int, tuple], None]:
-    """Return the kernel that calls a compiled function in each thread of a GPU, not yet compiled.
+    """Return the kernel, not yet compiled, that calls a compiled function in each thread of a GPU.
 
     The kernel has the arguments (count, (*arguments, *results, work)).
     """

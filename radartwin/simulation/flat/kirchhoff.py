@@ -1,7 +1,7 @@
-"""The edge wave of Kirchhoff diffraction: the field that a straight edge adds to a line of sight, or takes from it.
+"""The edge wave of Kirchhoff diffraction: the field that a straight edge adds to, or subtracts from, the field along a line of sight.
 
-Let a source light a screen. The distance of the source is the length that its rays travel. Let D be the excess length of the path over a
-point of the screen, relative to the straight path. The field behind an opening is the undisturbed field times
+Let a source light a screen. The distance of the source is the length of its rays up to the screen, also over mirrors. Let D be the excess
+length of the path over a point of the screen, relative to the straight path. The field behind an opening is the undisturbed field times
 
     F = W - 1/(2 pi) sum over edges of s [G(d, t_b) - G(d, t_a)],   G(d, t) = integral_0^t d/(d^2 + x^2) exp(+j pi (d^2 + x^2)/2) dx
 

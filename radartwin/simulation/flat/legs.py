@@ -3,8 +3,8 @@
 The field of a leg is that of the sensor's image, times a factor for each mirror and for each part of the line. The factor of a mirror is
 that of an opening with the outline of the mirror (`kirchhoff`). The factor of a part of the line is the shadow factor of the bodies beside
 it (`shadows`). Sequences of faces with the same image of the sensor form one leg, because the sum of their fields is smooth although each
-field is not. An example are the two orders of reflection at two walls that meet. A leg is evaluated at the corners of a cube around the
-object, and on a finer grid where the field is not linear between the corners.
+field is not. For example, the two orders of reflection at two walls that meet form one leg. A leg is evaluated at the corners of a cube
+around the object, and on a finer grid where the field is not linear between the corners.
 """
 
 from collections import OrderedDict
@@ -34,7 +34,7 @@ COARSE = 0.02  # the same limit relative to the undisturbed direct field; the la
 GRID_M = 0.05  # spacing of the finer grid
 ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
 ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
-UNDISTURBED = 1e-3  # largest change of a direct leg's field that needs no weight
+UNDISTURBED = 1e-3  # a direct leg whose field changes by at most this needs no weight
 KEPT = 64  # number of cache entries, each for a few places
 _kept: "OrderedDict[tuple, tuple[FlatRoom, Legs]]" = OrderedDict()  # an entry also holds the room, so that no other room gets its id
 
@@ -138,8 +138,8 @@ def _weigh(
 
 @innermost
 def _cell(share: float, side: int) -> tuple[int, float]:
-    """Return the cell of a place along a row of `side` points, and the place in the cell. share: relative place in the row, limited to 0 to
-    1.
+    """Return the cell in a row of `side` points in which a position lies, and the position in the cell (0 to 1). share: relative position
+    in the row, limited to 0 to 1.
     """
     at = min(max(share, 0.0), 1.0) * (side - 1)
     cell = min(int(at), side - 2)
@@ -153,7 +153,7 @@ def find(
 
     Args:
         places: (U, 6) positions of sensor and object centre, metres. axes: (U, 3) the sensor's antenna axis.
-        radius: of the ball about the object's centre that contains it. frequencies_hz: nodes of the object's reflection table.
+        radius: of the ball about the object's centre that contains the object. frequencies_hz: nodes of the object's reflection table.
         longest: largest number of reflections of a leg; 0 gives the direct leg only.
         least: legs whose field is below this times the undisturbed direct field are dropped.
     """
@@ -360,7 +360,7 @@ def _evaluate(
             if above * below >= 0 or min(abs(above), abs(below)) < 1e-9:
                 total = 0j
                 break
-            # the source's image behind face p and the end before it, mirrored back over the later faces
+            # the source's image lies behind mirror p, and `back`, the end mirrored over the later faces, in front of it
             back = image(faces, end, chain[i + 1 :][::-1], 1.0)
             at = moved(images[i + 1], toward(images[i + 1], target, 1.0), below / (below - above))
             _put(met, i + 1, at)

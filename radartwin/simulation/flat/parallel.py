@@ -4,7 +4,7 @@ The GPU needs the packages of the extra `gpu`. Without them, the processor compu
 
 The compiled function has the arguments (begin, stop, step, *arguments, *results, work). It computes every `step`-th item from `begin` to
 `stop` - 1. On the processor, the step is 1. On the GPU, thread i begins at item i, and the step is the number of threads. A thread of a GPU
-cannot allocate arrays. `work` therefore holds memory for `step` workers, and the function uses that of the worker `begin % step`.
+cannot allocate arrays. `work` therefore holds memory for `step` workers, and the function uses the memory of the worker `begin % step`.
 """
 
 import functools

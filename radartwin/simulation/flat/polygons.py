@@ -13,9 +13,9 @@ polygon radiate to the receiver
 - E -> |r| + |s| - L0, excess length of the path over the side.
 - rho -> field that the currents radiate to the receiver, divided by the field of an infinite mirror with unit reflection.
 
-The integral is the boundary form of Kirchhoff's surface integral. It is exact for an image source if k|r| and k|s| are large, so that the
-polygon may have any size in Fresnel zones. rho varies over the polygon because polarisation and reflection depend on direction. The
-boundary form is then correct to first order in the ratio of the wavelength to the distance along which rho varies.
+The integral is the boundary form of Kirchhoff's surface integral. The boundary form is exact for an image source if k|r| and k|s| are
+large, so that the polygon may have any size in Fresnel zones. rho varies over the polygon because polarisation and reflection depend on
+direction. The boundary form is then correct to first order in the ratio of the wavelength to the distance along which rho varies.
 
 Physical optics has the wrong currents near edges. The difference radiates like a line source along the edge, of strength
 
@@ -61,9 +61,9 @@ NODES = 3  # smallest number of frequency nodes, because the amplitude of a piec
 MOST_FACES = 64  # objects with more faces are traced by tubes
 SMALLEST_M = 5e-4  # smallest width of a face
 CORNERS = 24  # largest number of corners of a polygon
-ROOM = 4096  # paths of a pair for which there is room at first; the room grows
-# For each PER_BEAM paths in that room, there is room for one beam that waits for its next reflection. For each PER_PIECE paths, there is
-# room for one convex piece of a lit part.
+ROOM = 4096  # number of paths of a piece of work for which memory is reserved at first; the memory grows if needed
+# For PER_BEAM paths, the memory also has one entry for a beam that waits for its next reflection. For PER_PIECE paths, it also has one
+# entry for a convex piece of a lit part.
 PER_BEAM, PER_PIECE = 8, 64
 NEAR, FAR = 0.25, 1.5  # excess phase k E in rad at which a side begins to have its own paths, and from which it has only its own paths
 VIEW_RAD = 0.02  # largest angle, seen from source or receiver, of a piece
@@ -76,14 +76,16 @@ SMALL_SINE = 0.02  # smallest sine between ray and edge for which fringe current
 # Shift of the receiver in metres. Without it, the mirror point of a corner reflector would lie exactly on the edge of its last face.
 NUDGE_M = 1e-6 * np.array([0.74, 0.53, 0.41])
 CLOSEST_M = 1e-12  # smallest distance between the mirror point and a side for which the integral along the side is computed
-ABOVE = 0.999  # a face shadows only with its part below this share of the height of the source or receiver
+ABOVE = 0.999  # only the part of a face below this share of the height of the source or receiver casts a shadow
 _built: "weakref.WeakKeyDictionary[Geometry, Polyhedron | None]" = weakref.WeakKeyDictionary()
 NO_FACE, ONE_BOUNCE = np.int64(-1), np.int64(1)  # Numba would compile a second version of a function for a literal argument
 _GAUSS, _WEIGHT = np.polynomial.legendre.leggauss(6)
 
 
 class _Parts(NamedTuple):
-    """Hold K convex parts of faces: face (K,), corners (K, CORNERS, 3) and their number (K,); whether each face (P,) is lit on one side."""
+    """Hold K convex parts of faces: face (K,), corners (K, CORNERS, 3) and their number (K,). `solid` (P,) tells whether a face belongs to
+    a solid, which is lit on its outside only.
+    """
 
     face: np.ndarray
     corner: np.ndarray
@@ -102,7 +104,7 @@ class _Ends(NamedTuple):
 
 
 class _Out(NamedTuple):
-    """Hold room for M paths: amplitude (M, Q), lengths in and out and to the first hit (M, 3), departure and arrival (M, 3), reflections
+    """Hold memory for M paths: amplitude (M, Q), lengths in and out and to the first hit (M, 3), departure and arrival (M, 3), reflections
     (M,), and the number of paths used (1,).
     """
 
@@ -120,7 +122,7 @@ class Polyhedron:
 
     Attributes:
         faces: faces and wedges. parts: convex parts of the faces. blocking: all triangles, for lines of sight to edges.
-        convex: whether the object is one closed convex body, on which nothing shadows and no path has two reflections.
+        convex: whether the object is one closed convex body, on which no face shadows another one and no path has two reflections.
     """
 
     faces: Faces
@@ -267,10 +269,10 @@ def _subtract(
     spare: np.ndarray,
 ) -> int:  # fmt: skip
     """Subtract from convex pieces of face `p` the shadows of all other faces, seen from an apex; returns the number of pieces, or -1 if
-    there is no room.
+    `pieces` is too short.
 
     Args:
-        last: face behind which the apex is an image, or -1; only what lies on the `facing` (+-1) side of this face shadows.
+        last: face behind which the apex is an image, or -1; only parts of faces on the `facing` (+-1) side of this face cast shadows.
         pieces: (pieces, CORNERS, 3), counts: (pieces,). spare: (4, CORNERS, 3).
     """
     height = dot(apex, faces.normal[p]) - faces.offset[p]
@@ -309,7 +311,7 @@ def _subtract(
         for j in range(before):
             _copy(pieces[j], counts[j], spare[1])
             rest = counts[j]
-            # a piece that lies outside one side of the shadow as a whole stays in one part
+            # a piece that lies wholly outside one side of the shadow is not divided
             apart = False
             for i in range(count):
                 outmost = -np.inf
@@ -489,7 +491,7 @@ def _moments(alpha: float) -> tuple[complex, complex, complex]:
 
 @innermost
 def _piece(f0: complex, f1: complex, f2: complex, p0: float, p1: float, p2: float) -> complex:
-    """Return the integral of f exp(j p) for t from -1 to 1, with values of f and p at -1, 0 and 1 and the phase relative to p1.
+    """Return the integral of f exp(j (p - p1)) for t from -1 to 1, from the values of f and p at -1, 0 and 1.
 
     f is a parabola. The quadratic part of the phase is expanded to first order about its mean.
     """
@@ -591,7 +593,7 @@ def _polygon(
     mirror = mirrored + share * (receiver - mirrored)
     straight = distance(mirrored, receiver)
     up = normal if above > 0 else -normal
-    # orientation, on which side of each side the mirror point lies, and the polygon's point nearest to it
+    # orientation of the polygon, position of the mirror point relative to each side, and the polygon's point nearest to the mirror point
     turn = np.zeros(3)
     for i in range(1, count - 1):
         turn += np.cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0])

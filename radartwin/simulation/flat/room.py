@@ -40,8 +40,8 @@ class RoomWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Searched:
-    """Hold the strong sequences at T test places (T, 6), in the form of `_points`. `of_test` has the indices in `sequences` for each test
-    place.
+    """Hold the strong sequences at T test places. `places` (T, 6) is a result of `_points`. `of_test` has for each test place the indices
+    of its sequences in `sequences`.
     """
 
     places: np.ndarray
@@ -110,9 +110,10 @@ class FlatRoom:
 
     @cached_property
     def borders(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the edges of the faces: the range (P + 1,) of each face, the edges (B,), and directions (B, 3), (B, 3) for each.
+        """Return the edges of the faces: the range (P + 1,) of each face in this list, the edges (B,), and two directions (B, 3), (B, 3)
+        for each.
 
-        The first direction points into the face. The second one points from the face into the open sector of the edge. It is zero for a
+        The first direction points into the face. The second one points from the face into the open sector of the edge, and is zero for a
         free edge, whose sector is on both sides.
         """
         faces, turn = self.faces, np.pi * self.faces.opening[:, None]
@@ -199,9 +200,10 @@ class FlatRoom:
         return [part.where(mask) for part, mask in zip(parts, masks, strict=True)]
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
-        """Find the sequences of faces and edges whose paths can be as strong as `prune` times the strongest, along a motion.
+        """Find the sequences of faces and edges whose paths can, along a motion, be as strong as `prune` times the strongest path.
 
-        For a resting sensor, the function also searches for paths with two diffractions, but only from one end of the array.
+        If the sensor rests and the room has at most MAX_EDGES edges, the function also searches for paths with two diffractions, but only
+        from one end of the array.
         """
         stays = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
         twice = stays and len(self.faces.length) <= MAX_EDGES
@@ -242,7 +244,7 @@ class FlatRoom:
     def single_diffractions(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> search.Sequences:
         """Find the strong sequences with at most one diffraction, as seen from one sensor pose (4, 4).
 
-        This takes a small part of the time of `searched`, which for a resting sensor also finds paths with two diffractions.
+        The function takes a small part of the time of `searched`, which for a resting sensor also finds paths with two diffractions.
         """
         return self._sequences(pose, radar, max_bounces, EARLY * prune, False)
 
@@ -303,9 +305,9 @@ class FlatRoom:
         return search.Sequences.union([closed.where(there[levels > limit]), edged.where(edged_there[edged_levels > limit])])[0]
 
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
-        """Return the largest fields (M,) at one metre with which beams at a pose reach an end or the middle of edges.
+        """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at a pose.
 
-        arrivals: (M, 2) edges and beams. The fields include the element gain, relative to that of the element's axis.
+        arrivals: (M, 2) edge and beam. The fields include the element gain, relative to that of the element's axis.
         """
         edge, beam = arrivals.T
         gain, strength = np.zeros((2, len(arrivals)))
@@ -336,7 +338,8 @@ class FlatRoom:
     ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all.
 
-        processor: whether to compute on the processor in any case. The search does, so that all variants find the same sequences.
+        processor: whether to compute on the processor in any case. The search sets it to True, so that all variants find the same
+        sequences.
         """
         n, q, points = len(pose), tables.te.shape[2], every.chain.shape[1] + 2
         values = (
@@ -370,7 +373,7 @@ class FlatRoom:
 
         For a single pose, the fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they
         are computed at all channels. The place of a channel is the middle between its two elements. For a moving sensor, they are computed
-        at the middle of the array only, because the motion averages over such places.
+        at the middle of the array only, because the motion of the sensor averages over such positions.
         """
         single = len(poses) == 1
         channels = _channels(radar) if single else np.zeros((1, 3))

@@ -2,8 +2,8 @@
 
 Beams start at the sensor. A beam is the convex part of a face that the sensor's image lights, together with this image; the face mirrors
 the beam, and the faces beyond it clip the mirrored beam. The search follows a beam only if a path over it can be strong enough (`Levels`).
-A path can reach an edge inside a beam over the faces of the beam. Two such paths to one edge, out and back, give a path with one
-diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
+A path that reflects at the faces of a beam can reach each edge inside the beam. Two such paths to one edge, out and back, give a path with
+one diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
 """
 
 import math
@@ -21,7 +21,7 @@ from radartwin.simulation.flat.field import angle, edge_point, panes_on, reflect
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 
-SPARE = 16  # a beam can have this many corners more than the outlines of the faces; more are left out
+SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
 FEW = 3  # number of steps to estimate the two points of a double diffraction
 # Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. The actual ratio is at least 8 for almost all
@@ -176,7 +176,9 @@ def _grown(
     source: np.ndarray, start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray,
     corners: np.ndarray, strength: np.ndarray, passed: np.ndarray, used: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Append the beams that follow beams start:stop; returns the number of beams, and the first beam for which there was no room."""
+    """Append the beams that follow beams start:stop. Returns the number of beams, and the first of the beams start:stop whose followers did
+    not fit into the arrays.
+    """
     most = polygon.shape[1]
     planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
     points, found = np.empty((chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
@@ -267,12 +269,12 @@ def _reach(
     own: np.ndarray, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray,
     strength: np.ndarray, passed: np.ndarray, wavenumber: float, twice: bool, out: np.ndarray, through: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 for too little room.
+    """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 if `out` is too short.
 
-    A path has at most `longest` reflections. If paths have one diffraction (not `twice`), the way back of a beam of many reflections is
-    therefore a beam of fewer reflections, which is already known.
+    A path has at most `longest` reflections. If paths have one diffraction (not `twice`), a path that leaves over a beam of many
+    reflections therefore returns over a beam of fewer reflections. The function has examined this beam before.
     """
-    newest, before_it = np.full(len(faces.length), -1), np.empty(len(out), np.int64)  # arrivals of few reflections at each edge
+    newest, before_it = np.full(len(faces.length), -1), np.empty(len(out), np.int64)  # arrivals with few reflections, as linked lists
     place = source[0], source[1], source[2]
     planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
     found = np.empty(MAX_PANES, np.int64)
@@ -342,8 +344,9 @@ def _reach(
 def own_reflections(faces: Faces) -> np.ndarray:
     """Return the number of reflections (E,) that an edge wave counts as.
 
-    At its shadow and reflection boundaries, an edge wave continues reflections at the faces of the edge: one, or several at an inner
-    corner. These reflections count like other reflections. Otherwise an edge wave could continue a path that is left out.
+    At its shadow and reflection boundaries, an edge wave continues a wave that is reflected at the faces of the edge: once, or several
+    times at an inner corner. These reflections count like other reflections. Otherwise, an edge wave could continue a reflected wave that
+    the search leaves out.
     """
     return np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
 
@@ -393,13 +396,13 @@ def _place(start: Vector, along: Vector, source: Vector, end: Vector) -> float:
 
 @innermost
 def _far(wavenumber: float, excess: float) -> float:
-    """Return about the strength of an edge wave at an excess length over the undisturbed line, at most 1/2."""
+    """Return the approximate strength, at most 1/2, of an edge wave whose path is longer than the undisturbed line by `excess`."""
     return min(0.5, 0.225 / max(math.sqrt(2 * wavenumber / math.pi * max(excess, 0.0)), 1e-9))
 
 
 @innermost
 def _taper(start: Vector, along: Vector, length: float, wavenumber: float, place: float, source: Vector, end: Vector) -> float:
-    """Return about the weight of an edge for a point of diffraction at `place`: 1 on the edge, less beyond its ends."""
+    """Return the approximate weight of an edge for a point of diffraction at `place`: 1 on the edge, less beyond its ends."""
     if 0 <= place <= length:
         return 1.0
     near, x = moved(start, along, 0.0 if place < 0 else length), moved(start, along, place)
@@ -445,7 +448,8 @@ def _linked(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, samples: np.ndarray,
     piece: int, pieces: int, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (edge, edge, face or -1) of edges that see each other, directly or over a face; returns their number or -1.
+    """Write (edge, edge, face or -1) of edges that see each other, directly or over a face; returns their number, or -1 if `out` is too
+    short.
 
     The first edge is one of piece, piece + pieces, piece + 2 pieces, ...
     """
@@ -490,9 +494,11 @@ def _doubles(
     faces: Faces, linked: np.ndarray, loudness: np.ndarray, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray,
     image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, piece: int, pieces: int, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number or -1.
+    """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number, or -1 if `out` is
+    too short.
 
-    The links are piece, piece + pieces, piece + 2 pieces, ...
+    An arrival is the number of a pair of an edge and a beam that reaches the edge. The function examines the rows piece, piece + pieces,
+    piece + 2 pieces, ... of `linked`.
     """
     used = 0
     best = np.zeros(len(faces.length))
@@ -606,7 +612,7 @@ def _closed(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, source: np.ndarray, receiver: np.ndarray,
     chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; returns their number, or -1."""
+    """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; returns their number, or -1 if `out` is too short."""
     used = 0
     points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
     end = receiver[0], receiver[1], receiver[2]
@@ -671,7 +677,9 @@ def _singles(
     faces: Faces, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray,
     longest: int, own: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (arrival, -1, arrival) of single diffractions that can be as strong as `least`; returns their number or -1."""
+    """Write (arrival, -1, arrival) of single diffractions that can be as strong as `least`; returns their number, or -1 if `out` is too
+    short.
+    """
     used = 0
     for e in range(len(faces.length)):
         for a in range(first[e], first[e + 1]):

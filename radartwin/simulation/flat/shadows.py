@@ -26,7 +26,7 @@ SEEN = 0.02  # weaker edge waves are added without a test whether their edge is 
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
 IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
-FLAT_RAD = 1e-3  # edges between faces whose normals differ less are no edges
+FLAT_RAD = 1e-3  # an edge between faces whose normals differ by less than this is ignored
 GROUP = 24  # largest number of edges of a part; one test of a part can leave out all its edges
 
 

@@ -7,8 +7,8 @@ move a polygon by less than a tolerance are left out, so that the number of its 
 
 The factor of a line is 1 where it is clear and 0 where the body blocks it, plus the edge waves (`kirchhoff`) of the outline. A line that
 ends at the sensor uses the outline as seen from the sensor, in both directions, so that its factor is reciprocal. Any other line of a path
-uses the outline as seen from its nearer end, which is an image of the sensor or a point of diffraction. Transmission is not part of
-the factor.
+uses the outline as seen from the end nearer to the body; this end is an image of the sensor or a point of diffraction. Transmission is not
+part of the factor.
 """
 
 import math
@@ -28,9 +28,9 @@ from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm,
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import TARGET_ERROR
 
-TOLERANCE = TARGET_ERROR  # of an outline, in units of the square root of wavelength times distance; about the error of a factor
+TOLERANCE = TARGET_ERROR  # of an outline, divided by the square root of wavelength times distance; about the error of a shadow factor
 MAX_ROWS = 512
-FEW = 64  # an outline of at most this many edges of the mesh has a row at each of their ends too
+FEW = 64  # up to this number of mesh edges in an outline, the picture also has rows at their ends
 MAX_INTERVALS = 32  # largest number of intervals of a row; a row with more closes its narrowest gaps
 MAX_SEGMENTS = 192  # largest number of edges of an outline; an outline that needs more gets a larger tolerance
 CLIP = 0.02  # faces with a corner nearer than this share of the distance to the body, or behind the viewer, hide nothing
@@ -177,7 +177,9 @@ def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarr
 
 @compiled
 def _rows(body: Skin, edges: np.ndarray, seen: np.ndarray, spacing: float, at_ends: bool) -> np.ndarray:
-    """Return the increasing heights of the rows of the picture, beside the ends of the edges too if `at_ends`."""
+    """Return the increasing heights of the rows of the picture; with `at_ends`, also heights slightly above and below each end of the
+    edges.
+    """
     low, high = np.inf, -np.inf
     for e in edges:
         for k in range(2):
@@ -247,7 +249,7 @@ def _intervals(
 
 @innermost
 def _close(left: np.ndarray, right: np.ndarray) -> None:
-    """Merge the two neighbouring intervals of a row that have the narrowest gap. The last place in `left` and `right` is then free for
+    """Merge the two neighbouring intervals of a row that have the narrowest gap. The last entry of `left` and `right` is then free for
     another interval.
     """
     narrowest = 0
@@ -355,8 +357,8 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
 
     Args:
         sensor: (N, 3) first and last point of each path. points: (N, P, 3) the points between, nan beyond the last.
-        mirrors: whether these points are mirror points. A path over mirrors goes on as if it came from the sensor's image. At any other
-            point, the wave starts anew.
+        mirrors: whether these points are mirror points. Behind a mirror point, the wave continues as if it came from the sensor's image. At
+            any other point, the wave starts anew.
     """
     out = np.ones(len(points), complex)
     if not len(out):
@@ -597,7 +599,7 @@ def _over_mirrors(
 
     view: (N, P + 1) outline of each line; -1: none. from_start: (N, P + 1) whether the outline is seen from the source of the line.
 
-    An edge wave of one line of a path goes on along its own ray. Beside the later lines, the body can shadow this ray again and create
+    An edge wave of one line of a path continues along its own ray. Beside the later lines, the body can shadow this ray again and create
     further edge waves. The function does not trace these further waves, but multiplies the edge wave by the factors of the later lines.
     """
     worker = begin % step
@@ -642,7 +644,9 @@ def _onwards(
     body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray, met: np.ndarray,
     normal: np.ndarray, i: int, last: int, start: Point, after: float, wavenumber: float, work: _Work, worker: int,
 ) -> complex:  # fmt: skip
-    """Return the product of the factors of the lines after line `i` for a ray from `start` beside this line over the same mirrors."""
+    """Return the product of the factors of the lines after line `i`, for a ray that begins at `start` beside line `i` and meets the same
+    mirrors.
+    """
     part, place, found = work.part[worker, 1], work.place[worker, 1], work.found[worker]
     way = toward(met[i], met[i + 1], 1.0)
     target = moved(met[i + 1], way, after / norm(way))

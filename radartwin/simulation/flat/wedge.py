@@ -7,9 +7,9 @@ at s, the diffracted field is
     E = D E0 / sqrt(s0 s (s0 + s)) exp(-j k (s0 + s)),   D = c [(a + b) I + R_n c_n + R_0 c_0]
 
 for a source whose field is E0 exp(-j k r)/r. The terms a and b belong to the two shadow boundaries, c_n and c_0 to the reflection
-boundaries of face n and face 0. R_n, R_0 are the reflection matrices of the faces. On metal they are -1 for the field along the edge and
-+1 for the field across it. The sum of the incident, reflected and diffracted fields is continuous at every boundary. For a half-plane of
-metal and a plane wave, the sum is Sommerfeld's exact solution.
+boundaries of face n and face 0. R_n, R_0 are the reflection matrices of the faces. On metal, R_n and R_0 are -1 for the field along the
+edge and +1 for the field across it. The sum of the incident, reflected and diffracted fields is continuous at every boundary. For a
+half-plane of metal and a plane wave, the sum is Sommerfeld's exact solution.
 
 Ref: R. G. Kouyoumjian, P. H. Pathak, Proc. IEEE 62 (1974) 1448, for the coefficient; R. J. Luebbers, IEEE Trans. AP 32 (1984) 70, for
 faces that are not metal; Y. M. Hwang, R. G. Kouyoumjian, URSI (1974), for the slope term.
@@ -96,7 +96,8 @@ def coefficients(
         sine: sine of the angle between ray and edge. distance: distance parameter s0 s/(s0 + s) sine^2, metres.
     Returns:
         The sum of both shadow-boundary terms; the reflection-boundary terms of face 0 and of face n; the derivatives by phi of the sum of
-        the shadow terms (by phi0: the negative) and of the sum of the reflection terms for metal (by phi0: the same).
+        the shadow terms and of the sum of the reflection terms for metal. The derivatives by phi0 are the negative of the first derivative,
+        and equal to the second derivative.
     """
     kl = wavenumber * distance
     c = -_TURN.conjugate() / (2 * n * math.sqrt(2 * math.pi * wavenumber) * sine)

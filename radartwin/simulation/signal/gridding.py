@@ -4,8 +4,7 @@ A task is a group of paths of one frame. Each task has its own grid of delays, s
 sum over paths always has the same order. Frames with many paths are split into several tasks. Path lengths and phases have double
 precision. The grids, the Fourier transform and the chirps have single precision, which causes an error of 3e-7 of the frame's strongest
 echo. The channels (pairs of a transmitter and a receiver) are ordered by transmitter first, then by receiver. The channels of a grid cell
-are next to each other in memory, because a path has almost the same delay in all channels. All these functions are in one file of over 300
-lines, because Numba does not recompile a cached function when a function in another file changes.
+are next to each other in memory, because a path has almost the same delay in all channels.
 """
 
 from typing import Any, NamedTuple
@@ -290,7 +289,7 @@ def _lengths(p, paths, elements, drift, received, length):
 
 @innermost
 def _spread(p, paths, elements, scale, grid, room):
-    """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task, with the arrays of a Workspace, which `room` holds."""
+    """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task. The Workspace `room` holds the work arrays."""
     orders, length, turn, offset, shift = room.orders, room.length, room.turn, room.offset, room.shift
     shape, turned, kernel, copies = room.shape, room.turned, scale.kernel, paths.amplitude.shape[1]
     channels = len(length)

@@ -5,15 +5,15 @@ For transmitter t, receiver r, loop c and sample n the signal is
     s[c, t, r, n] = sum_p a_p(f_n) exp(+j 2 pi f_n (L_p,t,r + v_p tau)/c),   f_n = f0 + S n/fs,   tau = t_c,t + n/fs - t_mid
 
 where p counts the paths, a_p is the amplitude of path p, v_p is the rate of change of its length, and L_p,t,r is its length between the
-antenna elements t and r (see radartwin.simulation.paths). The Jacobi-Anger expansion
-exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), with w = 2 pi v X/c, x = f_n tau/X and X the largest magnitude of f_n tau, separates the
-motion of a path from its delay. The number of Fourier transforms per frame is a few more than the largest |w| of the paths, in radians. It
-does not depend on the number of chirps. A path whose amplitude a_p changes over frequency becomes a sum of copies with constant amplitudes,
-whose delays are one grid cell apart. The function `_copies` fits the amplitudes of the copies to a_p. The sum over delays is a type-1
-non-uniform FFT with the exponential-of-semicircle kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479,
-on a grid of delays with at least twice as many cells as a chirp has samples. Equal inputs give byte-identical samples on any number of
-processor cores. radartwin.simulation.signal.gridding contains the compiled loops over paths and grid cells. If Mitsuba's GPU variant is
-active, radartwin.simulation.signal.spreading spreads the paths on the GPU; on the CPU, it is slower than the compiled loops for moving
+antenna elements t and r (see radartwin.simulation.paths). The Jacobi-Anger expansion exp(j w x) = sum_k (2 - [k=0]) j^k J_k(w) T_k(x), with
+w = 2 pi v X/c, x = f_n tau/X and X the largest magnitude of f_n tau, separates the motion of a path from its delay. The number of Fourier
+transforms per frame is a few more than the largest |w| of the paths, in radians, and does not depend on the number of chirps. A path whose
+amplitude a_p changes over frequency becomes a sum of copies with constant amplitudes, whose delays are one grid cell apart. The function
+`_copies` fits the amplitudes of the copies to a_p. The sum over delays is a type-1 non-uniform FFT with the exponential-of-semicircle
+kernel of A. Barnett, J. Magland, L. af Klinteberg, SIAM J. Sci. Comput. 41 (2019) C479, on a grid of delays with at least twice as many
+cells as a chirp has samples. Equal inputs give byte-identical samples on any number of processor cores.
+radartwin.simulation.signal.gridding contains the compiled loops over paths and grid cells. If Mitsuba's GPU variant is active,
+radartwin.simulation.signal.spreading spreads the paths on the GPU. On the CPU, that module is slower than the compiled loops for moving
 paths. The file is over 300 lines long, because the steps of the transform share their constants.
 """
 
@@ -187,7 +187,8 @@ def _aligned(shape: tuple[int, ...]) -> np.ndarray:
 
 @functools.cache
 def _fit(samples: int, cells: int, reach: int) -> np.ndarray:
-    """Return the matrix (2 reach + 1, samples) that fits a function of the sample by phase factors of delays of -reach to reach grid cells.
+    """Return the matrix (2 reach + 1, samples) that maps a function of the sample index to its best fit by copies with delays of -reach to
+    reach grid cells.
 
     The phase factors of neighbouring cells are nearly linearly dependent over one chirp, so combinations with a singular value below _FIT
     are left out.

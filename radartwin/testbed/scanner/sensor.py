@@ -11,9 +11,10 @@ Sources
              measures the room behind the pane, and in a mirror it measures the mirrored room, so that both look like holes.
     [X25]    Xiang et al. 2025, Depth enhancement from a practical light-weight dToF sensor, arXiv:2504.01596: on specular surfaces, laser
              spots are lost or give wrong depths.
-    [chair]  Our measurement on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m). It
-             gives the fraction of pixels with high, medium and low confidence, the decrease of the confidence with range and at edges,
-             the depth residual for each confidence, and the spatial smoothness. See the table in docs/decisions/005-virtual-scanner.md.
+    [chair] Our measurement on the 24 real frames of shared/data/scans/arkit_lidar_chair_scan against the vendor's mesh (0.5 to 4 m). The
+             measurement gives the fraction of pixels with high, medium and low confidence, the decrease of the confidence with range and at
+             edges, the depth residual for each confidence, and the spatial smoothness. See the table in
+             docs/decisions/005-virtual-scanner.md.
 
 The depth map is a smooth interpolation of the 24 x 24 laser spots, guided by the colour picture [L21]. Depth errors of neighbouring pixels
 are correlated (the uncorrelated part is 0.7 mm [chair]). Depth errors of different frames are independent.
@@ -48,8 +49,8 @@ class Sensor:
         medium_signal, high_signal: value of reflectance x cosine / range^2 at which half of the pixels reach medium or high confidence.
             In [chair] half of the pixels have high confidence at 2.9 m, and half have low confidence at 3.4 m, on concrete in the shade
             with an assumed reflectance of 0.2 and cosine of 0.7.
-        border: number of pixel columns at the left edge with low, and with at most medium, confidence, because no laser spots reach them
-            [chair].
+        border: numbers of pixel columns at the left edge that have low confidence, and that have at most medium confidence, because no
+            laser spots reach these columns [chair].
         signal_spread: standard deviation of the logarithm of the received laser signal over a depth map (speckle, colour) [chair].
         edge_jump: smallest relative depth step within three pixels that counts as an edge.
         flying: * fraction of edge pixels whose depth lies between the front and the back surface. In [chair], 19 % of edge pixels have
@@ -191,7 +192,7 @@ def _uniform(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int,
 def _between(values: np.ndarray, shape: tuple[int, ...], spots: tuple[int, int], squared: bool = False) -> np.ndarray:
     """Interpolate values of the laser spots bilinearly to (h, w).
 
-    `squared` squares the weights, to interpolate variances of independent spots.
+    If `squared` is True, the weights are squared, which interpolates the variances of independent spots.
     """
     v, u = np.arange(shape[0]) * spots[1] / shape[0] + 0.5, np.arange(shape[1]) * spots[0] / shape[1] + 0.5
     i, j = v.astype(int), u.astype(int)

@@ -103,9 +103,9 @@ def _around(room, x, y, z, colour):
 
 @innermost
 def _lit(shadows, lamp, place, last):
-    """Return the fraction of a lamp's light at a point, from nine depths of the lamp's cube map, of which `place` is the first.
+    """Return the fraction of a lamp's light that reaches a point, from nine depths of the lamp's cube map.
 
-    `place` is the flat index of (side, row, column), and `last` is the smallest depth that does not shade the point.
+    `place` is the flat index of (side, row, column) of the first of the nine depths. A depth shades the point if it is at most `last`.
     """
     n, lit = shadows.shape[2], 0
     side, i0, j0 = place // (n * n), place // n % n, place % n
@@ -136,11 +136,10 @@ def _view(depth, start, v, pose, lens, normal, spread, cosine):
 
 @vectorised
 def _beam(depth, start, v, pose, lens, normal, lamp, n, bright, last, place):
-    """Compute the light of a lamp at `lamp` (3,) on a run of pixels, without shadow, and the pixels of the lamp's cube map (n x n pixels
-    per side) that decide the shadow.
+    """Compute a lamp's light on a run of pixels without shadow, and find the pixels of the lamp's cube map that decide the shadow.
 
-    The arguments `depth`, `start` and `v` are those of `_view`. The light (0 if the face is turned away) is written to `bright` (W,), and
-    the arguments of `_lit` to `last` (W,) and `place` (W,).
+    The lamp is at `lamp` (3,), and a side of its cube map has n x n pixels. The arguments `depth`, `start` and `v` are those of `_view`.
+    The light (0 if the face is turned away) is written to `bright` (W,), and the arguments of `_lit` to `last` (W,) and `place` (W,).
     """
     p00, p10, p20, p02, p12, p22 = pose[0, 0], pose[1, 0], pose[2, 0], pose[0, 2], pose[1, 2], pose[2, 2]
     p03, p13, p23, c0, c1, c2 = pose[0, 3], pose[1, 3], pose[2, 3], lamp[0], lamp[1], lamp[2]
@@ -155,8 +154,8 @@ def _beam(depth, start, v, pose, lens, normal, lamp, n, bright, last, place):
         square = lx * lx + ly * ly + lz * lz
         facing = (nx * lx + ny * ly + nz * lz) / np.sqrt(square)
         bright[i] = 2.2 * facing / (square + 0.5) if facing > 0 else 0.0
-        # The point as seen from the lamp, on the cube-map side that `_side` returns. Selections instead of branches let the compiler
-        # compute several pixels at a time.
+        # The position of the point as seen from the lamp, on the cube-map side that `_side` returns. The code uses selections instead of
+        # branches so that the compiler can compute several pixels at a time.
         x, y, z = -lx + 0.01 * nx, -ly + 0.01 * ny, -lz + 0.01 * nz
         ax, ay, az = abs(x), abs(y), abs(z)
         on_x, on_y = (ax >= ay) & (ax >= az), ay >= az

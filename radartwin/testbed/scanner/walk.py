@@ -19,7 +19,7 @@ LOWEST_M, HIGHEST_M = 0.15, 1.9  # objects between these heights above the floor
 EYE_M = 1.5  # height of the phone above the floor
 CLEARANCE_M = 0.45  # smallest distance of the phone from walls and furniture
 PAN_DEG, TREMBLE_DEG = 28.0, 1.5  # camera rotation between two frames; standard deviation of each camera angle because the hand trembles
-DOWN_DEG = -42.0  # lowest elevation of the camera; at the highest elevation, it sees the ceiling's edge from 1.5 m away
+DOWN_DEG = -42.0  # lowest elevation of the camera; at the highest elevation, the camera sees the ceiling's edge from 1.5 m away
 TURNS_PER_NOD = 2.7  # number of camera revolutions during one period of the camera's elevation
 
 
