@@ -14,7 +14,7 @@ from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.store.digest import spec_digest
 
-SHOWN_KEYS = 12  # store keys that a table cell shows; the run's result holds all keys
+SHOWN_KEYS = 12  # largest number of store keys that a table cell lists; the run's result holds all keys
 NO_WIDTH = "the interval has no width"
 TOO_WIDE = "the interval is too wide to show no effect"
 LEVEL = 0.05  # largest corrected p value at which a claim holds
@@ -32,7 +32,7 @@ class Claim:
     above: float = -math.inf  # our whole confidence interval must lie above this value
     below: float = math.inf  # our whole confidence interval must lie below this value
     contains: float | None = None  # value that our interval must be near; used for a claim of no effect
-    reaches: float | None = None  # value that our interval must not exceed; used for a claim that nothing exceeds this value
+    reaches: float | None = None  # value that our interval must not exceed; used for a claim that the quantity is at most this value
     margin: float = 0.0  # largest deviation from `contains` or `reaches` that still counts as no effect
     p_below: float | None = None  # our p value must be smaller than this
     least: int = 2  # smallest number of items for a verdict; the default is 2, because a single item has no interval
@@ -64,7 +64,9 @@ class Claim:
         return "holds" if true else "fails", ""
 
     def _judge_no_effect(self, found: Estimate) -> tuple[str, str]:
-        """Judge a claim of no effect. It holds if the whole interval is within the margin, and fails if the interval excludes the value."""
+        """Judge a claim of no effect. The claim holds if the whole interval is within the margin around the stated value, and fails if the
+        interval excludes this value.
+        """
         both_sides = self.contains is not None
         value = self.contains if self.contains is not None else self.reaches
         assert value is not None
@@ -77,8 +79,8 @@ class Claim:
     def p_of(self, found: Estimate) -> float:
         """Return the p value of the claim: that of the claim's own test, or else the one that follows from the interval and the bounds.
 
-        With two bounds, the p value is the larger one. NaN if the claim states no effect and has no test, or if the interval does not come
-        from a bootstrap.
+        With two bounds, the p value is the larger one. A claim without its own test has the p value NaN if it states no minimum effect, or
+        if the interval does not come from a bootstrap.
         """
         if self.p_below is not None:
             return found.p

@@ -24,7 +24,7 @@ from radartwin.store.products import Store
 
 UNKNOWN, EXACT = "contents unknown", "objects of the catalogue"
 OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that change the target
-AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns whose values differ between draws
+AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns to average, and to sum, over draws
 
 
 def scored(config: Config, store: Store, progress: Progress, score: Callable[[Campaign], Result], rover: bool = False) -> Result:
@@ -32,13 +32,13 @@ def scored(config: Config, store: Store, progress: Progress, score: Callable[[Ca
 
     Args:
         score: function that returns the result of the table for the campaign of one draw.
-        rover: whether the table reads drives, which have draws of their own.
+        rover: whether the table reads drives, whose number of draws is set separately.
     """
     return joined([score(Campaign(config, store, progress, draw)) for draw in numbers(config, rover)])
 
 
 def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Result:
-    """Return the result of a table, with further rows for a simulation that does not know the contents of vessels.
+    """Return the result of a table, with further rows for a simulation in which the contents of vessels are unknown.
 
     The column `twin` of the further rows says "contents unknown", and these rows state no claim. A further row is left out if its value
     does not depend on the contents, as for rows that use only measurements. Only a profile with `unknown_contents` has further rows.
@@ -58,9 +58,9 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
 def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], kept: Callable[[Row], bool] = lambda row: True) -> Result:
     """Return the result of a table, with further rows for a testbed whose objects equal the catalogue.
 
-    The column `truth` of the further rows says "objects of the catalogue", and these rows state no claim. They belong to one draw of the
-    testbed without the gaps OBJECT_GAPS. There are no further rows if the profile has no `exact_objects`, or if the measurements come from
-    a recording set.
+    The column `truth` of the further rows says "objects of the catalogue", and these rows state no claim. The further rows come from one
+    draw of the testbed without the gaps OBJECT_GAPS. There are no further rows if the profile has no `exact_objects`, or if the
+    measurements come from a recording set.
 
     Args:
         scored_of: function that returns the result of the table for a configuration.
@@ -81,12 +81,12 @@ def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Call
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
         if kept(row):
             rows.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
-            rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` replaced the p value of the estimate
+            rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` has put another p value into the estimate
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:
-    """Return the numbers of the draws that a table reads. A recording set is a single draw.
+    """Return the indices of the draws that a table reads. A recording set is a single draw.
 
     If the configured draw is greater than the last draw of these recordings, the table reads the last draw.
     """
@@ -138,7 +138,7 @@ def _joined(rows: Sequence[Row]) -> Row:
 
 
 def _claim(claims: Sequence[Claim]) -> Claim:
-    """Return the claim of several draws, with the mean of each bound. It is untestable if most draws cannot decide it."""
+    """Return the claim of several draws, with the mean of each bound. The joined claim is untestable if most draws cannot decide it."""
     bounds = {}
     for name in ("above", "below", "contains", "reaches"):
         values = [getattr(claim, name) for claim in claims]

@@ -19,7 +19,7 @@ from radartwin.store.products import Store
 
 
 def simulate(configs: Sequence[Config], progress: Progress) -> None:
-    """Simulate, in several workers if possible, what the configured experiments need and the store lacks."""
+    """Simulate the recordings, and make the further simulations, that the configured experiments need and the store lacks."""
     missing, calls = [], []
     for config in configs:
         if not run.finished(config):

@@ -51,7 +51,7 @@ RADAR = Radar.iwr1843(element="isotropic")
 SPACING_M = SPEED_OF_LIGHT / 77e9 / 2
 SNR_DB = (0.0, 10.0, 20.0)
 SEPARATIONS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.2, 1.5)
-WINDOW, STEP = 2.0, 0.02  # half width and step of the search, in Rayleigh widths; the step is a fifth of the smallest separation
+WINDOW, STEP = 2.0, 0.02  # half width and step of the azimuth search, in Rayleigh widths; the step is a fifth of the smallest separation
 PROBABILITY, HALF, ERROR = "probability of resolution", "separation resolved in half of the draws (Rayleigh widths)", "azimuth error (deg)"
 SPHERES, OFFSET_M, FRAMES = 0.7, 0.24e-3, 10  # separation (Rayleigh widths), difference of range (45 degrees of phase), frames of noise
 
@@ -147,7 +147,7 @@ def spheres(seed: int) -> tuple[Any, np.ndarray]:
 
 
 def sphere_error_deg(recording: Any, true_rad: np.ndarray, method: str) -> float:
-    """Return the larger of the two spheres' distances in azimuth from the nearest peak that the method detects, in degrees."""
+    """Return the error in azimuth of the worse sphere in degrees. The error of a sphere is its distance from the nearest detected peak."""
     found = detect(recording.iq, RADAR, angle=method).azimuth_rad
     return float(np.degrees(np.abs(found[:, None] - true_rad).min(axis=0).max()))
 
@@ -166,7 +166,7 @@ def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:
         panel.set(title=f"{antennas} antennas", xlabel="separation (Rayleigh widths)", ylabel=PROBABILITY, ylim=(-0.02, 1.02))
     axes[0].legend(fontsize=5)
     profiles, range_m = range_fft(recording.iq, RADAR)
-    snapshots = profiles[..., np.argmin(np.abs(range_m - 2.0))].mean(axis=1)  # over chirps, because the spheres are at rest
+    snapshots = profiles[..., np.argmin(np.abs(range_m - 2.0))].mean(axis=1)  # mean over chirps, because the spheres are at rest
     grid = np.radians(np.arange(-30, 30.1, 0.1))
     for number, method in enumerate(METHODS):
         level = azimuth_spectrum(snapshots, RADAR, grid, standard_method(method, RADAR.virtual_positions))

@@ -1,9 +1,9 @@
 """List the recordings of a measurement campaign, and return each recording; a recording that is not in the store is simulated.
 
-The store holds two results for each recording, `clean` and `processed`. The result `clean` is the recording before
-receiver effects (noise, leakage, ADC). A turntable recording is stored as the radar signals at the traced target angles (aspects). All
-features are computed from the stored result `processed`. Receiver effects are added when a clean recording is processed; the random seed
-of these effects comes from the recording's name.
+The store holds two results for each recording, `clean` and `processed`. The result `clean` is the recording before receiver effects (noise,
+leakage, ADC). A measured turntable recording with more frames than traced target angles (aspects) is stored as the radar signals at these
+angles. All features are computed from the stored result `processed`. Receiver effects are added when a clean recording is processed. The
+name of the recording gives the random seed of these effects.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _FILE = "recording"
 class Campaign:
     """List, simulate and read the measured and simulated recordings of one configuration. The store keeps the recordings.
 
-    With `draw`, only the measured recordings of this draw of the virtual campaign are listed; None stands for the configured draw
-    (measured.draw), or without it for all draws.
+    If `draw` is given, only the measured recordings of this draw of the virtual campaign are listed. None stands for the configured draw
+    (measured.draw), or for all draws if none is configured.
 
     Raises UserError if the configured recording set cannot be used, or was made with a radar that differs from the configured radar.
     """
@@ -108,7 +108,7 @@ class Campaign:
         return self.store.holds(CLEAN, spec, roots)
 
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, fresh: bool = False) -> None:
-        """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` is passed to workers.run."""
+        """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` starts new workers."""
         make_together(self.missing(wanted, materials), self.progress, fresh)
 
     def missing(
@@ -153,7 +153,7 @@ class Campaign:
         return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
 
     def _source(self, domain: str, case: Case, materials: Materials) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
-        """Describe the recording before receiver effects that a processed recording is computed from.
+        """Describe the recording before receiver effects from which a processed recording is computed.
 
         Returns (store key of that recording, function that reads it, entries to add to the specification of the processed recording).
         """
@@ -181,7 +181,7 @@ class Campaign:
 
 
 def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
-    """Join the tasks of several campaigns. The joined task also processes a recording if one campaign needs the processed recording."""
+    """Join the task dictionaries of several campaigns. A recording is processed if at least one of the campaigns needs it processed."""
     found: dict[str, RecordingTask] = {}
     for missing in some:
         for key, task in missing.items():
@@ -191,7 +191,7 @@ def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTa
 
 
 def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()) -> None:
-    """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` is passed to workers.run.
+    """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` starts new workers.
 
     If there is only one worker, the calling process simulates the recordings. Recordings of one track are simulated one after the other,
     because they share a set-up.
@@ -223,7 +223,7 @@ def _called(function: Callable[..., object], *arguments: Any) -> None:
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording that a task names. Worker processes call this function.
+    """Simulate the recording of a task. Worker processes call this function.
 
     The workers share the traced paths of radars at rest through a folder. The paths of a drive are not put into this folder, because no
     other recording reads them.
@@ -240,7 +240,7 @@ _last: list[tuple[Config, Path, Campaign]] = []
 
 
 def _campaign_of(config: Config, root: Path) -> Campaign:
-    """Return the campaign of this worker's last task if its configuration and store are the same, else a new campaign."""
+    """Return the campaign of this worker's last task if configuration and store have not changed, else a new campaign."""
     if not _last or _last[0][:2] != (config, root):
         _last[:] = [(config, root, Campaign(config, Store(root), Progress(quiet=True)))]
     return _last[0][2]

@@ -30,15 +30,15 @@ TURN_S = 25.0  # time of one turntable revolution in seconds
 BENCH_HEIGHT_M = 1.0  # height of the radar in front of the lab's bench
 SPEED_MPS = 0.2
 RAIL_M, RAIL_START_M = 0.6, 1.0
-# Length of a depth drive in one direction: 24 steps of 2 cm at 10 frames per second, so that a recording of every second, third or fourth
-# frame contains the smallest distance and the end. Forward and return drive together have about the length (1 m) and the number of frames
-# (about 50) of the paper's sweep.
+# Length of a depth drive in one direction: 24 steps of 2 cm at 10 frames per second. If only every second, third or fourth frame is kept,
+# the recording still contains the frames at the smallest distance and at the end. The drives towards the target and back have together
+# about the length (1 m) and the number of frames (about 50) of the paper's sweep.
 DEPTH_M = 0.48
 LATERAL_M, LATERAL_MPS = 1.2, 0.24
 _TRAVEL = {  # length in metres, speed in metres per second
     **dict.fromkeys(RAIL, (RAIL_M, SPEED_MPS)), "depth": (2 * DEPTH_M, SPEED_MPS), "lateral": (LATERAL_M, LATERAL_MPS),
 }  # fmt: skip
-FACING = np.diag([-1.0, -1.0, 1.0])  # an object's own +x points to the radar
+FACING = np.diag([-1.0, -1.0, 1.0])  # turns an object so that its own +x axis points to the radar
 
 
 @dataclass(frozen=True, order=True)
@@ -142,9 +142,9 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 
     Args:
         turn_s: time of one turntable revolution, in seconds.
-        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed.
-            A recorded lateral drive starts at the nominal start. The smallest distance of a recorded depth drive is that of the case, so
-            that the drive may start at either end.
+        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed. A
+            recorded lateral drive is moved to the nominal start. A recorded depth drive is moved along the line of sight until its smallest
+            distance is that of the case, so that the drive may start at either end.
     """
     known = with_other_reflectors().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
@@ -171,10 +171,10 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (start pose, unit direction) of a rover's drive.
 
-    A "depth" drive moves along the line of sight towards the target and back to its start, so that its range over time is a triangle
-    (paper: depth sweeps toward and away from the object, triangular range-time signature). The paper gives start distances of 0.5 to 2 m
-    and no length. From 0.5 m, a drive of half a metre towards the target would end in the target. The distance of a case is therefore the
-    smallest distance, at the pose `middle`, and the drive starts DEPTH_M behind it.
+    A "depth" drive moves along the line of sight towards the target and back to its start, so that its range over time is a triangle. The
+    paper describes depth sweeps toward and away from the object, with a triangular range-time signature. The paper gives start distances of
+    0.5 to 2 m and no length. A drive of half a metre that starts 0.5 m from the target would end in the target. The distance of a case is
+    therefore the smallest distance of its drive. The radar has this distance at the pose `middle`, and starts DEPTH_M behind this pose.
     """
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
@@ -182,7 +182,7 @@ def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _straight(start: np.ndarray, direction: np.ndarray, motion: Motion, rate_hz: float, frames: int) -> np.ndarray:
-    """Return the poses (F, 4, 4) of a drive or of a rail's carriage, at rest after the end of its travel. A "depth" drive turns halfway."""
+    """Return the poses (F, 4, 4) of a drive or a rail's carriage, at rest after the end of its travel. A "depth" drive reverses halfway."""
     length, speed = _TRAVEL[motion]
     step = speed / rate_hz
     travelled = step * np.minimum(np.arange(frames), np.floor(length / step + 1e-9))

@@ -57,13 +57,13 @@ PAIRS = {
     ),
 }  # fmt: skip
 RECORDED = 4  # default number of pairs from a recording set
-NEAREST_M, FARTHEST_M = 0.5, 2.5  # allowed distances of a target
+NEAREST_M, FARTHEST_M = 0.5, 2.5  # smallest and largest allowed distance of a target
 DRIVEN = ("atrium", "squash_court")
 SPAN_DB = 75.0  # span of the colour scale below the brightest cell of both domains; it keeps furniture visible beside a reflector
 FASTEST_MPS = 3.0
 AZIMUTH_RAD = np.radians(np.arange(-80.0, 81.0))
 Real = NDArray[np.floating]
-_PADDING = 8  # factor of zero padding in the Doppler transform; 16 chirps resolve 0.95 m/s
+_PADDING = 8  # factor of zero padding in the Doppler transform, because a bin of 16 chirps is as wide as 0.93 m/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,9 @@ class View:
     """One recording as three maps of received power: range over time, over Doppler velocity and over azimuth."""
 
     range_m: Real  # (B,) range of each bin
-    across: dict[str, Real]  # for each panel its other axis (X,): time, Doppler or azimuth
+    across: dict[str, Real]  # for each panel the axis (X,) across the range axis: time, Doppler or azimuth
     maps: dict[str, Real]  # for each panel the power (X, B)
-    # for each panel the logged target as (position on the other axis, range): a line (K,) or a point (1,); an unknown position is NaN
+    # for each panel the logged target as (position on this axis, range): a line (K,) or a point (1,); an unknown position is NaN
     truth: dict[str, tuple[Real, Real]]
 
 

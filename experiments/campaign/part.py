@@ -1,8 +1,8 @@
 """Simulate one part of the campaign's recordings, so that the jobs of a sweep on several machines share the campaign.
 
 The recordings in the order of `Campaign.plan` are cut into n parts of about equal size, and part k of n is one job. In this order,
-recordings along the same path of the radar are adjacent. Parts have no recording in common. The store locks every result under
-construction, so that two jobs never make the same scan. If a job is killed, the store keeps its finished recordings, and the next call of
+recordings along the same path of the radar are adjacent. Parts have no recording in common. While a job computes a result, the store locks
+this result, so that two jobs never compute the same scan. If a job is killed, the store keeps its finished recordings, and the next call of
 the job simulates the others.
 """
 

@@ -1,5 +1,5 @@
-"""Read measured recordings from a recording set. Each row of the set's index becomes a case (object, room, motion, distance), and its
-recorded motion becomes a log.
+"""Read measured recordings from a recording set. Each row of the set's index becomes a case (object, room, motion, distance), and the
+recorded motion of this row becomes a log.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from radartwin.scene.objects.catalogue import catalogue
 
 TURN = "period_s"  # index column with the time of one turntable revolution in seconds
 _MOTIONS = get_args(Motion)
-# Fields in which a recording's radar may differ from the twin's: they do not change range bins and chirps.
+# Fields in which the radar of a recording may differ from the simulated radar, because they do not change range bins and chirps.
 _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_dbm", "if_filter", "phase_noise")
 
 
@@ -80,7 +80,7 @@ class Recorded:
         return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
 
     def twin_log(self, condition: Case) -> Log:
-        """Return the log that the simulation of a condition follows: the longest repetition's log, or for a turntable one revolution."""
+        """Return the log for the simulation of a condition: that of the longest repetition, for a turntable cut to one revolution."""
         condition = condition.condition
         repetitions = [case for case in self.cases if case.condition == condition]
         if not repetitions:

@@ -26,7 +26,7 @@ class RecordingTask:
     root: Path  # folder of the store
     domain: str
     case: Case
-    clean: bool = False  # make only the recording before receiver effects, not the processed recording
+    clean: bool = False  # whether to make only the recording before receiver effects, not the processed recording
     setup: str = ""  # name of a set-up that several configurations share; an empty name gives each configuration its own set-up
 
 
@@ -49,10 +49,10 @@ class Schedule:
     def next_task(self, worker: int) -> RecordingTask | None:
         """Return the next recording for a worker, or None if no recording is left.
 
-        A worker first receives recordings along its own track, then recordings along a track that no worker has (a track is a radar path
-        in a room). The first worker that needs the simulated phone scan of a room computes the scan, while all other workers that need the
-        same scan wait. Because scans make workers wait, tracks that need scans come first, with one room per worker. Among tracks of equal
-        priority, the track with the most recordings comes first.
+        A worker first receives recordings along its own track (radar path in a room), then recordings along a track that no other worker
+        has. The first worker that needs the simulated phone scan of a room computes the scan, while all other workers that need the same
+        scan wait. Tracks of the simulation, which need a scan, therefore come first. A track that may have to wait for the scan of another
+        worker comes last. Among tracks of equal priority, the track with the most recordings comes first.
         """
         last = self._of_worker.pop(worker, None)
         tracks = [track for track, tasks in self.tracks.items() if tasks]

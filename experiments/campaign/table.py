@@ -1,11 +1,11 @@
 """The table `campaign`: run time and disk space of every measured and simulated recording. Missing recordings are simulated.
 
-The run time of a recording is the time that one worker took to simulate the recording; with parallel workers, the whole campaign takes
-less than the sum of these times. The profile `paper` measures the paper's campaign; all other profiles extrapolate its run time and disk
-space. The extrapolated disk space of the campaign follows from array shapes. The extrapolated run time of the campaign is a sum over
-domains and motions. For each domain and motion, the sum adds the times of set-ups (a track, or a room whose parts drift), of traced states
-(an angle of a turntable, or a frame of a drive) and of processed frames. Recordings that reused a cached set-up give the time per traced
-state. The remaining run time of all other recordings counts as set-up time.
+The run time of a recording is the time that one worker took to simulate the recording. With parallel workers, the whole campaign takes less
+time than the sum of these run times. The profile `paper` measures the paper's campaign; all other profiles extrapolate its run time and
+disk space. The extrapolated disk space of the campaign follows from array shapes. The extrapolated run time of the campaign is a sum over
+domains and motions. Each term of this sum has three parts: the times of set-ups (a track, or a room whose parts drift), of traced states
+(an angle of a turntable, or a frame of a drive), and of processed frames. The time per traced state is measured on the recordings that
+reused a cached set-up. The run time of another recording minus the time of its traced states is its set-up time.
 """
 
 from __future__ import annotations
@@ -203,8 +203,9 @@ def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
 
 
 def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str, Case]], made: Sequence[Made]) -> tuple[float, float]:
-    """Extrapolate the run time in seconds, in one process, and the disk space in bytes of the recordings `wanted` of the campaign `paper`
-    from the timed recordings `made`. Both are NaN if a motion has no timed recording.
+    """Extrapolate run time and disk space of the recordings `wanted` of the campaign `paper` from the timed recordings `made`.
+
+    Returns (seconds in one process, bytes). Both values are NaN if a motion has no timed recording.
     """
     recorded: dict[tuple[str, str], list[Made]] = defaultdict(list)
     for one in made:

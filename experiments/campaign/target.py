@@ -10,7 +10,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.paths import Paths
 
-FEW = 10  # below this number of frames, paths between object and room are traced per frame, not at the track's thirty shared positions
+FEW = 10  # with fewer frames, paths between object and room are traced at each frame, not at the track's thirty shared positions
 
 
 def seen(

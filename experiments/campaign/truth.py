@@ -1,8 +1,8 @@
 """Simulate the recordings of the testbed (virtual measurements): the true scene before receiver effects, and the receiver effects.
 
 This module never imports the simulated scan, the material labels or the simulator settings of the scanned room. A clean recording (before
-receiver effects) depends on whether the option measured.gap.hardware is zero, but not on the value of the option. Noise, leakage and ADC
-effects are added when the recording is read; the random seed of these effects comes from the recording's name.
+receiver effects) depends only on whether the option measured.gap.hardware is zero, so all values above zero give the same clean recording.
+Noise, leakage and ADC effects are added when the recording is read; the name of the recording gives the random seed of these effects.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from radartwin.testbed.object_shape import as_made
 if TYPE_CHECKING:
     from radartwin.config.config import Config
 
-OFF_AXIS = 3.0  # number of standard deviations of placement and wobble that the spacing of traced angles must cover
+OFF_AXIS = 3.0  # the spacing of traced angles allows for errors of placement and wobble up to this number of standard deviations
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
 DRAW_STEP = 1000  # draw d of seed s has the seeds of draw 0 of seed s + 1000 d
@@ -47,7 +47,7 @@ PERSON_RAYS = 0.1  # ray tubes per square wavelength on the person
 
 
 def gaps_of(config: Config) -> testbed.Gaps:
-    """Return the configured strengths of all gaps (known differences between measurement and simulation) except the scan's geometry."""
+    """Return the configured strengths of all gaps (known differences between measurement and simulation) except the gap `geometry`."""
     return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
 
 
@@ -95,8 +95,8 @@ def record(case: Case, config: Config) -> Recording | Turned:
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # drives keep 1.0: the error of the interpolation along the track (radartwin/simulation/drives.py) is larger than the error that
-        # finer tubes would remove
+        # drives keep one tube per square wavelength, because interpolation along the track (radartwin/simulation/drives.py) has a larger
+        # error than the one that finer tubes would remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
         coupled_rays_per_wavelength2=0.5 if fine else 1.0,  # docs/decisions/017-run-time-of-tables.md has the errors
         variant=config.simulator.variant,
@@ -167,7 +167,7 @@ def _true_room(room: str, sensor: bytes, gaps: testbed.Gaps, seed: int) -> Scene
 
 
 def _of_room(gaps: testbed.Gaps) -> testbed.Gaps:
-    """Return the strengths with zero for gaps that change neither room nor stand, so that more recordings share cached rooms and stands."""
+    """Return the strengths, with zero for gaps that change neither room nor stand. More recordings then share cached rooms and stands."""
     return replace(gaps, hardware=0.0, trajectory=0.0, placement=0.0, object_shape=0.0, object_material=0.0)
 
 
@@ -249,7 +249,7 @@ class _Turning:
         return Aspects.traced(chirp, shadows(self.case.object))
 
     def angles(self) -> np.ndarray:
-        """Return the table's angle (F, C, T) in radians at each chirp."""
+        """Return the turntable's angle (F, C, T) in radians at each chirp."""
         nominal, (clock, table, _) = self.place.log, self._generators()
         times = Hardware().scaled(self.place.gaps.trajectory).frame_times(nominal.frames, nominal.frame_rate_hz, clock)
         assert nominal.angle_rad is not None
@@ -259,7 +259,9 @@ class _Turning:
         return angle + more[:, None, None]
 
     def _poses(self, angles: np.ndarray) -> np.ndarray:
-        """Return the target's poses (A, 4, 4) at angles (A,) of the table. Table and placement have the same errors at every angle."""
+        """Return the target's poses (A, 4, 4) at angles (A,) of the turntable. The wobble and the placement error are the same at every
+        angle.
+        """
         gaps, (_, table, placing) = self.place.gaps, self._generators()
         first = self.place.log.target_poses[:1]
         poses = np.repeat(first, len(angles), axis=0)
@@ -269,7 +271,7 @@ class _Turning:
         return errors.placed(there, errors.PlacementErrors().scaled(gaps.placement), placing)[self.case.object]
 
     def _generators(self) -> tuple[np.random.Generator, np.random.Generator, np.random.Generator]:
-        """Return new random generators of the clock, the turntable and the placement."""
+        """Return new random generators for the errors of clock, turntable and placement."""
         clock, table, placing = (
             np.random.default_rng(np.random.SeedSequence([self.seed, *n])) for n in (b"clock", b"turntable", b"placement")
         )
@@ -285,7 +287,8 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
         return None
     around, small = list(_around(case, nominal, place.gaps, root)), _small(case.room)
     below = [s for s in _below(case, nominal, place.gaps, root)[1] if s.name in RUNNING]
-    # Only the change of the signal is used, so three bounces are enough (error: 0.09 of the change's root mean square, beyond 5.2 m).
+    # Only the change of the signal is used, so three bounces are enough. The error is 0.09 of the root mean square of the change, and lies
+    # at ranges beyond 5.2 m.
     settings = replace(place.settings, rays_per_wavelength2=1.0, max_bounces=min(3, place.settings.max_bounces))
     short, sensor = replace(place.radar, num_chirps=1), nominal.sensor_poses
 
@@ -344,7 +347,7 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
 
 
 _creeping: OrderedDict[str, np.ndarray] = OrderedDict()
-_running: dict[str, np.ndarray] = {}  # the states of the running parts of the last stand
+_running: dict[str, np.ndarray] = {}  # by key of the last stand: the signals of its motor and gear in the states of their drift
 _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 

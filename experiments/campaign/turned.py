@@ -1,4 +1,5 @@
-"""Store a turntable recording as its radar signals at traced target angles (aspects), plus the table's angle and the surroundings' drift.
+"""Store a turntable recording as its radar signals at traced target angles (aspects), plus the turntable's angle and the surroundings'
+drift.
 
 The samples of a turntable recording of 300 s take 800 MB. All these samples can be interpolated from the signals at about a thousand
 target angles, which take 16 KB each.
@@ -28,7 +29,7 @@ class Turned:
     """A turntable recording stored as signals at traced target angles. The method `recording` computes the samples of all frames."""
 
     aspects: Aspects  # signals of the scene at each traced target angle, with the surroundings at rest
-    angles: np.ndarray  # (F, C, T) angle of the table at each chirp, radians
+    angles: np.ndarray  # (F, C, T) angle of the turntable at each chirp, radians
     radar: Radar
     drift: Drift | None = None  # slow change of the surroundings, or None
     person: Echo | None = None  # echo of a person in the room, or None

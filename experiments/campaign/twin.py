@@ -138,7 +138,7 @@ _tracks: OrderedDict[str, Drives] = OrderedDict()
 
 
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Drives:
-    """Return the traced track of a case. The last tracks are cached.
+    """Return the traced track (path of the radar in a room) of a case. The tracks that were used last are cached.
 
     The text `known` lists all settings that change the room's model, and is part of the cache key.
     """

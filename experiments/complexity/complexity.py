@@ -1,9 +1,9 @@
 """Find the cheapest simulation model whose feature errors stay within the features' repeatability, for each scene, object and feature set.
 
-simulator=auto (radartwin/adaptive) starts from the finest model and leaves out, one after another, the parts that the features do not
-need. The "fixed default" is the cheapest model that is sufficient for all cases together, or the shipped default model if that model is
-cheaper and sufficient. The run times in this table are those of whole recordings (`timing`). The recordings are simulated in procedural
-rooms without scan errors, and also in a scanned room if the configuration names a scan.
+simulator=auto (radartwin/adaptive) starts from the finest model and leaves out, one after another, the parts that the features do not need.
+The "fixed default" is the model that the same search finds for all cases together. If the shipped default model is sufficient and cheaper,
+it is the fixed default instead. The run times in this table are those of whole recordings (module `timing`). The recordings are simulated
+in procedural rooms without scan errors, and also in a scanned room if the configuration names a scan.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ TABLE = Table(
 )
 
 PROBED = ("radartwin.adaptive.probe",)  # the cache keys of recordings depend on the code of these modules
-ROUNDS = 2  # rounds of timing; the quick profile has one
-# Feature sets of each motion: those of claims, the set named after the motion, and all features of the motion.
+ROUNDS = 2  # number of rounds of timing; the quick profile has one
+# Feature sets of each motion: sets that a claim of a table needs, the set named after the motion, and all features of the motion.
 _DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: MOTION_FAMILIES["depth"]}
 ASKED: dict[str, dict[str, tuple[str, ...]]] = {
     "turntable": {

@@ -1,7 +1,7 @@
 """Measure how each simulator setting changes run time, simulated features, and the results of the fidelity tables.
 
 The feature errors are relative to the features under the finest simulator setting. The measured recordings are the same for all settings.
-A drive computes some quantities only at steps along its track. The steps along the track are equally coarse in the finest setting, so the
+The simulation of a drive computes some quantities only at steps along its track. These steps are equally coarse in all settings, so the
 table underestimates the feature errors of drives. For comparison, the features of recordings of different objects, distances and rooms
 differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same comparison as a parameter sweep.
 """
@@ -58,7 +58,7 @@ FIDELITY = (
 FEATURES = {"turntable": "rotation", "depth": "depth", "lateral": "lateral"}  # motion -> feature set
 FINEST, DEFAULT = "finest", "default"
 ERROR, COST, SETUP = "feature error", "core time per frame (ms)", "core time of a set-up (s)"
-MIN_RECORDINGS = 3  # per motion; fewer do not give a usable standard deviation of the features
+MIN_RECORDINGS = 3  # recordings per motion; fewer do not give a usable standard deviation of the features
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,9 @@ def _own(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the campaign's recordings with every setting. Raises ConfigError if the configured simulator equals one of the settings."""
+    """Simulate the campaign's recordings with every setting. Raises ConfigError if the configured materials are those of a setting, or if
+    the simulator is neither mitsuba nor auto.
+    """
     if config.materials.source in {setting.materials for setting in SETTINGS}:
         raise ConfigError(
             f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"

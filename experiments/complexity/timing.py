@@ -47,7 +47,7 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
         first = probe_of(FIRST, False)
         for model in ordered:
             first.record(model)
-        few.record(DEFAULT)  # allocates memory that later recordings reuse, so that the first model's time does not include this
+        few.record(DEFAULT)  # allocates memory that later recordings reuse, so that no model's time includes this allocation
         found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", found)
 

@@ -2,7 +2,7 @@
 
 In the base configuration every gap is off, so the simulation has the true materials and the exact room. The function `alone` switches a
 single gap on. A `Reading` holds the features of one recording (target gate of +-3 range bins, ranges from 0.3 to 5.5 m) and the complex
-signal, so that changes of phase are visible as well.
+signal, which also shows changes of phase.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ GROUPS: dict[str, tuple[Case, ...]] = {
 }  # fmt: skip
 CASES = (*METAL, *FILLED, *DRIVE)
 ROOM_BINS = 12  # 0.5 m on each side of the target; further away the Hann window suppresses the target's echo by 70 dB
-FRAMES, EVERY = 24, 5  # frames per revolution, and every fifth frame of a drive, in all profiles
+FRAMES, EVERY = 24, 5  # 24 frames per revolution, and every fifth frame of a drive, in all profiles
 LOWEST_DB = -200.0  # level that stands for zero power
 
 
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
     """Return the configuration with one gap at a strength and all other gaps off. `gap=None` switches all gaps off.
 
-    A measured turntable makes `turns` revolutions. If it then has more frames than traced angles, its frames are interpolated
+    A measured turntable makes `turns` revolutions. If the recording then has more frames than traced angles, its frames are interpolated
     (experiments/campaign/truth.py). Raises ConfigError for an unknown gap.
     """
     if gap is not None and gap not in GAPS:
@@ -133,7 +133,7 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
 
 
 def moved(one: Reading, base: Reading) -> dict[str, float]:
-    """Return for each feature the value in `one` minus the value in `base`, as the measure of a gap's effect.
+    """Return the effect of a gap on each feature: the value in `one` minus that in `base`, or for profiles the correlation of both.
 
     Differences of the tracked range are weighted by the energy in `base`, because the range of a weak target's peak jumps. The change of
     the complex signal is |one - base| / |base| in decibels.

@@ -1,9 +1,9 @@
 """Predictions from physics for each gap (known difference between virtual measurement and simulation) when it is the only gap that is on.
 
-A prediction bounds the change of a feature and gives the reason. The predictions of feature changes were written before the first run of
-the experiment. A bound may depend on the gap's strength s (default 1) and holds for the group of recordings that the prediction names. The
-prediction that a brightness "stays" means that the echo power of the target changes by at most 0.5 dB for a metal target, or by 1 dB if
-echoes of other objects fall into the target gate.
+A prediction bounds the change of a feature and gives the reason. The predictions were written before the first run of the experiment; one
+bound was tightened later, as its comment says. A bound may depend on the gap's strength s (default 1) and holds for the group of recordings
+that the prediction names. The prediction that a brightness "stays" means that the echo power of the target changes by at most 0.5 dB for a
+metal target, or by 1 dB if echoes of other objects fall into the target gate.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from experiments.claims import Claim
 
 Expected = tuple[str, str, Claim]  # group of cases, feature, claim about its change
 LINES_DB = -5.2  # two-way loss of the hardware's lines (radartwin/radar/hardware.py)
-# gain of the IF filter for a target at 1 m (beat frequency 467 kHz): two first-order stages of 175 and 350 kHz
+# gain of the IF filter for a target at 1 m (beat frequency 467 kHz): two first-order high-pass stages of 175 and 350 kHz
 FILTER_DB = -10 * float(np.log10((1 + (175 / 467) ** 2) * (1 + (350 / 467) ** 2)))
-RIPPLE_DB = -17.0  # power of the ripples of a transmit and a receive antenna of -20 dB each (radartwin/radar/antenna_errors.py)
+RIPPLE_DB = -17.0  # ripples of a transmit and a receive antenna together; each has -20 dB (radartwin/radar/antenna_errors.py)
 # thermal noise kTBF (-91.8 dBm at 5.21 MHz) over the transmitted power (12 dBm); Hann window over 256 samples, 16 coherent chirps
 THERMAL_DB = -103.8 + 10 * float(np.log10(1.5 / 256 / 16))
 
@@ -46,7 +46,8 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
         ("turntable", "room level (dB)",
          Claim("random heights around the median have a larger mean square, so the specular echoes of walls become weaker", below=0.0)),
         ("turntable", "track rms (mm)", Claim("no object changes its position", below=10.0)),
-        # Ament: at 0.1 mm a surface loses 0.45 dB at normal incidence and the reflector 3 x 0.15 dB; less roughness cannot gain more
+        # Ament: a roughness of 0.1 mm costs 0.45 dB at normal incidence, and 0.15 dB at each of the reflector's three bounces. A smoother
+        # surface gains at most this loss.
         ("turntable, metal", "target brightness (dB)", Claim("the echo of metal rises by at most its roughness loss", below=0.5)),
     ),
     "contents": (
@@ -74,7 +75,7 @@ EXPECTED: dict[str, tuple[Expected, ...]] = {
         ("turntable", "multipath share", Claim("more of the energy is not the target's", above=0.0)),
         ("turntable, metal", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
         ("drive", "target brightness (dB)", Claim("the target stays", above=-1.0, below=1.0)),
-        ("drive", "room level (dB)", Claim("a person adds echo power", above=0.0)),  # in the first run above -0.5
+        ("drive", "room level (dB)", Claim("a person adds echo power", above=0.0)),  # the bound was -0.5 dB in the first run
     ),
     "clutter": (
         ("turntable", "room level (dB)", Claim("more objects return more power", above=0.0)),

@@ -1,11 +1,12 @@
-"""Simulate recordings under any set of gaps (differences between virtual measurement and simulation), and the losses that the set causes.
+"""Simulate recordings with any set of gaps (differences between virtual measurement and simulation), and compute the losses that this set
+causes.
 
-A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses of a coalition among its gaps. The gaps
-`geometry` and `labels` change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation;
-without `hardware` neither domain has noise. All gaps except `geometry`, `labels` and `hardware` change only the measurement. A "side" is
-one domain (measured or simulated) with the gaps that change this domain. Recordings of about twenty sides are enough to compute the losses
-of dozens of coalitions. The gap `contents` does not change an object without liquid (radartwin/testbed/variation.py), so an object without
-liquid is recorded only with `contents` on.
+A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses of a coalition among its gaps. The gaps `geometry`
+and `labels` change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation; without `hardware`
+neither domain has noise. All gaps except `geometry`, `labels` and `hardware` change only the measurement. A "side" is one domain (measured
+or simulated) with the gaps that change this domain. The recordings of about twenty such sides are enough to compute the losses of dozens of
+coalitions. The gap `contents` does not change an object without liquid (radartwin/testbed/variation.py), so an object without liquid is
+recorded only with `contents` on.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from radartwin.recognize.split import label_free
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
-LABELS = "labels"  # gap: the simulated room has materials of the configured source instead of the true materials
+LABELS = "labels"  # a gap: the simulated room has materials of the configured source instead of the true materials
 TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the simulated recordings are computed or read
 TESTBED = tuple(gap for gap in case_set.GAPS if gap != "geometry")
 # Gaps that need a new set-up of the testbed's room
@@ -46,7 +47,7 @@ FEATURES = "rotation"
 # the extent over objects is only 0.0015 rad. Channel mismatch alone changes the extent by 27 such standard deviations. This change
 # dominated the feature error in the first run.
 WITHOUT = ("extent",)
-FRAMES = 16  # per revolution; six harmonics need thirteen frames
+FRAMES = 16  # frames per revolution; six harmonics need thirteen frames
 ERROR, PROFILE, RECOGNITION = "feature error", "range-profile correlation lost", "recognition lost"
 SCORES = (ERROR, PROFILE, RECOGNITION)
 Losses = dict[str, dict[Coalition, NDArray[np.float64]]]  # [score][coalition]: losses (recordings,)
@@ -61,7 +62,8 @@ def cases(objects: Iterable[str]) -> list[Case]:
 def configured(config: Config, on: Collection[str]) -> Config:
     """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames.
 
-    The answers of the vision-language model belong to the scan. Surfaces of the exact room that the scan lacks become plasterboard.
+    The recorded answers of the vision-language model describe the surfaces of the scan. A surface of the exact room that is not in the scan
+    becomes plasterboard.
     """
     strengths = {gap: 1.0 for gap in on if gap != LABELS}
     materials = config.materials if LABELS in on else TrueMaterials()

@@ -1,10 +1,11 @@
 """Gap attribution: how much of the difference between simulation and virtual measurement does each gap cause?
 
 A gap is one kind of difference between simulation and virtual measurement, such as wrong material labels of surfaces. Three losses of
-fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets of gaps that are on. Three numbers describe each gap.
-"Alone" is the loss that the gap causes if all other gaps are off. "Left out" is the decrease of the loss if the gap is switched off while
-all other gaps are on. "Share" is the gap's Shapley value, exact over groups of gaps; the shares of all groups sum to the total loss
-(experiments/gaps/shapley.py). If a gap causes a large loss alone and none when left out, other gaps hide its effect. The claims of the gap
+fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets of gaps that are on. Three numbers describe each group of
+gaps. In the paper profile, the first two also describe each gap of a larger group. "Alone" is the loss that the group or gap causes if all
+other gaps are off. "Left out" is the decrease of the loss if this group or gap is switched off while all other gaps are on. "Share" is the
+Shapley value of the group (experiments/gaps/shapley.py). The Shapley values are computed without sampling, and the shares of all groups sum
+to the total loss. If a gap causes a large loss alone but its "left out" is zero, other gaps hide its effect. The claims of the gap
 attribution were written before its first run. The constants LEAST and AT_MOST were set after the first run. The quick profile takes 86
 core-seconds on a busy machine; 28 of these core-seconds set up the scanned laboratory.
 """
@@ -63,7 +64,7 @@ class Plan:
 
     groups: Mapping[str, tuple[str, ...]]
     objects: tuple[str, ...]
-    singly: bool = True  # whether each gap of a group is also switched by itself
+    singly: bool = True  # whether the gaps of a larger group are also switched one by one
 
     @property
     def everything(self) -> Coalition:
@@ -74,8 +75,8 @@ class Plan:
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """Return {name: gaps} of the sets of gaps that are switched together for the rows "alone" and "left out": each group, and
-        with `singly` also each gap of a larger group.
+        """Return {name: gaps} of the sets of gaps that the rows "alone" and "left out" switch together. These are the groups and, with
+        `singly`, each gap of a larger group.
         """
         single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
@@ -89,7 +90,7 @@ class Plan:
 
 OBJECT = ("contents", "object_shape", "object_material")
 PLANS = {
-    # without clutter and solver, because their set-up takes longer than all other gaps together
+    # without clutter and solver, because their set-up takes longer than all other gaps together; also without LABELS, person and antenna
     "quick": Plan(
         {
             "geometry": ("geometry",), "materials": ("materials", "roughness"), "object": OBJECT, "hardware": ("hardware",),
@@ -108,8 +109,8 @@ PLANS = {
 }  # fmt: skip
 
 # Without gaps, a loss is near its minimum. Any change therefore increases the loss, and a claim "above 0" could not fail. The smallest loss
-# that counts as an effect equals the largest effect that the claims of a small share allow: 0.05 of a correlation, and a tenth of a
-# standard deviation.
+# that counts as an effect is therefore 0.05 of a correlation, or a tenth of a standard deviation. The claims of no effect allow shares up
+# to the same values.
 LEAST = {PROFILE: 0.05, ERROR: 0.1}
 AT_MOST = 0.05  # a Shapley share of RECOGNITION is a share of wrongly classified objects: 0.05 is one object in twenty
 CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, measure

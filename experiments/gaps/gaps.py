@@ -4,10 +4,10 @@ A gap is one kind of difference between virtual measurement (testbed) and simula
 has strength 1 and all other gaps are off. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
 
 A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The solver gap always has
-one draw, because nothing about it is random. Roughness takes power from the specular reflection, and this power returns as diffuse scatter,
-so a rougher room can become brighter. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap,
-the simulated scan contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate
-the recordings, and 150 core-seconds more if the scans of both rooms are not in the store.
+one draw, because nothing about it is random. Roughness moves power from the specular reflection to diffuse scatter, so the echo power of a
+rougher room can be higher. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the
+simulated scan contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate the
+recordings, and 150 core-seconds more if the scans of both rooms are not in the store.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TABLE = Table(
     caption="A gap is one kind of difference between testbed and twin. The row 'none' has every gap off and gives the twin the true "
     "materials and the exact room. The domains must then differ by less than the change that finer tracing with one more "
     "bounce makes. Every other row switches one gap on and gives the change of the features, beside a prediction from "
-    "physics that was written before the first run. "
+    "physics. Nearly all predictions were written before the first run. "
     "Changes of the complex signal are given in the target gate, and in the room more than half a metre from the target. "
     "The geometry gap changes the twin; all other gaps change the testbed. The cases are three objects on the lab's "
     "turntable and one drive in the squash court. The column 'source' says where the size of a gap at strength 1 comes from. Intervals "
@@ -51,9 +51,9 @@ TABLE = Table(
 )
 
 LOWEST_SHOWN_DB = -80.0  # lower end of the figure's axis
-CHANGE = " change (dB)"  # ending of the names of features that are signal ratios
+CHANGE = " change (dB)"  # ending of the names of features that give the change of the complex signal
 SHOWN = ("turntable", "drive")  # groups of cases that have a row for every feature
-# Cases and numbers of revolutions for which frames are interpolated (`aspects` in experiments/campaign/truth.py)
+# (case, number of revolutions) of recordings whose frames are interpolated (`aspects` in experiments/campaign/truth.py)
 INTERPOLATED = {"quick": ((METAL[1], 6),), "paper": ((METAL[1], 6), (FILLED[0], 43))}
 DRAWS = {"quick": 1, "paper": 3}
 Moves = dict[tuple[str, float], list[dict[Case, dict[str, float]]]]  # [gap, strength][draw][case][feature]: change of the feature
@@ -119,7 +119,7 @@ def _add_agreement(
 ) -> None:
     """Add a row for each case with the difference between measurement and simulation with all gaps off.
 
-    The claim in such a row compares the difference between measurement and simulation with the change that finer ray tracing causes.
+    The claim in such a row is that this difference is smaller than the change that finer ray tracing causes.
     """
     for case in CASES:
         found = case_set.moved(exact[case], base[case])
@@ -169,14 +169,16 @@ def _add(
 
 
 def _in_decibels(found: Estimate) -> Estimate:
-    """Convert the estimate of an amplitude to decibels. Draws are averaged in decibels, so that no bound of an amplitude is negative."""
+    """Convert the estimate of an amplitude to decibels. Draws are averaged in decibels, because the interval of a mean amplitude could
+    extend below zero.
+    """
     value, low, high = (case_set.decibels(one**2) for one in (found.value, found.low, found.high))
     drawn = None if found.drawn is None else 20 * np.log10(found.drawn)
     return replace(found, value=value, low=low, high=high, drawn=drawn)
 
 
 def _mean(moves: Sequence[Mapping[Case, dict[str, float]]], group: str, feature: str) -> float:
-    """Return the mean of a ratio of signals in decibels, over the cases of a group as amplitudes and over draws in decibels."""
+    """Return the mean of a ratio of signals in decibels. The cases of a group are averaged as amplitudes, and draws in decibels."""
     return float(np.mean([20 * np.log10(np.mean([10 ** (one[case][feature] / 20) for case in GROUPS[group]])) for one in moves]))
 
 

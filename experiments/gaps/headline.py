@@ -1,8 +1,8 @@
 """The table `headline`: the paper's main claims, with all gaps of the testbed at several strengths.
 
-Each row is one claim, which another table judges. That table is computed for every strength (`profile.strengths`), or read from the
-store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths`
-says "depends on strength". The column `why` explains a claim that fails, with figures of the same table.
+Each row is one claim, which another table judges. The judging table is computed for every strength (`profile.strengths`), or read from the
+store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths` says
+"depends on strength". The column `why` explains a claim that fails, with values from the table that judges it.
 
 An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
 therefore compared at the same number of draws (profile.strength_draws and profile.strength_rover_draws). The value and the verdict of a row
@@ -63,10 +63,10 @@ class Headline:
 
     Attributes:
         text: the claim in words. source: where the paper states it.
-        table, metric: the table and the metric of the row. where: further columns of the row.
+        table, metric: the table and the metric of the row. where: values that further columns of this row must have.
         claim: the condition that the table checks; None stands for "above chance", where chance is a column of the row.
-        beside: a sentence with a figure that explains a failure, and the columns of the row of the same table that has this figure.
-        unless: columns of a row of the same table; the claim is left out if the table has such a row.
+        beside: a sentence that explains a failure by a value, and the columns that select the row of the same table with this value.
+        unless: values of columns; the claim is left out if a row of the same table has all these values.
     """
 
     text: str
@@ -81,11 +81,11 @@ class Headline:
 
 GAIN = Claim(above=LEAST_GAIN)
 AT_CHANCE = Claim(reaches=math.nan)  # the row's column `chance` gives the value
-AT_1_M = {"distance_m": 1.0}  # every profile has the turning objects at 1 m, and the quick profile at no other distance
+AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
 def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]:
-    """Return the two claims about the table labelled_probe for one of its probes."""
+    """Return the two claims about the table labelled_probe for one of its probes (ways to classify with labelled recordings)."""
     case = {"level": "few_shot", "probe": probe, "layout": None}
     return (
         Headline(
@@ -148,8 +148,8 @@ HEADLINES = (
         "share of features that order objects alike", {"room": "squash_court", "motion": "depth"},
         rover_fidelity.AGREE["squash_court"],
     ),
-    # The probe on other recordings shares no recording between training and test. It needs two recordings of each object, which the quick
-    # profile lacks.
+    # The probe RECORDINGS has no recording in both training and test. It needs two recordings of each object. The quick profile lacks them,
+    # so it uses the probe REVOLUTIONS instead.
     *on_probe(labelled_probe.RECORDINGS, {}),
     *on_probe(labelled_probe.REVOLUTIONS, {"probe": labelled_probe.RECORDINGS}),
     Headline(
@@ -217,8 +217,8 @@ def compared(config: Config) -> Config:
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:
-    """Return the configuration of each table that the rows compare, by strength and name. Entries with ALL_DRAWS in place of a strength
-    have all draws at strength 1.
+    """Return the configuration of each table that the rows compare, by strength and name. An entry with ALL_DRAWS in place of the strength
+    has strength 1 and all draws.
     """
     found: dict[tuple[float | str, str], Config] = {(ALL_DRAWS, name): at_strength(config, name, NOMINAL) for name in SOURCES}
     several = strengths(config)
@@ -292,7 +292,7 @@ def _told(row: Mapping[str, Any] | None) -> str:
 
 
 def why(headline: Headline, rows: Rows) -> str:
-    """Return one sentence on why a claim fails or cannot be tested, with figures of the same table; empty if it holds."""
+    """Return one sentence on why a claim fails or cannot be tested, with values of the same table; empty if it holds."""
     row = _row(rows, headline)
     if row is None or row["verdict"] == "holds":
         return ""

@@ -1,8 +1,8 @@
 """Write the text embeddings of the objects' descriptions that the package contains: `python -m experiments.generators.anchors`.
 
 Run this script after a description of an object's look or radar echo in the object catalogue has changed. Unchanged descriptions keep their
-embeddings. The script needs the optional dependencies `text` of the package (`pip install radartwin[text]`). It also prints the largest
-cosine of the embeddings of two objects, for each kind of description.
+embeddings. The script needs the optional dependencies `text` of the package (`pip install radartwin[text]`). The script also prints the
+largest cosine between the embeddings of two objects, for each kind of description.
 """
 
 from __future__ import annotations

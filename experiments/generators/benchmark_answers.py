@@ -5,7 +5,7 @@ to ORDERS bounces. The sixth problem holds the full-wave rooms: thirty seeded ro
 rooms of the project's reference data. The reference data lie beside the checkout, and the script needs them. No answer uses
 RadarTwin's tracer. The script takes about two minutes on one core.
 
-Raise VERSION whenever an answer, a scene or the score changes. Raise its first number if old and new scores cannot be compared.
+Raise VERSION whenever an answer, a scene or the score changes. Raise the first number of VERSION if old and new scores cannot be compared.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from radartwin.scene.scene import Scene
 from radartwin.scene.storage import material_to_json
 
 VERSION = "1.0"
-ORDERS = 12  # bounces of the image sources; orders 13 to 16 change the signal by 2e-4 of its norm
+ORDERS = 12  # bounces of the image sources; paths of 13 to 16 bounces change the signal by 2e-4 of its norm
 ROOMS = "fullwave_rooms"
 GATE_M = (NEAR_M, FAR_M)  # range gate of the features of the study
 # The full-wave fields lack the waves from the upper and lower ends of the walls, 1.6 m above and below the radar.

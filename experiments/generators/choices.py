@@ -1,15 +1,15 @@
-"""Choose copies and learners of the turntable recognition on recordings that no table reports.
+"""Choose the kind of copies and the learners for the turntable recognition, by their accuracy on recordings that no table reports.
 
     python -m experiments.generators.choices            writes experiments/recognition/recognition_choices.json in about half a core-hour
 
-The recordings are those of the testbed's draw DRAW. It has other objects, rooms, radar boards and motions than the reported draws 0 to 9.
-Each candidate is trained on copies of simulated revolutions and scored on the measured revolutions of this draw in three ways: without
-labels, by the nearest class centroid of other recordings, and by the nearest class centroid of a few labelled revolutions. The script
-chooses the kind of copies for which the two-layer network has the highest mean of the first two accuracies. For this kind of copies, it
-chooses the learner with the highest first accuracy and the learner with the highest second accuracy. It also chooses the share of labelled
-rows for a training on simulated and labelled rows. With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice
-between candidates of similar accuracy is uncertain. The output file lists the scores and the recordings. The file also contains settings
-that were chosen without these recordings.
+The recordings are those of the testbed's draw DRAW. The objects as made, rooms, radar boards and motions of this draw differ from those of
+the reported draws 0 to 9. Each candidate is trained on copies of simulated revolutions. The trained candidate classifies the measured
+revolutions of this draw in three ways, and gets an accuracy for each: without labels, by the nearest class centroid of all other
+recordings, and by the nearest class centroid of a few labelled revolutions. The script chooses the kind of copies for which the two-layer
+network has the highest mean of the first two accuracies. For this kind of copies, it chooses one learner by the first accuracy and one
+learner by the second accuracy. The script also chooses the share of labelled rows for a training on simulated and labelled rows together.
+With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice between candidates of similar accuracy is uncertain. The
+output file lists the scores and the recordings. The file also contains settings that were chosen without these recordings.
 """
 
 from __future__ import annotations
@@ -98,8 +98,10 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
 
 
 def chosen(found: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the kind of copies for which the network has the highest mean of the two accuracies CHOSEN_BY, and for this kind of copies the
-    best method of each probe in CHOSEN_BY.
+    """Return the chosen kind of copies, and the chosen method for each of the two accuracies CHOSEN_BY.
+
+    The network has the highest mean of both accuracies with the chosen kind of copies. With these copies, each chosen method has the
+    highest value of its accuracy.
     """
     network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in found if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])
@@ -108,7 +110,9 @@ def chosen(found: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def chosen_share(found: Sequence[Mapping[str, Any]]) -> float:
-    """Return the share of labelled training rows with the highest mean accuracy over the numbers of labels, or the smallest such share."""
+    """Return the share of labelled training rows with the highest mean accuracy over all numbers of labels. If several shares are equal in
+    accuracy, the smallest is returned.
+    """
     rows = [row for row in found if "labelled share" in row]
     return max(rows, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
 

@@ -1,11 +1,11 @@
 """Measure the standard deviation of turntable features between recordings of the same object.
 
-The scaling of features divides a feature by this standard deviation or by a larger one.
+Feature scaling divides a feature by its standard deviation over the training rows, but at least by the standard deviation measured here.
 
     python -m experiments.generators.feature_floor      writes radartwin/recognize/feature_floor.json in about five core-minutes
 
-The testbed records each object as in repeatability.py, but with a standing person. No table reports the draw DRAW, and no learner is chosen
-on recordings of this draw.
+The testbed records each object as in repeatability.py, but with a person who stands in the room. No table reports the draw DRAW of these
+recordings, and no learner is chosen by them.
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@
     python -m experiments.generators.questions lab --answers FILE --model NAME --about TEXT
 
 The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). The
-real scan of a chair is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the command
-`radartwin label SCENE --export`. The script compares the hashes of the written questions and pictures with the hashes in the recorded
-answers. With the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the format of the
-command `radartwin label SCENE --import`.
+chair is a real scan, which is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the
+command `radartwin label SCENE --export`. The script compares the hashes of the written questions and pictures with the hashes in the
+recorded answers. With the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the format
+of the command `radartwin label SCENE --import`.
 """
 
 from __future__ import annotations

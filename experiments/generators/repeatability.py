@@ -4,9 +4,9 @@
 
 The testbed (virtual measurement) records each object REPEATS times at one metre, in draw DRAW, which no table reports. For each recording,
 the object is placed again, and the drive's slip, the turntable's wobble, the room's drift and the receiver noise are drawn again. Nobody
-stands in the room. A person at another place in each recording would change the mean range profile by 12 dB instead of 2 dB. With limits of
-this size, simulator=auto would accept a simulation without a room. The output file has a repeatability limit for each object, and a pooled
-limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin.
+stands in the room. With a person at another place in each recording, the mean range profile would differ by 12 dB instead of 2 dB. With
+limits of this size, simulator=auto would accept a simulation without a room. The output file has a repeatability limit for each object, and
+a pooled limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
 REPEATS = 5
-DRAW = 501  # draw of the testbed that no table reports and no choice of recognition uses
+DRAW = 501  # draw of the testbed that no table reports and that choices.py does not use
 DISTANCE_M = 1.0
 ROOM = "squash_court"  # room of the drives
 DRIVEN = ("track", "multipath", "window", "extent", "brightness", "profile")

@@ -1,5 +1,5 @@
-"""Check the capabilities of those radar simulation systems that run here. Each check of a capability takes seconds and simulates no whole
-recording.
+"""Check the capabilities of those radar simulation systems that this project can run. Each check of a capability takes seconds and
+simulates no whole recording.
 
 A check returns two values: the content of the system's cell in the table, and whether this content agrees with the paper's cell.
 """
@@ -23,7 +23,7 @@ from radartwin.simulation.paths import Paths
 
 Check = Callable[[], tuple[str, bool]]
 ROOM_M = (4.0, 3.0, 2.5)
-BOUNCES = 4  # number of bounces in the paper's row
+BOUNCES = 4  # number of bounces in RadarTwin's row of the paper's Table 1
 FORMATS = (".glb", ".ply", ".obj")
 CATEGORIES = 23  # number of MINC categories
 RADAR = Radar.iwr1843(element="isotropic")

@@ -1,8 +1,9 @@
 """Make randomised copies of simulated turntable revolutions, and read their feature rows.
 
-A copy draws the quantities that the user of a simulation cannot know (radartwin.recognize.randomise). Drawn turntables and targets are
-simulated alone in free space, `supervision.variants` of them for each recording. The store keeps their echoes and the rows of the copies.
-The noise power of the copies follows from target energies and noise floors of measured recordings, but from no class label.
+Each copy has random values of the quantities that the user of a simulation cannot know (radartwin.recognize.randomise). For each recording,
+`supervision.variants` random targets on random turntables are simulated alone in free space. The store keeps the echoes of these targets
+and the rows of the copies. The noise power of the copies follows from target energies and noise floors of measured recordings, without
+their class labels.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def rows_of_copies(
 def _rows(
     config: Config, store: Store, source: RecordingSource, case: Case, noise_power: float, seed: list[int], without: Sequence[str]
 ) -> tuple[str, dict[str, NDArray]]:
-    """Return the store key of a simulated recording, and names and values of the rows of its copies by kind."""
+    """Return the store key of a simulated recording, and the names and values of its copies' rows for each kind of row."""
     key, processed = source.processed("twin", case)
     log, chosen = source.log(case, "twin"), config.supervision
     drawn = strengths(config)
@@ -115,7 +116,7 @@ def _rows(
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of all drawn targets of a configuration, as together.py runs them in several workers."""
+    """Return the simulations of all random targets of a configuration, as together.py runs them in several workers."""
     if not strengths(config).moves_target:
         return []
     _, twins = shared_cases(_campaign(config), MOTION)
@@ -123,7 +124,7 @@ def calls(config: Config) -> list[Call]:
 
 
 def simulate_targets(config: Config, case: Case, seed: list[int]) -> None:
-    """Simulate the drawn targets of a recording, unless the store holds them. Worker processes call this function."""
+    """Simulate the random targets of a recording, unless the store holds them. Worker processes call this function."""
     campaign = _campaign(config)
     _alone(config, campaign.store, campaign, case, seed)
 
@@ -139,7 +140,7 @@ def _seeded(config: Config, simulated: Sequence[Case]) -> list[tuple[Case, list[
 
 
 def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: list[int]) -> list[NDArray[np.complex64]]:
-    """Return the channels (F, A, B) of the nominal target alone in free space, and of each drawn target on its drawn turntable."""
+    """Return the channels (F, A, B) of the nominal target alone in free space, and of each random target on its random turntable."""
     # The receiver does not change the target, so copies that differ only in the receiver share the echoes.
     physical = replace(strengths(config), level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
     own, log = campaign.config, campaign.log(case, TWIN)

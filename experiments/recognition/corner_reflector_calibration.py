@@ -1,8 +1,8 @@
 """Calibration by a corner reflector: the echo power error of each material, before and after calibration from simulated to measured level.
 
 The calibrated feature is the brightness of a revolution (radartwin/features/envelope.py). A single reflector gives a single level, so the
-calibration is an offset in decibels. A straight line fitted to the frames of a revolution would get a slope of 0.59 at 1.5 m, because
-echoes of the room dominate at angles where the reflector echoes weakly. Paper (corner-reflector radiometric calibration): after
+calibration is an offset in decibels. A straight line fitted to the levels of single frames would have a slope of 0.59 at 1.5 m, because
+echoes of the room dominate at angles where the reflector's echo is weak. Paper (corner-reflector radiometric calibration): after
 calibration, metal objects agree with the measurement, dielectric objects stay too dim, and liquid-filled containers are the dimmest.
 """
 
@@ -55,7 +55,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build rows of the calibration offset, of each material's error before and after calibration, and of filled bottles against others."""
+    """Build rows of the calibration offset, of each material's error before and after calibration, and of filled bottles minus other
+    materials.
+    """
     room = sorted({case.room for case in source.cases("measured", motion=MOTION)})[0]
     cases = dict(zip(COMPARED, readings.shared_cases(source, MOTION, room), strict=True))
     progress.say(f"{len(cases['measured'])} measured and {len(cases['twin'])} simulated revolutions in {room}")

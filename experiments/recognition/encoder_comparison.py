@@ -1,15 +1,16 @@
-"""Encoder comparison: which learner makes the most of the simulation, without labels and with a few labelled measured revolutions?
+"""Encoder comparison: which learner is most accurate after training on simulation, without labels and with a few labelled measured
+revolutions?
 
 All learners are trained on the same copies of simulated turntable revolutions, and classify the same measured revolutions. The two-layer
 network of the paper and gradient-boosted trees read the rotation features. The convolutional network reads pictures of a revolution. The
 two-layer network is trained towards two kinds of texts: what an object looks like, and how its radar echo varies over a revolution.
 
-Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the class with the nearest centroid of
-the labelled revolutions is predicted, in the embedding of the learner. Two further networks use the labels in their training: one network
-is trained on the labelled revolutions alone, and the other network on these revolutions and the simulation. Labelled revolutions come from
-one half of each object's recordings, and the other half is scored. The largest k depends on the number of revolutions of a recording
-(profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one that it classifies. The other
-recordings of the same object are at other distances.
+Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the predicted class is that whose
+labelled revolutions have the nearest centroid in the embedding of the learner. Two further networks use the labels in their training: one
+network is trained on the labelled revolutions alone, and the other network on these revolutions and the simulation. Labelled revolutions
+come from one half of each object's recordings, and the other half is scored. The largest k depends on the number of revolutions of a
+recording (profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one that it classifies. The
+other recordings of the same object are at other distances.
 """
 
 from __future__ import annotations
@@ -59,9 +60,9 @@ METHODS = {  # method: (learner, kind of text)
     TREES: ("trees", "description"),
 }  # fmt: skip
 RAW, SCRATCH, JOINT = "raw features", "trained on the labels alone", "trained on simulation and labels"
-LABELLED_SHARE = 0.2  # share of labelled measured rows, repeated, in the training rows of JOINT; recognition_choices.json has the reason
+LABELLED_SHARE = 0.2  # share of (repeated) labelled measured rows in the training of JOINT; recognition_choices.json has the reason
 RECORDINGS = "other recordings"
-LABEL_STEP = 1000  # difference of the seeds of the label sets of two draws; larger than the number of trainings
+LABEL_STEP = 1000  # each draw adds this step to the seeds of its label sets; it exceeds the number of trainings
 Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the measured rows for each seed
 
 
@@ -126,7 +127,7 @@ def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], mea
 def fit_with_labels(
     config: Config, simulated: Samples | None, known: Samples, rest: Samples, seed: int, share: float = LABELLED_SHARE
 ) -> Fitted:
-    """Train the two-layer network on labelled measured rows, beside simulated rows if there are any.
+    """Train the two-layer network on labelled measured rows, and on simulated rows if there are any.
 
     The labelled rows are repeated so that they are about `share` of the training rows.
     """
@@ -140,7 +141,9 @@ def fit_with_labels(
 def gather_rows(
     config: Config, source: RecordingSource, store: Store, progress: Progress
 ) -> tuple[dict[Reads, Samples], dict[Reads, Samples], list[str]]:
-    """Return (measured rows, rows of copies, store keys). Both have an entry for each kind of rows that a learner reads, not scaled."""
+    """Return (measured rows, rows of copies, store keys). Both dictionaries have an entry for each kind of rows that a learner reads. The
+    rows are not scaled.
+    """
     cases, twins = shared_cases(source, MOTION)
     progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each")
     vector, picture = vectors(source, "measured", cases, FEATURES), pictures(source, "measured", cases)
@@ -159,9 +162,9 @@ def _add_shots(
     chance: float,
     curve: Mapping[str, list],
 ) -> None:
-    """Add the accuracy with k labelled measured revolutions per class, and two gains of training on simulation and labels.
+    """Add the accuracy with k labelled measured revolutions per class, and the gain of JOINT over RAW and over SCRATCH.
 
-    Each draw of the measurement has label sets of its own, so that the mean over draws does not depend on a few sets.
+    Each draw of the measurement has its own sets of labelled revolutions, so that the mean over draws does not depend on a few sets.
     """
     place = {name: row for row, name in enumerate(truth.recording)}
     most = most_shots(truth)

@@ -22,8 +22,8 @@ Row = Mapping[str, Any]
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
-    """Draw bars with confidence intervals from {group: {method: row}}. The bar of the method `grey` is grey; a line shows each
-    group's chance.
+    """Draw bars with confidence intervals from {group: {method: row}}. The bar of the method `grey` is grey; a line shows the chance level
+    of each group.
     """
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))

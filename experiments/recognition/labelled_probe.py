@@ -1,15 +1,15 @@
 """Labelled probe: how much does an encoder trained on simulation alone help if the classes of some measured recordings are known?
 
 A probe classifies each measured turntable revolution by the nearest class centroid of other measured revolutions, in the space of the
-encoder's embeddings. The same classifier (probe) on the features without the encoder shows how much the training of the encoder helps.
-Turntable revolutions of the same recording are nearly equal. The "other recordings" probe therefore leaves out all revolutions of the
-recording that is classified, so the remaining revolutions of the same object are at other distances. Paper (recognition with
-simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted RF-Genesis; at equal
-distance 95.3 % with encoder and 90.3 % with raw features. This table adds controls with shuffled class labels and shuffled domains,
-which the paper does not have. The table encoder_comparison has other learners and the accuracy with few labels.
+encoder's embeddings. For comparison, the same probe also classifies the features without the encoder. The difference shows how much the
+training of the encoder helps. Turntable revolutions of the same recording are nearly equal. The "other recordings" probe therefore leaves
+out all revolutions of the recording that is classified, so the remaining revolutions of the same object are at other distances. Paper
+(recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted
+RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % with raw features. This table adds controls with shuffled class labels and
+shuffled domains, which the paper does not have. The table encoder_comparison has other learners and the accuracy with few labels.
 
-In the paper, each distance has about four objects and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
-rows with the layout "as in the paper" have recordings of this layout, of one draw of the testbed (profile.layout_turns). In all other
+In the paper, about four objects stand at each distance and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
+rows with the layout "as in the paper" use recordings with these numbers, from one draw of the testbed (profile.layout_turns). In all other
 rows, every object is recorded at every distance.
 """
 
@@ -93,7 +93,9 @@ class Data:
     keys: Mapping[str, tuple[str, ...]]
 
     def keys_of(self, method: str) -> tuple[str, ...]:
-        """Return the store keys of the measured recordings and of the recordings that the method simulated, if there are any."""
+        """Return the store keys of the measured recordings and of the simulated recordings on which the method was trained, if there are
+        any.
+        """
         return (*self.keys["measured"], *self.keys.get(method, ()))
 
 
@@ -113,7 +115,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the drawn targets for every compared simulation (experiments/together.py)."""
+    """Return the simulations of the random targets for every compared simulation (experiments/together.py)."""
     own = [config, rf_genesis(config)] + ([replace(config, contents="unknown")] if config.profile.unknown_contents else [])
     return [call for one in own for call in copies.calls(one)]
 
@@ -242,7 +244,7 @@ def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
 
 
 def gather_data(config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource]) -> Data:
-    """Return the measured revolutions, and copies of the recordings simulated by RadarTwin and by each other simulator in
+    """Return the measured revolutions, and copies of simulated recordings: those of RadarTwin and those of each other simulator in
     `rivals`.
     """
     cases, twins = shared_cases(source, MOTION)

@@ -55,7 +55,7 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 
 
 def campaigns(config: Config, store: Store, progress: Progress, draw: int | None = None) -> dict[str, Campaign]:
-    """Return the campaign of each material source in `sources`, with all draws or with one of them."""
+    """Return the campaign of each material source in `sources`, for one draw or (with None) for all draws."""
     return {name: Campaign(replace(config, materials=materials), store, progress, draw) for name, (_, materials) in sources(config).items()}
 
 

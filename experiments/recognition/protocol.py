@@ -24,7 +24,7 @@ from radartwin.scene.objects.catalogue import catalogue
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
 FEWEST_UNEQUAL = 6  # groups in which two methods have different accuracies; with fewer, the bootstrap interval of a gain is too narrow
-CHANCE_MARGIN = 0.1  # an accuracy within one recording in ten of chance counts as chance
+CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
@@ -99,8 +99,8 @@ class RecognitionRows(RowList):
     ) -> Row:  # fmt: skip
         """Append the accuracy (share of correct predictions).
 
-        A claim without a condition holds if the confidence interval of the accuracy lies above chance, and, for a plain accuracy, the
-        exact binomial p value is below 0.05. Recordings that are compared with the same simulation count as one trial of this test.
+        A claim without a condition holds if the confidence interval of the accuracy lies above chance. For a plain accuracy, the exact
+        binomial p value must also be below 0.05. Recordings that are compared with the same simulation count as one trial of this test.
 
         Args:
             hits: boolean (seeds, N), whether each prediction is correct.
@@ -124,8 +124,9 @@ class RecognitionRows(RowList):
     ) -> Row:
         """Append the accuracy of `first` minus that of `second` on the same recordings.
 
-        The claim holds if the confidence interval of this difference lies above LEAST_GAIN. It cannot be tested if both classify every
-        recording correctly, or if both have different accuracies in fewer than FEWEST_UNEQUAL groups of recordings that share a simulation.
+        The claim holds if the confidence interval of this difference lies above LEAST_GAIN. The claim cannot be tested if both methods
+        classify every recording correctly. It also cannot be tested if their accuracies differ in fewer than FEWEST_UNEQUAL groups of
+        recordings that share a simulation.
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
         found = replace(self._clustered(ours - theirs, recordings), limits=SIGNED)
@@ -154,7 +155,7 @@ class RecognitionRows(RowList):
 
 
 def interval(value: float, n: int) -> Estimate:
-    """Return a share of successes in n independent trials as an estimate with its exact interval."""
+    """Return the estimate of a share of successes in n independent trials, with its exact binomial interval."""
     low, value, high = exact_interval(value, n)
     return Estimate(value, low, high, n, limits=SHARE)
 
@@ -176,7 +177,7 @@ def over_shuffles(shares: NDArray) -> Estimate:
 def sign_p(differences: NDArray, groups: NDArray) -> float:
     """Return the one-sided exact p value of a sign test that the mean differences (N,) of most groups (N,) are positive.
 
-    Groups whose mean difference is zero are left out, and without any other group p is 1.
+    Groups whose mean difference is zero are left out. If no group remains, p is 1.
     """
     _, group = np.unique(groups, return_inverse=True)
     signs = np.sign(np.round(np.bincount(group, differences), 12))

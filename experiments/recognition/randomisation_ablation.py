@@ -1,9 +1,9 @@
 """Randomisation ablation: does it help recognition if copies of a simulated recording differ in more than their noise?
 
 The encoder is trained on copies of simulated turntable revolutions. The user of a simulation does not know some quantities, such as the
-wobble of the turntable, so the copies draw them at random (radartwin.recognize.randomise). The table trains the encoder with all quantities
-drawn, with none of them drawn (as in the paper, where only noise differs), and with all but one drawn. Measured revolutions are classified
-without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
+wobble of the turntable, so the copies have random values of these quantities (radartwin.recognize.randomise). For the table, the encoder is
+trained on copies in which all quantities are random, only the noise is random (as in the paper), or all but one are random. Measured
+revolutions are classified without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the drawn targets of each kind of copies (experiments/together.py)."""
+    """Return the simulations of the random targets of each kind of copies (experiments/together.py)."""
     return [call for left_out in kinds(config).values() for call in copies.calls(copied(config, left_out))]
 
 

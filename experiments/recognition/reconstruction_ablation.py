@@ -113,9 +113,9 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], groups: NDArray, keys: list[str]) -> None:
-    """Add the number of recordings that only one of two simulations classifies correctly, and the share of random seeds for which labelled
-    materials are better than one material. The exact p value counts each group of recordings that are compared with the same simulation
-    once.
+    """Add the number of recordings that are classified correctly after training on only one of two simulations, and the share of random
+    seeds for which labelled materials give the higher accuracy. The exact p value counts each group of recordings that are compared with
+    the same simulation once.
     """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))

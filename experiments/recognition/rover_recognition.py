@@ -1,9 +1,9 @@
 """Object and material recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and bar figure).
 
 The option `supervision` sets the highest level in the table: label_free gives the rows of level (i), calibrated adds level (ii), few_shot
-adds level (iii). The chance level is one over the number of classes, or the share of the largest class where the paper uses this share.
-Material classes differ much in size, so the claim about materials is judged by balanced accuracy. As a control, a random forest is trained
-on simulated recordings with shuffled class labels.
+adds level (iii). The chance level is one over the number of classes, or the share of the largest class in rows where the paper uses this
+share. Material classes differ much in size, so the claim about materials is judged by balanced accuracy. As a control, a random forest is
+trained on simulated recordings with shuffled class labels.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Simulation parts: what do near field, absolute level and room contribute to an encoder that is trained on simulation alone?
 
-The protocol is that of labelled_probe. The encoder is trained on copies of simulated revolutions, without one part of the simulation at a
-time:
+The table has the protocol of the table `labelled_probe`. The encoder is trained on copies of simulated revolutions, without one part of the
+simulation at a time:
 - "plane waves" assumes plane waves across the antenna array, so that the channels contain no near-field effect.
 - "no level" leaves the brightness out of the features, in both domains.
 - "no room" simulates target and stand without the room.
-- RF-Genesis (corrected) is our re-implementation of another simulator (radartwin/simulation/backends/rfgenesis.py). It has no mirror
-  reflection of the room and one phase for each patch of a surface.
+- RF-Genesis (corrected) is our re-implementation of another simulator (radartwin/simulation/backends/rfgenesis.py). It does not simulate
+  mirror reflections, and gives each surface patch a single phase.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ HELPS = {
     PLANE: "the near field helps", NO_LEVEL: "the level helps", NO_ROOM: "the room helps",
     RIVAL: "training on our simulation is more accurate than on RF-Genesis",
 }  # fmt: skip
-WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that a simulation leaves out
+WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that are left out with this simulation
 
 
 def configured(config: Config) -> dict[str, Config]:
@@ -64,7 +64,7 @@ def configured(config: Config) -> dict[str, Config]:
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the drawn targets (experiments/together.py)."""
+    """Return the simulations of the random targets (experiments/together.py)."""
     return [call for name, own in configured(config).items() if name not in (NO_LEVEL, NO_ROOM) for call in copies.calls(own)]
 
 

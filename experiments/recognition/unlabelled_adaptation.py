@@ -1,14 +1,15 @@
 """Unlabelled adaptation: how much do unlabelled measured recordings help an encoder that is trained on simulation alone?
 
-The two-layer network classifies measured turntable revolutions without any measured class label. The methods differ in what they take from
-the measured batch (radartwin.recognize.adaptation and alignment):
+The two-layer network classifies measured turntable revolutions without any measured class label. The methods differ in how they use the
+unlabelled measured batch (radartwin.recognize.adaptation and alignment):
 - "none" scales the measured features by the mean and the spread of the simulated features.
 - "statistics" standardises each domain by its own mean and spread, as all other tables do. This method assumes equally frequent classes.
-- "weighted statistics" gives the measured batch the mean and spread of simulated rows that are weighted by class shares. It estimates the
-  shares from the batch.
+- "weighted statistics" gives the measured batch the mean and spread of simulated rows that are weighted by class shares. The shares are
+  estimated from the batch.
 - "continued training" trains the encoder further on simulated rows alone, as the control of the two methods below.
 - "prototypes" and "views" train the encoder further with an additional loss of the unlabelled measured rows. The loss of "prototypes" moves
-  a row towards its nearest text, with more weight for more confident rows. The loss of "views" makes two noisy views of a row neighbours.
+  a row towards its nearest text, with more weight for more confident rows. The loss of "views" moves the embeddings of two noisy versions
+  of a row close together.
 In the balanced batch, all classes are equally frequent. In the skewed batch, a third of the classes has a single recording.
 """
 
@@ -115,7 +116,7 @@ def _result(config: Config, hits: dict[tuple[str, str], NDArray], whole: Samples
         shown.setdefault(batch, {})[method] = rows.share(case, found[:, scored], whole.take(scored), keys, chance)
         if method != STATISTICS:
             claim = Claim("unequal class shares are corrected") if (batch, method) == ("skewed", WEIGHTED) else Claim()
-            # A row of a skewed batch is not in the batches of all seeds.
+            # The skewed batch differs between seeds, so that a row is missing in the batches of some seeds.
             ours, theirs = (np.nanmean(one[:, scored], axis=0, keepdims=True) for one in (found, hits[batch, STATISTICS]))
             rows.gain(case | {"method": f"{method} - {STATISTICS}"}, ours, theirs, whole.take(scored), keys, claim)
     metrics = {

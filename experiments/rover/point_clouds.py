@@ -1,9 +1,9 @@
 """Are the detections of a measured drive where the simulated drive has detections, frame by frame?
 
-Both recordings of a drive give one point cloud per frame (radartwin.features.cloud). The table compares the clouds of the same frame of the
-logged motion. The control moves the simulated cloud along range by several steps. A detection that leaves the range profile at one end
-enters it again at the other end. The control keeps the number, the spacing and the azimuths of the detections, and removes the agreement in
-range.
+Both recordings of a drive give one point cloud per frame (radartwin.features.cloud). The table compares the measured and the simulated
+cloud of each frame of the logged motion. In a control, the simulated cloud is moved along range by several distances. A detection that
+leaves the range profile at one end enters it again at the other end. The control keeps the number, the spacing and the azimuths of the
+detections, and removes the agreement in range.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ TABLE = Table(
     "profile (0.3 m to 5.5 m) enters at the other end. "
     "Intervals are bootstraps over recordings.",
 )
-SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # steps of the control
+SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # distances in range by which the control moves the simulated cloud
 BETTER = Claim("more measured detections agree with the simulation than with the control", "", above=0.05)
 
 
@@ -89,7 +89,7 @@ GAIN = "measured detections that are simulated, above the control"
 
 
 def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
-    """Return the means over the common frames of two recordings, by metric; nan if no frame defines the metric."""
+    """Return the mean of each metric over the common frames of two recordings; NaN if no frame has a value of the metric."""
     values = defaultdict(list)
     for one, two in zip(measured.frames, simulated.frames, strict=False):
         moved = [np.column_stack([NEAR_M + (two[:, 0] - NEAR_M + by) % (FAR_M - NEAR_M), two[:, 1]]) for by in SHIFTS_M]

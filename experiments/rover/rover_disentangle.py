@@ -2,13 +2,13 @@
 
 A slice fixes two of the three factors and varies the third factor. An object slice gives the rank correlation between measured and
 simulated features over objects in one room at one distance. A distance slice gives the rank correlation between measured and simulated
-features over distances for one object in one room. A room slice gives, for one object at one distance, the share of features that change
-in the same direction between two rooms in measurement and simulation. The pooled correlation between measured and simulated features uses
-all objects and distances of a room together. The matched correlation between measured and simulated features is computed over the objects
-at each distance and then averaged. As in the paper, the table gives the correlation of the feature for which it is highest. The
-disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance of the
-disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object, distance
-and environment: pooled correlation about 0.8, matched correlation about 0.5; the environment factor dominates.
+features over distances for one object in one room. A room slice gives, for one object at one distance, the share of features that change in
+the same direction between two rooms in measurement and simulation. The pooled correlation between measured and simulated features uses all
+objects and distances of a room together. The matched correlation between measured and simulated features is computed over the objects at
+each distance and then averaged. As in the paper, the table gives the pooled and the matched correlation of the feature with the highest
+value. The disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance of
+the disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object,
+distance and environment: pooled correlation about 0.8, matched correlation about 0.5; the environment factor dominates.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
 def room_signs(cells: Cells) -> NDArray[np.floating]:
     """Return 1 or 0 for each object, distance, pair of rooms and feature, in one array.
 
-    The entry is 1 if the feature value changes in the same direction between the two rooms in measurement and simulation.
+    The entry is 1 if the feature is higher in the same one of the two rooms in measurement and simulation. Unchanged features are left out.
     """
     found = []
     rooms = sorted({room for _, room, _ in cells})
@@ -141,13 +141,15 @@ def room_signs(cells: Cells) -> NDArray[np.floating]:
 
 
 def pooled(cells: Cells) -> NDArray[np.floating]:
-    """Return for each feature (features,) the rank correlation over all objects and distances of a room, as a mean over rooms."""
+    """Return the rank correlation between measured and simulated values of each feature (features,). The correlation is computed over all
+    objects and distances of a room, and then averaged over rooms.
+    """
     return _mean_correlation(cells, lambda label: label[1])
 
 
 def matched(cells: Cells) -> NDArray[np.floating]:
-    """Return the rank correlation between measured and simulated values of each feature (features,). It is computed over the objects at
-    each room and distance, and then averaged.
+    """Return the rank correlation between measured and simulated values of each feature (features,). The correlation is computed over the
+    objects at each room and distance, and then averaged.
     """
     return _mean_correlation(cells, lambda label: label[1:])
 
@@ -156,8 +158,8 @@ def effects(cells: Cells) -> dict[str, float]:
     """Compute the main effect of each factor on the disagreement (simulated minus measured), as a mean over features.
 
     The effect of a factor is the share of the variance that the means at the factor's levels explain, per degree of freedom (number of
-    levels minus one). A factor with more levels explains more of any variance, so the division is needed. Factors with only one level
-    (such as a single room) are left out.
+    levels minus one). The division is needed because a factor with more levels explains more variance even if it has no effect. Factors
+    with only one level (such as a single room) are left out.
     """
     labels = list(cells)
     gap = np.stack([values[1] - values[0] for values in cells.values()])

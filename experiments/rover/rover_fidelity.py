@@ -1,10 +1,10 @@
 """Does the simulated signal follow the measured signal along a drive, and do simulated and measured features rank the objects equally?
 
 The start of the simulated drive is aligned with the start of the measured drive by correlating the target energies of both. Range profiles
-are compared as amplitudes from 0.3 to 5.5 m. Two kinds of rows give a share: the share of features with a positive rank correlation over
-objects, and the share of places where the brightness contrast of metal and plastic has the same sign in both domains. Features depend on
-each other, and so do places with the same objects. The p values of both shares therefore come from permutations of the objects; the paper
-reports binomial p values, which are too small. Paper: signal fidelity along trajectories.
+are compared as amplitudes from 0.3 to 5.5 m. Some rows give the share of features with a positive rank correlation over objects. Another
+row gives the share of places where the brightness contrast of metal and plastic has the same sign in both domains. Features depend on each
+other, and places with the same objects depend on each other. The p values of both shares therefore come from permutations of the objects;
+the paper reports binomial p values, which are too small. Paper: signal fidelity along trajectories.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ TABLE = Table(
     "independent.",
 )
 
-MIN_OBJECTS = 5  # with fewer objects no assignment of objects reaches p < 0.05
-MOST_DRAWN = 300  # largest number of resamples and assignments of objects; it limits the run time, because each ranks every feature
+MIN_OBJECTS = 5  # four objects have only 24 assignments, so that p would be at least 0.04 before the correction for several tests
+MOST_DRAWN = 300  # largest number of resamples and of assignments of objects; each takes time, because it ranks every feature again
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", above=0.5)
 PLACED = Claim("mean range profiles of metals correlate", "up to +0.73", above=0.2)
 AGREE = {
@@ -60,7 +60,7 @@ AGREE = {
         "more features order objects alike than chance allows", "63 %, p 0.014", above=0.5, p_below=LEVEL, least=MIN_OBJECTS
     ),
 }
-# if all places have one sign, the interval of the share is above 0.5 for six places, but not for five
+# if the sign agrees at all places, the interval of the share is above 0.5 for six places, but not for five
 SIGNS = Claim("metal over plastic has the same sign in both domains", "9 of 9", above=0.5, p_below=LEVEL, least=6)
 SEPARATES = Claim("the simulation separates metal from plastic more", "about 25:1", above=1.5)
 RELIABLE = Claim("the multipath share is the most reliable feature", "first", above=1 - 1e-9, least=1)
@@ -178,9 +178,9 @@ def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]
 def share_alike(drives: dict[str, Drives], where: Sequence[Place], resamples: int, seed: int) -> Estimate:
     """Return the share of features, over several places, whose rank correlation over objects is positive.
 
-    The features of one recording are not independent trials. The interval therefore comes from a bootstrap over objects. The p value is
-    the share of random assignments of the simulated objects to the measured objects that have at least this share of positive
-    correlations. Every resample and every assignment is the same at all places. n counts objects.
+    The features of one recording are not independent trials. The interval therefore comes from a bootstrap over objects. The p value is the
+    share of random assignments of the simulated objects to the measured objects that have at least this share of positive correlations. All
+    places use the same resamples and the same assignments. n counts objects.
     """
     names = sorted({name for place in where for name in drive_features.objects(drives[MEASURED], place)})
     parts = []
@@ -191,7 +191,7 @@ def share_alike(drives: dict[str, Drives], where: Sequence[Place], resamples: in
         parts.append((np.array([names.index(name) for name in here]), *(one[:, varies] for one in values)))
 
     def share(first: NDArray, second: NDArray) -> float:
-        """Return the share for the measured objects `first` (N,) and the simulated objects `second` (N,), as positions in `names`."""
+        """Return the share if the simulated object `second[i]` is compared with the measured object `first[i]` (positions in `names`)."""
         positive = [_positive(measured, simulated, place, first, second) for place, measured, simulated in parts]
         return float(np.mean(np.concatenate(positive)))
 
@@ -207,7 +207,7 @@ def _positive(measured: NDArray, simulated: NDArray, place: NDArray, first: NDAr
     """Return whether the rank correlation of each feature is positive over the pairs of objects (`first`, `second`) at one place.
 
     Args:
-        measured, simulated: (objects, features) values of the objects `place` (objects,), which are the objects at this place.
+        measured, simulated: (objects, features) feature values of the objects at this place. place: (objects,) numbers of these objects.
     """
     from scipy.stats import rankdata
 
@@ -269,7 +269,8 @@ def sign_test(levels: NDArray, metal: NDArray[np.bool_]) -> tuple[float, float]:
 
     The test assigns the material labels to the objects in every possible way, the same at all places, because the places share the objects.
     In each domain, p is the share of assignments whose mean contrast over places is at least as far from zero as the contrast of the true
-    labels. The claim needs a contrast in both domains, so the larger p counts. p is 1 if the two contrasts have different signs.
+    labels. The claim needs a contrast in both domains, so the larger of the two p values counts. p is 1 if the contrasts have different
+    signs.
 
     Args:
         levels: (2, objects, places) brightness in dB in both domains, NaN where an object is missing.
@@ -285,7 +286,7 @@ def sign_test(levels: NDArray, metal: NDArray[np.bool_]) -> tuple[float, float]:
         means = [one @ np.nan_to_num(levels) / (one @ known) for one in (labels, 1 - labels)]
     contrasts = np.nan_to_num(means[0] - means[1]).mean(axis=-1)
     far = np.abs(contrasts[:, 1:]) >= np.abs(contrasts[:, :1]) - 1e-9
-    smallest = (2 if 2 * chosen == count else 1) / math.comb(count, chosen)  # halves of equal size may swap their labels
+    smallest = (2 if 2 * chosen == count else 1) / math.comb(count, chosen)  # groups of equal size: swapped labels only change the sign
     one_sign = np.sign(contrasts[0, 0]) == np.sign(contrasts[1, 0])
     return float(far.mean(axis=1).max()) if one_sign else 1.0, smallest
 

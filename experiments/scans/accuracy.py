@@ -16,9 +16,9 @@ from radartwin.testbed.scanner.scan import ScanTruth
 SAMPLE_M = 0.04  # distance between compared points
 COVERED_M = 0.05  # a true point is covered if the mesh is within this distance
 SAME_M, SAME = 0.01, 0.01  # absolute and relative tolerance between a point's depth and that of the pixel that saw it
-GRAZING = 0.02  # cosine between ray and normal below which a surface is edge-on and not seen
+GRAZING = 0.02  # a surface is edge-on, and not seen, if the cosine between ray and normal is smaller
 ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
-FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # random samples of the mesh
+FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # numbers of random samples of the mesh
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,9 @@ def _some(points: np.ndarray, count: int) -> np.ndarray:
 def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
     """Return a function that decides which points of the scene a simulated scan saw, for `experiments.scans.segment_score`.
 
-    A pixel saw a point on a surface facing the camera under two conditions: the pixel hit the point's surface, and the pixel's true depth
-    equals the depth at which its ray meets the plane through the point. Therefore the far side of a thin plate does not count as seen.
+    A pixel counts as having seen a point if three conditions hold. The surface of the point faces the camera. The ray of the pixel hits
+    this surface. The true depth of the pixel equals the depth at which its ray crosses the plane of the surface through the point.
+    Therefore the far side of a thin plate does not count as seen.
     """
     lenses = [frame.intrinsics for frame in frames]
     height, width = truth.depth_m.shape[1:]

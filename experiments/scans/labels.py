@@ -1,11 +1,11 @@
-"""Accuracy of the materials that are assigned to scanned surfaces, and the reflection error of wrong materials, for three sources.
+"""Accuracy of the materials that three sources assign to scanned surfaces, and the reflection error of wrong materials.
 
 The surfaces of the simulated phone scans (`experiments.scans.virtual_scan`) get a material label from the recorded answers of the
 vision-language model, from one uniform material, or at random. Material labels are scored by surface area. A material label is right if it
-is the true category of the MINC data set. A material label is close if the mean reflection (over angles and the frequency sweep) of its
-material is within 1 dB of the true material's mean reflection. For example, the label plaster is close to a true paint surface, but the
-label metal is not close to a true wood surface. The table then compares the mean reflection error of each source in decibels with that of
-uniform plasterboard.
+is the true MINC category; for the category `other`, it must also be close. A label is close if the reflectivity of its material differs
+from that of the true material by at most 1 dB, as a mean of the absolute difference over angles of incidence. For example, the label
+plaster is close to a true paint surface, but the label metal is not close to a true wood surface. The table then compares the mean
+reflection error of each source in decibels with that of uniform plasterboard.
 """
 
 from __future__ import annotations
@@ -121,9 +121,9 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 
 
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
-    """Return a row with a source's mean reduction of the reflection error against uniform plasterboard, in dB.
+    """Return a row with the mean reflection error of uniform plasterboard minus that of a material source, in dB.
 
-    The mean error reduction is weighted by area, and its confidence interval comes from a bootstrap over surfaces.
+    The mean is weighted by area, and its confidence interval comes from a bootstrap over surfaces.
     """
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])

@@ -1,11 +1,11 @@
 """Measure the accuracy of reconstructed scans, and whether every true surface becomes one segment.
 
 Scans of procedural rooms (experiments/scans/virtual_scan.py) are compared with the true room, which the reconstruction never reads. The
-paper gives no accuracy of its scan, so the limits in this table are the project's own. Two limits need an explanation. A wall counts as
-one segment if the intersection over union of wall and segment exceeds 0.8. A wall that the reconstruction cuts at a door, or merges with a
-neighbouring wall, stays below the limit of 0.8. For a wall that is partly hidden by furniture, the intersection over union can exceed 0.8.
-For glass, the limit requires only that half of the area is found, because a depth sensor measures nothing on glass, and the reconstruction
-completes a pane from its frame only.
+paper gives no accuracy of its scan, so the limits in this table are the project's own. Two limits need an explanation. A wall counts as one
+segment if the intersection over union of wall and segment exceeds 0.8. A wall that the reconstruction cuts at a door, or merges with a
+neighbouring wall, stays below the limit of 0.8. A wall that is partly hidden by furniture can exceed the limit, because area that the phone
+did not see does not lower the score. For glass, the limit requires only that half of the area is found, because a depth sensor measures
+nothing on glass, and the reconstruction completes a pane from its frame only.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -> Product:
-    """Return the scores of a room's scan as a stored result, which is computed if it is not in the store."""
+    """Return the scores of a room's scan as a stored result. Scores that are not in the store are computed."""
     scan = virtual_scan.fetch(config, store, room, strength, seed)
     spec = {**virtual_scan.specification(config, room, strength, seed), "of": scan.key}
     return store.fetch(

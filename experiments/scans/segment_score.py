@@ -4,10 +4,11 @@ A true surface in separate pieces, such as the legs of a table, is scored piece 
 mostly on it. The segment of a true surface is the segment that covers most of this surface, among all segments that lie mostly on it. A
 true surface without a segment has recall 0. Recall is the share of the seen true surface that lies in its segment. To compute the recall,
 evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal. Precision is the share of the segment that
-lies on the true surface. IoU is the intersection of segment and seen true surface divided by their union. A reconstruction may add areas
-that the sensor did not see. Unseen area that the reconstruction adds on the true surface does not change precision or recall. Unseen area
-that it adds off the true surface lowers the precision. The boundary error is the distance from the edges of segments to the nearest edge
-of a true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true area.
+lies on the true surface. IoU is the area of the segment on the true surface, divided by the area of the segment plus the seen true area
+that the segment misses. A reconstruction may add areas that the sensor did not see. Added area on the true surface lowers neither precision
+nor recall. Added area off the true surface lowers the precision. The boundary error is the distance from the edges of segments to the
+nearest edge of a true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true
+area.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class Score:
         surfaces: scores of all surfaces except glass and mirrors; the largest surface comes first.
         clear: scores of all surfaces of glass and mirrors.
         boundary_median_m, boundary_p95_m: median and 95 % quantile of the boundary error in metres, over the segments of `surfaces`.
-        missed_flush: share of the area missed by the segments of `surfaces` that belongs to surfaces flush with another surface.
+        missed_flush: of the seen area of `surfaces` that their segments miss, the share on surfaces flush with another surface.
     """
 
     surfaces: list[SurfaceScore]

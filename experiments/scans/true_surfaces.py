@@ -18,8 +18,8 @@ from radartwin.reconstruct.distance import covered, spread
 from radartwin.scene.scene import Scene, Surface
 
 SPACING_M = 0.04  # distance between samples, on the scan and on the true surfaces
-REACH_M = 0.12  # a point farther from every true surface belongs to none
-AGREEING = 0.7  # smallest cosine of agreeing normals; it separates the floor from the underside of an object on the floor
+REACH_M = 0.12  # a point belongs to no true surface if all of them are farther away
+AGREEING = 0.7  # smallest cosine between agreeing normals, so that the underside of an object does not count as the floor below it
 APART_M = 0.05  # a wider gap splits a true surface
 FLUSH_M = 0.015  # a smaller step between surfaces is within a phone's depth noise (10 to 20 mm)
 SHARP = np.radians(30.0)

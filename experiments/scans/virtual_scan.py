@@ -28,7 +28,7 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int | 
     """Return the scanned and reconstructed room as a stored result. A scan that is not in the store is computed; `seed=None` uses the
     configured seed.
 
-    At strength 0 the stored result is the true furnished room itself, without the clutter of the scanned room.
+    At strength 0 the stored result is the true furnished room itself, without the clutter that the phone scans at other strengths.
     """
     spec = specification(config, room, strength, seed)
 

@@ -41,10 +41,10 @@ from radartwin.simulation.signal.synthesis import received, synthesize
 PATHS, FRAME_PATHS, DIRECT_PATHS = 100_000, 5_000, 1_000
 MANY_PATHS = 1_000_000
 FRAMES = 100
-ROOM_FRAMES = 20  # with a room around the object
-MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves 2 cm per frame; with tubes, frames share no work
-CALLS = 20  # calls of one frame each
-WARM_UP = slice(20, 26)  # poses of a drive that compile the kernels
+ROOM_FRAMES = 20  # number of frames with a room around the object
+MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves 2 cm per frame; with tubes, frames do not share work
+CALLS = 20  # number of calls, each of one frame
+WARM_UP = slice(20, 26)  # poses of a drive that is simulated first, to compile the kernels
 ASIDE_M = 1e-3  # shift of the sensor between repetitions, so that no paths come from a cache
 MEMORY_RAYS = 3_000_000
 HISTORY = Path(__file__).with_name("bench_history.csv")
@@ -175,8 +175,9 @@ def drives(repeats: int, values: Values, variant: str) -> None:
     """Time drives along one track past an object: a corner reflector on a stand, traced as a campaign traces them
     (`campaign.target.seen`), and a metal can alone.
 
-    The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. A drive
-    through another room compiles the kernels before the timing, so that the timed set-up takes no results from a cache.
+    The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. Before the
+    timing, a drive through another room compiles the kernels. Because the room is another one, the timed set-up takes no results from a
+    cache.
     """
     bench = rooms.bench("lab")
     nominal = trajectory.lateral_sweep(bench.sensor_pose)
@@ -199,10 +200,10 @@ def _driven(
     """Time drives past objects in a room.
 
     Args:
-        objects_of: {ending of the names of the results: groups of surfaces}; only the first group has paths with the room.
+        objects_of: {ending of the names of the results: groups of surfaces}; only the first group has paths over both object and room.
     Returns:
         Wall time and processor time (repeats, 2) in seconds: of each part of a frame, of the whole frame ("drive frame"), and of each part
-        of the set-up. The samples of room and object alone are not part of the frame.
+        of the set-up. The samples of the room alone and of the object alone are timed too, but are not part of the frame.
     """
     radar, still = rt.Radar.iwr1843(), np.eye(4)[None]
     taken: dict[str, list[np.ndarray]] = {}
@@ -273,8 +274,7 @@ def read(history: Path = HISTORY) -> pd.DataFrame:
 
 
 def append(machine: Mapping[str, object], values: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line with commit, machine and figures to the history file, and return the path of this file. The history file is replaced as a
-    whole.
+    """Add a line with commit, machine and figures to the history file, and return the path of this file. The file is replaced in one step.
 
     If the run did not measure a figure, the cell of this figure is empty. A figure that is new in the history file adds a column at the
     end.

@@ -16,8 +16,8 @@ import pandas as pd
 
 LAST = 10  # number of earlier runs that a value is compared with
 FEWEST = 3  # fewest earlier runs for a comparison
-SCATTER = 3.0  # a step is larger than this number of median absolute deviations of the earlier runs, and
-STEP = 0.15  # larger than this fraction of their median
+SCATTER = 3.0  # a step is larger than SCATTER median absolute deviations of the earlier runs, and
+STEP = 0.15  # larger than STEP times their median
 COMPARABLE = ("processor", "cores", "variant")  # columns of the history that are equal in comparable runs
 
 PROJECT = "performance target of the project on 2 processor cores"
@@ -32,7 +32,7 @@ class Figure:
         target: worst value that passes; None if the figure has no target.
         source: where the target comes from.
         benchmark: name of the benchmark that measures the figure.
-        better: which values are better.
+        better: whether smaller or larger values are better.
     """
 
     name: str

@@ -39,7 +39,7 @@ def write_scan(path: Path, faces: int, seed: int = 0) -> int:
 
     pieces = [s.mesh for s in rooms.lab()]
     area = sum(float(m.area) for m in pieces)
-    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / faces))  # splitting leaves edges of half to the whole allowed length
+    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / faces))  # the split edges are between half the allowed length and that length
     rng = np.random.default_rng(seed)
     fine, colours = [], []
     for k, piece in enumerate(pieces):

@@ -2,12 +2,13 @@
 
 The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same object.
 The feature error is the root mean square of the differences over features, in standard deviations of each feature over the measured
-recordings. Brightness is compared after one common gain, which a measured corner reflector would give, so that methods without an absolute
-level are not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from asymmetric objects. The
-classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured revolutions with a wrong
-class. The run time is in processor seconds: the median over the recordings that reused a traced room, plus the longest time to trace the
-room divided by the number of all frames. The recordings are simulated in worker processes, one at a time in each worker. The quick profile
-uses its own recordings. The paper profile uses the recordings of the quick profile with the changes LONGER.
+recordings. Before brightness is compared, one common gain is removed, which a measured corner reflector would give. Methods without an
+absolute level are therefore not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from
+asymmetric objects. The classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured
+revolutions with a wrong class. The run time is in processor seconds per frame. It is the median over the recordings that reused a traced
+room, plus the longest time for tracing the room divided by the number of all frames. The recordings are simulated in worker processes, one
+at a time in each worker. The quick profile uses its own recordings. The paper profile uses the recordings of the quick profile with the
+changes LONGER.
 """
 
 from __future__ import annotations
@@ -118,8 +119,8 @@ def _configured(config: Config, method: Twin, full: bool) -> Config:
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
     """Return the processor seconds per frame over the recordings that reused a set-up: the median, and the value of each recording.
 
-    All run times per frame include the longest set-up time, divided by the number of all frames. Shorter set-ups read traced paths from
-    the disk.
+    All run times per frame include the longest set-up time, divided by the number of all frames. The longest time is used because shorter
+    set-ups read traced paths from the disk.
     """
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [one["told"]["frames"] for one in made]

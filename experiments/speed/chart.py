@@ -63,7 +63,7 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     _legend(panels.flat[-1], measured)
     drawing.draw_without_rendering()
     for panel, mine in zip(panels.flat, problems.values(), strict=False):
-        # labelled: the front, the default, RF-Genesis as published, and the most accurate of each family
+        # points with a text: the front, the default, RF-Genesis as published, and the most accurate of each family
         named = [row for row in mine if row[front] or row["setting"] in (DEFAULT, "as published")]
         families = dict.fromkeys(row["family"] for row in mine)
         named += [min((row for row in mine if row["family"] == family), key=lambda row: row[error]) for family in families]

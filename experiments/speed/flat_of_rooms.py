@@ -18,12 +18,12 @@ from radartwin.scene.rooms import furniture
 from radartwin.scene.rooms.parts import GAP
 from radartwin.scene.scene import Scene, Surface
 
-ROOM_M, HEIGHT_M = np.array([5.0, 4.0]), 2.7  # distance between the middles of walls, and height
+ROOM_M, HEIGHT_M = np.array([5.0, 4.0]), 2.7  # sides of a room, from middle to middle of its walls, and height of a room
 WALL_M, DOOR_M = 0.1, 0.9  # thickness of a wall and width of a door opening
 SURFACES_A_ROOM = 100  # about this many flat surfaces belong to a room
 PLAIN = 16  # flats up to this many surfaces are one room with cabinets only
 FREE_M = 0.9  # half the side of the square around the middle of a room that stays free for the radar
-TRIES = 200  # places tried for a piece of furniture before a smaller piece is tried
+TRIES = 200  # number of positions tried for a piece of furniture before a smaller piece is tried
 BOARD_M, LEG_M = 0.025, 0.04  # thickness of a table's top and of its legs
 MATERIALS = ("wood", "metal", "chipboard", "glass")
 

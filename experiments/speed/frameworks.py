@@ -24,7 +24,7 @@ COUNTS = (100, 1000, 10_000, 100_000, 1_000_000)
 REPEATS = 7
 K = 2 * math.pi / 3.9e-3  # rad/m
 _STEP = wedge.LAST / wedge.STEPS
-TAIL_SLOPE = (2j * _STEP * np.arange(wedge.STEPS + 1) * wedge.TAIL - 1) * _STEP  # of `wedge.scaled_tail`, times the step of its table
+TAIL_SLOPE = (2j * _STEP * np.arange(wedge.STEPS + 1) * wedge.TAIL - 1) * _STEP  # slope of `wedge.scaled_tail`, times the step of its table
 
 
 @compiled

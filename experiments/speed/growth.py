@@ -52,17 +52,17 @@ TABLE = Table(
 )
 
 SECONDS, SLOPE = "processor time (s)", "slope of time against size"
-DRIVE_M, FRAMES = 0.1, 20  # length and frames of the drives through flats of rooms
+DRIVE_M, FRAMES = 0.1, 20  # length in metres and number of frames of the drives through flats of rooms
 ROOM, ROOM_BOUNCES = 100, 4  # surfaces of the flat in the sweep of bounces, and bounces in the sweep of surfaces
-SPHERES_M = (0.02, 0.04, 0.08, 0.16, 0.32)  # radii
+SPHERES_M = (0.02, 0.04, 0.08, 0.16, 0.32)  # radii of the spheres in metres
 CHANNELS = ((2, 4), (4, 4), (4, 12), (8, 12), (12, 16))  # transmitters and receivers
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A size of the problem that is changed, and the claims about the slopes of its parts."""
+    """A sweep over one size of the problem, and the claims about the slope of each part of the run time."""
 
-    size: str  # what the sweep changes
+    size: str  # name of the size that the sweep changes
     measure: Callable[[int], dict[str, tuple[float, float]]]  # {part of the run time: (size, processor seconds)} of one step
     quick: tuple[int, ...]  # steps of the quick profile
     paper: tuple[int, ...]  # steps of the paper profile

@@ -106,7 +106,7 @@ class Timed:
                 published_seconds(part.scene, part.sensor[:1], {k: p[:1] for k, p in part.motion.items()}, settings, RADAR, clock)
                 for part in self.problem.parts
             ]
-            return float(np.mean(seconds)), float(np.mean(seconds))  # one thread works, so processor time is close to wall-clock time
+            return float(np.mean(seconds)), float(np.mean(seconds))  # one thread works, so processor and wall-clock time are nearly equal
         aside = ASIDE_M * next(self._calls) if moved or not self.problem.resting else 0.0
         began, wall = clock(), time.perf_counter()
         for part in self.problem.parts:
@@ -118,8 +118,8 @@ class Timed:
     def prepare(self, budget_s: float, most: int) -> None:
         """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition.
 
-        RadarTwin's tracer simulates all frames (`most`), because its frames share work. Each frame of another method takes the same time,
-        so a repetition of another method has as many frames as fit into `budget_s` seconds.
+        RadarTwin's tracer simulates all frames (`most`), because it does some work for several frames at once. Each frame of another method
+        takes the same time, so a repetition of another method has as many frames as fit into `budget_s` seconds.
         """
         own = self.method.family == OURS
         if own and not self.problem.resting:

@@ -1,9 +1,9 @@
 """The simulation methods compared in speed, accuracy and stability: RadarTwin's tracer at several settings, and other simulators.
 
 RF-Genesis appears in two versions. The first version of RF-Genesis uses the same synthesis of samples as all other methods. The second
-version of RF-Genesis (`published`) uses the signal generator of the program that the authors of RF-Genesis released, which adds echoes one
-by one. Only one of the sums of RF-Genesis' signal generator is timed, and its time is multiplied by the number of sums, because all sums
-take the same time.
+version (`published`) uses the signal generator of the program that the authors of RF-Genesis released. This signal generator computes one
+sum over the echoes for each chirp, transmitter and receiver. Only one sum is timed, and its time is multiplied by the number of sums,
+because all sums take the same time.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python -m experiments.speed.one_call
 
-Each object is measured in a process of its own. A time is the CPU time of the process in the first call, or the smallest CPU time of
-REPEATS calls, so that other programs on the computer hardly change the result.
+Each object is measured in a process of its own. The script gives the CPU time of the first call and, for each other kind of call, the
+smallest CPU time of REPEATS calls. Other programs on the computer hardly change these times.
 """
 
 import time
@@ -22,7 +22,7 @@ from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 
 REPEATS = 20
-MANY = 100  # poses in the longest call
+MANY = 100  # number of poses in the longest call
 OBJECTS = {
     "sphere, radius 5 cm": lambda: objects.sphere(0.05),
     "corner reflector, 10 cm": lambda: objects.trihedral(0.1),

@@ -9,8 +9,8 @@
 The references exist for a single isotropic element that transmits and receives. Errors are therefore computed with a single isotropic
 element, and run times are measured with the whole antenna array. The full-wave fields are fields of two-dimensional scenes at every fourth
 sample of a chirp. The conversion of these fields to the three-dimensional scenes has a signal error of 0.004. The references lack the waves
-from the top and bottom edges of the surfaces: the walls are 3.2 m high, and the ends of the box, which is 0.8 m high, change the signal by
-0.02.
+from the top and bottom edges of the surfaces. The walls are 3.2 m high. The box is 0.8 m high, and its top and bottom edges change the
+signal by 0.02.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.simulate import simulate
 
 RADAR = Radar.iwr1843()
-TURN, DRIVE = 250, 50  # frames of a revolution and of a drive
-NODES = 9  # frequencies at which an echo is integrated; between them, a polynomial interpolates the echo without its path's phase
+TURN, DRIVE = 250, 50  # number of frames of a revolution, and of a drive
+NODES = 9  # number of frequencies at which an echo is integrated; between them, a polynomial interpolates it without the path's phase
 OFFICE, OFFICE_SENSOR = rooms.ROOMS["office"][1], np.array(rooms.ROOMS["office"][2])
 EVERY = fullwave.EVERY
 # The radar of the full-wave fields: every fourth sample of a chirp.
@@ -210,7 +210,7 @@ def full_wave(recording: str, scored: int) -> np.ndarray:
 
 
 def problems(full: bool) -> tuple[Problem, ...]:
-    """Return all test problems in the order of the chart. `full` uses more frames for run times and errors."""
+    """Return all test problems in the order of the chart. If `full` is true, they have more frames for run times and errors."""
     turning, driven, exact, room = (30, 25, 11, 3) if full else (16, 6, 4, 2)
     return (
         canonical(turning, exact), near(turning, exact), empty_room(driven, room), object_in_room(turning, room),

@@ -47,10 +47,10 @@ NEAR = 1.1
 FASTER = 500.0
 ERRORS = {"signal_error": "error of the signal", "profile_error_db": "error of the range profile"}
 PUBLISHED = "as published"
-MEASURED = (  # columns that are empty on the campaign
+MEASURED = (  # columns that are empty in the rows of the campaign
     "wall_s_frame", "setup_s", "frames timed", "memory_mib", "rays", "signal_error", "profile_error_db", "offset_db", "free_error_db",
 )  # fmt: skip
-UNSCORED = dict.fromkeys(("feature_error", "recognition_error", "front of features", "front of recognition"))  # columns of the campaign
+UNSCORED = dict.fromkeys(("feature_error", "recognition_error", "front of features", "front of recognition"))  # for the campaign only
 SOURCES = ("experiments.speed.measuring", "experiments.speed.problems", "experiments.speed.methods")
 # `rounds`, `budget_s` and `slow_s` of `measuring.measure`
 QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
@@ -184,8 +184,8 @@ def _claims(
 ) -> list[dict[str, Any]]:
     """Return the rows of two claims about a test problem.
 
-    The two claims are that the default method is on the Pareto front for signal error and for profile error, and that it is faster than
-    RF-Genesis as published.
+    The first claim is that the default method is on the Pareto fronts of signal error and profile error. The second claim is that it is
+    faster than RF-Genesis as published.
     """
     rows = []
 

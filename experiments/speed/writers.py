@@ -4,7 +4,7 @@
 
 Each writer is a process. It writes results of `--bytes` into one store, and then logs runs to one MLflow server on this machine, which
 `radartwin dashboard` starts on an SQLite database. A measurement has the parts `store` and `server`. In each part, all writers start to
-write at the same time. The script prints, for each number of writers, the median and the 95 % quantile of the time of one write and the
+write at the same time. For each number of writers, the script prints the median and the 95 % quantile of the time of one write, and the
 number of writes per second. A write that has not ended after LIMIT_S counts as failed. The script deletes what it wrote.
 """
 
@@ -34,13 +34,13 @@ from radartwin.errors import BackendError, UserError
 from radartwin.runs.tracking import Tracker
 from radartwin.store.products import Store
 
-WRITES = 100  # writes of all writers together, but at most MOST of one writer
+WRITES = 100  # number of writes of all writers together; one writer makes at most MOST of them
 MOST = 20
-LIMIT_S = 40.0  # longest time of all writes of one number of writers, in seconds
+LIMIT_S = 40.0  # longest time in seconds for all writes with one number of writers
 STARTS_WITHIN_S = 60
 HOST = "127.0.0.1"
 os.environ["MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT"] = "true"
-METRICS = 10  # metrics of a run; the tables log up to 40
+METRICS = 10  # number of metrics of a run; the tables log up to 40
 MODULES = ["radartwin.constants"]  # the source code that is part of the key of the written results
 
 

@@ -33,7 +33,7 @@ LIMIT_DB = 3.0
 DOMAIN = "closed forms, series, quadrature, image sources, full-wave fields"
 CLAIM = "the largest safe region of all methods"
 FINITE = "no method crashes or returns a value that is not a number"
-COLUMNS = 2  # of the figure
+COLUMNS = 2  # columns of panels in the figure
 STEPS_DB = (0.0, 0.5, 1.0, 3.0, 6.0, 12.0, 40.0)
 COLOURS = ("#08519c", "#4292c6", "#9ecae1", "#fdd0a2", "#fd8d3c", "#a63603")  # blue is safe, brown is not; readable with colour blindness
 NAMES = {"this tracer": "this tracer", "points": "points, RCS table", "Sionna RT": "Sionna RT"}
@@ -81,8 +81,8 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer has the claim that the tracer's safe region is
-    the largest.
+    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer states the claim that no other method has a larger
+    safe region.
     """
     best = max(safe(errors) for _, errors in found)
     rows = []

@@ -2,9 +2,9 @@
 coarser.
 
 For each value of a sweep, the true radar signal is known. For sweeps with a single object, the mean power of a frame's samples is compared
-with closed forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). Errors in dB are limited to
-DYNAMIC_DB, which is also the error of a method that returns no signal. Methods without an absolute level get the gain that makes their
-level of a metal sphere at 1 m correct.
+with closed forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). An error is at most
+DYNAMIC_DB. A method that returns no signal has this error. Methods without an absolute level get the gain that makes their level of a metal
+sphere at 1 m correct.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Sweep:
     name: str
     title: str
     unit: str
-    kind: str  # kind of the failure: "physical", "numerical", "a setting" or "knowledge"
+    kind: str  # cause of the failure: "physical", "numerical", "a setting" or "knowledge" (of the scene)
     values: tuple[float, ...]  # values of the sweep, easiest first
     error_db: Callable[[Method, float], float]  # function (method, value) -> error in dB
     why: str  # reason of the failure, one sentence
@@ -107,7 +107,7 @@ def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> c
     return _facing[key]
 
 
-_facing: dict[tuple[bytes, bytes, float, float], complex] = {}  # all methods are compared with the same echoes
+_facing: dict[tuple[bytes, bytes, float, float], complex] = {}  # cache, because all methods are compared with the same echoes
 
 
 def _rays(method: Method, value: float) -> float:
@@ -207,7 +207,9 @@ def _missing(method: Method, value: float) -> float:
 
 
 def _far(method: Method, value: float) -> float:
-    """Return the level error in dB of a metal ball. It is DYNAMIC_DB beyond the unambiguous range, where no range bin holds the ball."""
+    """Return the level error in dB of a metal ball. Beyond the unambiguous range, where no range bin holds the ball, the error is
+    DYNAMIC_DB.
+    """
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])

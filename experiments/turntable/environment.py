@@ -1,9 +1,9 @@
 """Environment ablation: is a simulated range profile closer to the measured range profile if the simulation includes the room?
 
-The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the
-scanned room with the configured materials, by default the labelled materials. The third simulation has the same room of plasterboard.
-Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the reconstructed scene; about
-75 % of the energy arrives from beyond the target. The module `operating_points` searches the conditions in which these figures occur.
+The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the scanned
+room with the configured materials, by default the labelled materials. The third simulation has the same room of plasterboard. Paper
+(environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the reconstructed scene; about 75 % of
+the energy arrives from beyond the target. The module `operating_points` searches for conditions in which these figures occur.
 """
 
 from __future__ import annotations
@@ -47,15 +47,16 @@ TABLE = Table(
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
-# name in this table: domain of the campaign, and materials of the room (None stands for the configured materials)
+# A side is a kind of recording in this table. For each side: the domain of the campaign, and the materials of the room (None stands for the
+# configured materials).
 SIDES = {"measured": ("measured", None), "room": ("twin", None), "uniform": ("twin", "uniform"), "void": ("void", None)}
-SHOWN = ("measured", "room", "void")  # sides of the range-time figure
+SHOWN = ("measured", "room", "void")  # sides that the range-time figure shows
 PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
 CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.1)
 WIDENS = Claim("the gain in correlation increases with distance", "above 0", above=0.1)
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
-# the paper says "essentially uncorrelated or weakly anti-correlated"; here: an upper bound on the interval
+# the paper says "essentially uncorrelated or weakly anti-correlated"; this claim sets an upper bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
 
 
@@ -142,13 +143,13 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def labels_of(config: Config) -> dict[str, str]:
-    """Return the names of the sides in the table."""
+    """Return the name of each side (kind of recording) that the table prints."""
     sides = {"measured": f"measured ({config.measured.provider})", "room": f"room ({config.materials.source})"}
     return sides | {"uniform": "room (uniform)", "void": "void"}
 
 
 def with_points(config: Config, result: Result, points: Sequence[operating_points.Point]) -> Result:
-    """Add the rows, the figure and the column of the operating points to the result. Without points the result stays the same."""
+    """Add the rows, the figure and the column of the operating points to the result. Without operating points, it stays the same."""
     if not points:
         return result
     _add_operating_point(result.rows, operating_points.best(points), labels_of(config))
@@ -163,7 +164,7 @@ def with_points(config: Config, result: Result, points: Sequence[operating_point
 def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
     """Read the reflector's recordings: measured, simulated with the room, with the room of plasterboard, and without the room ("void").
 
-    Measured recordings and both kinds of simulated recordings must exist at each distance.
+    Each of these kinds of recordings must exist at each distance.
     """
     chosen = wanted(config, source)
     found: dict[tuple[str, float], list[Profiles]] = {}
@@ -229,7 +230,7 @@ def _add_correlations(
 
 
 def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
-    """Add the correlation gain by the room at the largest distance minus the gain at the smallest distance, if the distances differ."""
+    """Add the correlation gain due to the room at the largest distance minus that at the smallest distance, if the distances differ."""
     distances = [distance for _, distance in gains]
     if not gains or min(distances) == max(distances):
         return
@@ -242,7 +243,9 @@ def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, s
 
 
 def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.Point | None, labels: dict[str, str]) -> None:
-    """Add the column "at_operating_point" to all rows: the mean of the same figure at the point with the paper's figures, else None."""
+    """Add the column "at_operating_point" to all rows. If the operating point with the paper's figures gives the quantity of a row, the
+    column has the mean at this point, otherwise None.
+    """
     for row in rows:
         row["at_operating_point"] = None
         if best and row["distance_m"] == PAPER_DISTANCE_M and row["scale"] in (best.scale, "power"):

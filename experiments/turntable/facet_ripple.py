@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 FACETS = 128
 ASPECTS_PER_FACET = 16
-RADIUS_M, HEIGHT_M = 0.0683 / 2, 0.1016  # of the soup can
-APART_M = 1e-6  # space between facets: without common vertices the facets stay flat
+RADIUS_M, HEIGHT_M = 0.0683 / 2, 0.1016  # radius and height of the soup can in metres
+APART_M = 1e-6  # gap between facets, so that they have no common vertices and stay flat
 NEAR_M = 1.0
 HALF_BAND = 8  # cycles per revolution on each side of FACETS
 SEEDS = (1, 2, 3)  # random seeds of the ray grid

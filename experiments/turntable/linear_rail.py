@@ -2,8 +2,8 @@
 
 Paper (linear transformations), radial motion: the excursion (total change of the range) is 0.50 m measured and 0.51 m simulated; the shape
 correlation (correlation of the range tracks over frames) is 0.78. Paper, diagonal motion at 45 degrees to the line of sight: the excursion
-is 0.22 m measured, 0.44 m simulated and 0.42 m expected; the paper blames ambiguous peaks in clutter. In this table, the expected diagonal
-excursion is that of the logged motion, 0.49 m.
+is 0.22 m measured, 0.44 m simulated and 0.42 m expected; the paper gives ambiguous peaks in clutter as the cause. In this table, the
+expected diagonal excursion is that of the logged motion, 0.49 m.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
 """Operating points: where do the paper's figures of the environment ablation occur together, if the target is weaker or stronger?
 
-The paper has about 75 % of the energy beyond the target at 2 m, and correlations of -0.24 (void) and +0.42 (room) with the measured range
-profile. The virtual measurements have less energy beyond the target. An operating point is a choice of three conditions that change the
-ratio of target to room: the leg of the corner reflector, whose echo grows with the fourth power of the leg; the side and back lobes of
-the measuring antennas; and the power mean or median over the frames. Measurement and both simulations contain the reflector of this leg.
+In the paper, at 2 m, about 75 % of the energy lies beyond the target. The correlation with the measured range profile is -0.24 without the
+room (void) and +0.42 with the room. In the virtual measurements, a smaller share of the energy lies beyond the target. An operating point
+is a choice of three conditions that change the ratio of target to room. The first is the leg of the corner reflector, whose echo grows with
+the fourth power of the leg. The second is whether the measuring antennas have side and back lobes. The third is whether the power is the
+mean or the median over the frames. Measurement and both simulations contain the reflector of this leg.
 
-The ratio of target to room is the energy in the target gate over the energy behind the gate, in the measured profile. Every recording has
-its own draws of placement, start angle and person, so that the ratio does not follow the leg exactly. The acceptance limits `LIMITS` were
-written before the first score. A point is accepted on one scale (amplitude or decibels), if the means of all three figures over the
-recordings are inside the limits, and both correlations are taken on this scale.
+The ratio of target to room is the energy in the target gate over the energy behind the gate, in the measured profile. Placement, start
+angle and person are drawn anew for every recording, so that the ratio does not depend on the leg alone. The acceptance limits `LIMITS` were
+written before the first score. A point is accepted on a scale (amplitude or decibels) if the means of all three figures over the recordings
+are inside the limits. Both correlations are computed on this scale.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DISTANCE_M = 2.0
-DRAWS = 3  # largest number of measured recordings at each leg; each is another draw of the campaign
+DRAWS = 3  # largest number of measured recordings at each leg, each from another draw of the campaign
 LEGS_M = {"quick": (0.05, 0.07, REFLECTOR_LEG_M, 0.12), "paper": tuple(sorted((*OTHER_LEGS_M, REFLECTOR_LEG_M)))}
 LOBES = {"quick": (True,), "paper": (True, False)}  # with and without the antennas' side and back lobes
-STATISTICS = {"mean": np.mean, "median": np.median}  # power of a range bin over the frames
+STATISTICS = {"mean": np.mean, "median": np.median}  # statistic of the power of a range bin over the frames
 SCALES = {"amplitude": "amplitude", "db": "decibels"}
 FIGURES = ("share", VOID, "room")
 PAPER = {"share": 0.75, VOID: -0.24, "room": 0.42}
@@ -80,7 +81,7 @@ class Point:
 
     @property
     def departure(self) -> float:
-        """Root mean square difference from the paper's figures, each divided by the distance of its upper limit from the paper's figure."""
+        """Root mean square, over the three figures, of (mean - paper's figure) / (upper limit - paper's figure)."""
         parts = [(np.mean(self.values[name]) - PAPER[name]) / (LIMITS[name][1] - PAPER[name]) for name in FIGURES]
         return float(np.sqrt(np.mean(np.square(parts))))
 
@@ -92,7 +93,7 @@ def without_lobes(config: Config) -> Config:
 
 
 def compared_lobes(config: Config) -> tuple[bool, ...]:
-    """Return whether the measuring antennas have lobes, for each antenna that the table compares.
+    """Return the antennas that the table compares: True for antennas with side and back lobes, False for antennas without.
 
     The result is empty if the table has no operating points. The table has operating points if the testbed measures at the paper's distance
     and the simulation has a room.

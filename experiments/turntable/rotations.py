@@ -40,7 +40,7 @@ Turns = dict[tuple[str, float], list[Turn]]  # key: object, distance
 
 
 def read(source: RecordingSource, progress: Progress) -> dict[str, Turns]:
-    """Read measured and simulated recordings at their common objects and distances, sorted as in the catalogue.
+    """Read the recordings of all objects and distances that are both measured and simulated, sorted as in the catalogue.
 
     Raises:
         ConfigError: the measured and the simulated recordings have no common object and distance.

@@ -1,12 +1,12 @@
 """Shape: do objects differ in the modulation of their echo over a revolution in the same way in simulation and measurement?
 
-The table compares measurement and simulation by the harmonic ratio of each object (power of harmonics 1 to 6 of the echo's modulation over
-a revolution, relative to harmonic 0), and by the ranking of objects by this ratio (Spearman). The table also compares the distances
-between objects in the space of all rotation features except brightness (Mantel test), and the range-Doppler signatures of a revolution.
-The signature of a measured object is compared by SSIM with the simulation of the same object and of other objects. Further rows give the
-change of the corner reflector's harmonic ratio with distance. The corresponding sections of the paper are "disentangled fidelity, shape"
-and "turntable fidelity". An object counts as cleanly localised if the strongest echo over all ranges lies in the target gate in at least
-half of its measured recordings; the paper gives no criterion.
+The table compares the harmonic ratio of each object between measurement and simulation, and the ranking of the objects by this ratio
+(Spearman). The harmonic ratio is the power of harmonics 1 to 6 of the echo's modulation over a revolution, relative to harmonic 0. The
+table also compares the distances between objects in the space of all rotation features except brightness (Mantel test), and the
+range-Doppler signatures of a revolution. The signature of a measured object is compared by SSIM with the simulation of the same object and
+of other objects. Further rows give the change of the corner reflector's harmonic ratio with distance. The corresponding sections of the
+paper are "disentangled fidelity, shape" and "turntable fidelity". An object counts as cleanly localised if the strongest echo over all
+ranges lies in the target gate in at least half of its measured recordings; the paper gives no criterion.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ RATIO = "harmonic_ratio"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
 PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
 LOWEST_SHOWN = 1e-4  # lower end of the axis of harmonic ratios; a simulated can has a ratio of zero
-MIN_OBJECTS = 7  # a rank correlation over six or fewer objects has an interval of almost all values
+MIN_OBJECTS = 7  # over six or fewer objects, the interval of a rank correlation extends over almost all possible values
 
 SPLIT = Claim("cans are flatter than the reflector and the bottles", "0.72 / 0.18 = 4", above=1.5)
 ORDER = Claim("the order of objects is kept", "0.76", above=0.0, p_below=0.05, least=MIN_OBJECTS)
@@ -106,8 +106,8 @@ def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict
 
 
 def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add the harmonic ratio of each object in each domain, and how far the ratio of objects that are not round (`peaked`) lies above
-    the ratio of the cans.
+    """Add the harmonic ratio of each object in each domain, and the factor between the ratios of objects that are not round (`peaked`) and
+    of the cans.
     """
     known = catalogue()
     cans = [name for name in names if rotations.is_can(name)]

@@ -1,12 +1,12 @@
 """Compare the specular paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
-Sionna RT and the image sources treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel
-zone. The image sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the
-orders in which a path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT
-searches paths from a point back to the same point ("co-located"). In the co-located case, Sionna RT misses corners, because the mirror
-points of a corner lie on edges. If the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner.
-In the co-located case, the compared path lengths are those that Sionna returns in single precision. In the apart case, only the facets of
-Sionna's paths are used, and the length of each path is computed again for a single point.
+Sionna RT and the image sources treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone.
+The image sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the orders
+in which a path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT searches
+paths from a point back to the same point ("co-located"). In the co-located case, Sionna RT misses corners, because the mirror points of a
+corner lie on edges. If the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner. In the
+co-located case, the compared path lengths are those that Sionna returns in single precision. In the apart case, only the facets that
+Sionna's paths hit are used. The length of each path is computed again, with transmitter and receiver at one point.
 
 The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
 RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately. The metric
@@ -78,11 +78,11 @@ class Compared:
     The comparison uses only strong paths, within DYNAMIC_DB of the strongest path.
     """
 
-    matched: np.ndarray  # (N,) whether each path of the reference has a partner among ours
+    matched: np.ndarray  # (N,) whether each strong path of the reference has a partner among RadarTwin's paths
     length_mm: np.ndarray  # (M,) length errors of the matched paths
     level_db: np.ndarray  # level errors of the matched paths with a clear first Fresnel zone
     cut_level_db: np.ndarray  # level errors of the matched paths without a clear first Fresnel zone
-    ours_matched: np.ndarray  # whether each of our paths has a partner in the reference
+    ours_matched: np.ndarray  # whether each of RadarTwin's strong paths has a partner in the reference
     small: int  # number of the reference's paths that reflect at small surfaces
 
 
@@ -129,7 +129,7 @@ def pose_in(room: str, place: int, seed: int) -> np.ndarray:
 
 
 def ours(scene: Scene, pose: np.ndarray) -> PathSet:
-    """Return RadarTwin's paths of mirror reflections at flat faces, without edges."""
+    """Return RadarTwin's paths that reflect at flat faces only, without diffraction at edges."""
     parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
     return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
 
@@ -146,7 +146,7 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
     if not apart:
         return together(_of_answer(answer, small, pose))
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "sionna:")  # the table shows the paths that Sionna RT misses
+        warnings.filterwarnings("ignore", "sionna:")  # no warnings, because the table shows which paths Sionna RT misses
         (paths,) = backend.paths(scene, RADAR, pose[None])
     return together(_of_paths(paths, small))
 

@@ -28,8 +28,9 @@ from radartwin.simulation.backends.backend import Backend, backend
 from radartwin.simulation.simulate import simulate
 from radartwin.store.products import Store
 
-SIZE_M = 0.1  # leg of the trihedral, radius of the sphere, edge of the plate
-CLOSED_FORM_RATIO_DB = 10 * math.log10(4 / 3 * SIZE_M**2 / (SPEED_OF_LIGHT / 77e9) ** 2)  # 4 pi a^4 / (3 lambda^2) over pi r^2
+SIZE_M = 0.1  # leg of the trihedral, radius of the sphere, and edge of the plate in metres
+# cross-section of the trihedral, 4 pi a^4 / (3 lambda^2), over that of the sphere, pi r^2
+CLOSED_FORM_RATIO_DB = 10 * math.log10(4 / 3 * SIZE_M**2 / (SPEED_OF_LIGHT / 77e9) ** 2)
 SAME_DB = 6.0  # tolerance; a target covers about five pixel rows, and one row more or less changes the level by decibels
 SAME_EXPONENT = 1.0
 CLAIM = "the re-implementation returns what the published program does"

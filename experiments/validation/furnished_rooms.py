@@ -1,8 +1,8 @@
 """Score the simulator in furnished metal rooms against full-wave fields: nine given rooms and thirty seeded rooms.
 
-The command `python -m experiments.validation.furnished_rooms [--output DIR]` prints, for every room, the rms difference of the range
-profiles over 40 dB, the complex error, the number of paths and the seconds of the simulation, then medians and worst values. The command
-draws the room with the largest profile difference.
+The command `python -m experiments.validation.furnished_rooms [--output DIR]` prints a table with one line per room: the rms difference of
+the range profiles over 40 dB, the complex error, the number of paths and the seconds of the simulation. Two more lines give medians and
+worst values. The command also draws the room with the largest profile difference.
 """
 
 from __future__ import annotations

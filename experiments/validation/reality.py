@@ -5,7 +5,7 @@ The measured echo levels of two dihedrals are part of this repository (experimen
 verdict "untestable". The limits were stated before the comparisons were made:
 
 - dihedrals: the standard deviation that near-field physical optics reaches on the same levels (source: the reference of the levels), which
-  is 0.6 to 1.1 dB for each size and 2.1 dB over both sizes with one common offset;
+  is 0.6 to 1.1 dB for a single size, and 2.1 dB for both sizes together with one common offset;
 - captures: one range bin, and one Doppler bin, around the values that the descriptions of the captures give;
 - scan: the limits of the table `scan` for scans of procedural rooms.
 """
@@ -68,7 +68,7 @@ DATA = REFERENCE.parent / "data"  # beside the checkout
 ROOM, WALK, CHAIR = (DATA / path for path in ("radar/iwr6843_static_room", "radar/openradar_77ghz_frame", "scans/arkit_lidar_chair_scan"))
 
 SIDES_M = (0.05, 0.10)
-DISTANCE_M, HEIGHT_M = 0.896, 0.067  # from the radar to the corner edge; of the radar above the lower end of the corner edge
+DISTANCE_M, HEIGHT_M = 0.896, 0.067  # distance of the radar from the corner edge; height of the radar above the lower end of this edge
 BINS = slice(17, 24)  # the level is the strongest of these range bins
 CENTRE_HZ = 78.5e9
 SIZE_LIMIT_DB, COMMON_LIMIT_DB = 1.1, 2.1
@@ -82,7 +82,7 @@ WALK_PEAKS_M, WALKER_M = (5.208, 2.93, 4.39), 2.955
 FRAME_PEAKS_M = (5.205, 1.981, 4.054)
 WALKER_MPS = (0.56, -0.81)  # fastest receding and fastest approaching speed of the walker
 WALK_DOPPLER_BIN_MPS = 0.081
-SPACING_M = 0.04  # of the points whose distance to a mesh is measured
+SPACING_M = 0.04  # spacing of the points whose distance to a mesh is measured
 SCALE_LIMIT = 0.01
 NEAR_M = 0.05  # points farther from the other mesh do not count in the fit of the scale
 
@@ -121,7 +121,7 @@ def identity() -> dict[str, Any]:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Make every comparison whose data are here."""
+    """Make every comparison whose data are present."""
     rows = [line for m, compare in progress.over(COMPARISONS, "measurements") for line in rows_of(m, compare, config)]
     figures = {"reality_dihedrals": _dihedral_figure}
     metrics = {f"{verdict}_rows": float(sum(row["verdict"] == verdict for row in rows)) for verdict in ("holds", "fails", "untestable")}
@@ -205,7 +205,7 @@ def _blocks(count: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def compare_room(config: Config) -> Iterator[Compared]:
-    """Yield the range errors of the peaks of a static room at 60 GHz, and the largest speed."""
+    """Yield the range error of the peaks of a static room at 60 GHz, and the largest measured speed of a peak."""
     capture = ROOM / "iwr6843_frame_adc_data.bin"
     table = process_capture(capture)
     bin_m = Radar.from_file(ROOM / "iwr6843_mmwaveDevice.mmwave.json").range_resolution_m
@@ -243,8 +243,10 @@ def _peaks(ranges_m: np.ndarray, described_m: Sequence[float], bin_m: float, whe
 
 
 def compare_scan(config: Config) -> Iterator[Compared]:
-    """Yield distances and scale error between our mesh of the camera frames and the vendor's mesh, and the distance from the vendor's mesh
-    to the surfaces of our scene.
+    """Yield the errors of the reconstruction of the chair scan.
+
+    The errors are distances and scale error between RadarTwin's mesh of the camera frames and the vendor's mesh, and the distance from the
+    vendor's mesh to the surfaces of RadarTwin's scene.
     """
     frames = load_frames(CHAIR)
     vendor, fused = load_scan(CHAIR / "export.obj", up="y")[0], fuse(frames)[0]
@@ -273,8 +275,8 @@ def _distances(mesh: trimesh.Trimesh, others: Sequence[trimesh.Trimesh]) -> np.n
 def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh, rounds: int = 20) -> float:
     """Return the factor that scales a mesh to another mesh, fitted together with rotation and translation to point-to-plane distances.
 
-    Noise of the points biases the factor towards small values, by the same amount in both directions. The square root of the ratio of
-    both directions has no such bias.
+    Noise of the points makes this factor too small. The factor from the other mesh to the first is too small by the same amount. The square
+    root of the ratio of both factors therefore has no such error.
     """
     from scipy.spatial.transform import Rotation
 

@@ -28,8 +28,8 @@ SLABS: dict[str, tuple[list[tuple[str, float]], str]] = {
 WALLS_M = {"pet 0.3": ("pet", 0.3e-3), "pet 1": ("pet", 1e-3), "hdpe 1": ("hdpe", 1e-3), "glass 3": ("glass", 3e-3)}
 RADIUS_M, HEIGHT_M = 0.033, 0.12
 SWEEP_HZ = (77e9, 80.44e9)
-EMPTY_LIMIT_DB = 2.5  # limit for empty bottles; the tracer's local slab leaves out the echo of their far wall
-FAR_M = 40.0  # distance of the radar; its direction varies by less than 0.1 degrees over a 10 cm dihedral
+EMPTY_LIMIT_DB = 2.5  # limit for empty bottles; the tracer treats the wall as a local slab, without the echo of the far wall
+FAR_M = 40.0  # distance of the radar; over a 10 cm dihedral, the direction of the radar varies by about 0.1 degrees to either side
 EDGE = 8  # number of samples left out at either end of the sweep
 OVER_METAL = "over metal (dB)"
 

@@ -66,7 +66,7 @@ def _swapped_images(full: bool) -> Finding:
         chosen = traced.settings("panels", max_bounces=4)
         for paths in traced.trace(room_scene(size, "concrete"), traced.MONOSTATIC, traced.pose(sensor, rotation()), chosen):
             keys = np.column_stack([paths.departure, paths.arrival, paths.length_m])
-            # the sequences of walls at a corner have equal lines, so their sum counts as one path
+            # paths that hit the walls of a corner in another order have equal directions and length, so their sum counts as one path
             near = KDTree(keys).query_pairs(1e-6, output_type="ndarray")
             links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(keys), len(keys)))
             _, group = connected_components(links, directed=False)
@@ -98,8 +98,7 @@ def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
 def _scattered(corner: bool, full: bool) -> Finding:
     """Compare the scattered power through a sphere of receivers, in both polarisations, with the power that hits the target.
 
-    The reference value is a ratio of scattered to incident power of 0 dB. Only a ratio of scattered to incident power above 0 dB counts as
-    an error.
+    The reference value is a ratio of scattered to incident power of 0 dB. Only a ratio above 0 dB counts as an error.
     """
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500
@@ -124,7 +123,7 @@ def _scattered(corner: bool, full: bool) -> Finding:
 def _diffuse(full: bool) -> Finding:
     """Compare the mean diffuse power of a rough concrete wall with the quadrature of Kirchhoff's scattering integral.
 
-    The cross-section of a conductor is multiplied by the power that a smooth wall reflects at normal incidence.
+    The integral holds for a conductor. The case multiplies it by the share of the power that smooth concrete reflects at normal incidence.
     """
     variant.activate()
     radar = traced.MONOSTATIC
@@ -156,7 +155,7 @@ def rough_wall_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float
     ray /= distance[..., None]
     cosine = np.abs(ray[..., 0])
     te, _ = stack.fresnel(stack.permittivity("concrete", SPEED_OF_LIGHT / wavelength_m), np.ones(1))
-    facing = float(np.abs(te[0]) ** 2)  # facets that scatter back face the radar
+    facing = float(np.abs(te[0]) ** 2)  # facets that scatter back face the radar, so that the incidence is normal
     angles = np.linspace(0, 1.2, 200)
     table = [kirchhoff_cross_section(roughness_m, CORRELATION_M, wavelength_m, angle) for angle in angles]
     scattered = np.interp(np.arccos(cosine), angles, table)

@@ -6,8 +6,8 @@ furnished.ROOMS were solved by moments_2d.py. The strips are extruded to surface
 
 A path of length L between points has sqrt(-j lambda/L) times the amplitude that it has between lines. A linear map of the samples applies
 this factor. The map is the least-squares solution over paths at ranges of 0.2 m to 2.6 m, and the error of the map for these paths is below
-0.01 dB. (The product of the range profile with sqrt(lambda/(2 range)) has a profile error of 0.4 dB and a complex error of 0.027, because
-the factor is not constant within the width of an echo.)
+0.01 dB. If the range profile were multiplied by sqrt(lambda/(2 range)) instead, the profile error would be 0.4 dB and the complex error
+0.027, because this factor is not constant within the width of an echo.
 """
 
 import json
@@ -49,7 +49,7 @@ class Compared:
 
     @property
     def error(self) -> float:
-        """Return the complex error relative to the full-wave profile, after one common phase."""
+        """Return the complex error relative to the full-wave profile, after one common phase is fitted."""
         common = np.vdot(self.ours, self.truth)
         return float(np.linalg.norm(self.ours * common / abs(common) - self.truth) / np.linalg.norm(self.truth))
 

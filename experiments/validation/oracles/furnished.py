@@ -130,7 +130,7 @@ def room(seed: int) -> dict[str, Strips]:
 
 
 def _shape(strips: Strips) -> Any:
-    """Return the lines of a surface; the inside of a closed body belongs to the body."""
+    """Return the lines of a surface, together with the inside if the surface is a closed body."""
     lines = shapely.MultiLineString([shapely.LineString(ends) for ends in strips])
     inside = shapely.polygonize([lines])
     return shapely.union_all([lines, *inside.geoms])

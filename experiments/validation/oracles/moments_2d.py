@@ -14,9 +14,9 @@ current (pulses):
 - At the end of a strip the current grows as 1/sqrt(distance). The nodes are equally spaced in a variable t with distance = t^2 near the
   end, so that current times weight is smooth.
 
-With 5 nodes per wavelength, the errors are: cylinder 1e-4 and 0.1 degrees, single strip 6e-4, group of boxes and strips 2e-3 of the field.
-Pulses with integrated neighbouring cells are wrong by 1 % for the cylinder (7 cells per wavelength) and by 2 % for a strip turned by 20
-degrees (16 cells per wavelength).
+With 5 nodes per wavelength, the error of the field is 1e-4 and 0.1 degrees for a cylinder, 6e-4 for a single strip, and 2e-3 for a group of
+boxes and strips. Cells of constant current, with integrals over neighbouring cells, are wrong by 1 % for the cylinder (7 cells per
+wavelength) and by 2 % for a strip turned by 20 degrees (16 cells per wavelength).
 
 The field inside a closed body must not affect the field outside, but at an interior resonance the equation does not determine the current.
 Therefore every closed body contains a sheet of resistance eta/2, which damps the field inside and does not change the field outside.
@@ -38,8 +38,8 @@ from experiments.validation.oracles.case import SPEED_OF_LIGHT
 from radartwin.compiled import compiled, innermost
 
 PER_WAVELENGTH = 5.0  # nodes per wavelength of the highest frequency
-ROUNDING = 3.0  # nodes over which the spacing shrinks towards the end of a strip
-BORDER = 4.0  # argument of the Hankel function at which the approximation changes
+ROUNDING = 3.0  # number of nodes over which the spacing shrinks towards the end of a strip
+BORDER = 4.0  # argument at which the approximation of the Hankel function changes from one polynomial to the other
 INSET = 0.1  # the ends of a damping sheet are moved from the corners of its body towards the centroid by this share
 EULER = 0.5772156649015329
 # Corrections (self, first, second neighbour) of the trapezoidal rule for log|t| times a polynomial: their moments of t^2 and t^4 are
@@ -219,7 +219,7 @@ def _green(k: float, to: np.ndarray, origin: np.ndarray) -> np.ndarray:
 
 
 def _matrix(at: Nodes, k: float, precision: type) -> np.ndarray:
-    """Return the matrix (N, N) of the equation. The near field of a node is -log(r) J0(k r)/(2 pi) plus a smooth function."""
+    """Return the matrix (N, N) of the integral equation. The near field of a node is -log(r) J0(k r)/(2 pi) plus a smooth function."""
     matrix = np.zeros((len(at), len(at)), precision, order="F")
     _fill(matrix, k, *at.point.T.copy(), at.weight, *_coefficients())
     row = np.arange(len(at))

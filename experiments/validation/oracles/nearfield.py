@@ -127,7 +127,7 @@ def _cone(apex: np.ndarray, convex: np.ndarray) -> list[tuple[np.ndarray, float]
         if length == 0:
             continue
         normal = normal / length * np.sign(normal @ (centre - apex))
-        planes.append((normal, float(normal @ start)))  # offset of a point of the panel, because the apex may be far
+        planes.append((normal, float(normal @ start)))  # the offset is that of a point of the panel, because the apex may be far away
     return planes
 
 

@@ -33,7 +33,7 @@ def sphere_echo(radius_m: float, distance_m: float, frequency_hz: np.ndarray | f
         jn, h, slope_j, slope_h = _radial(order, k * radius_m)
         _, far, _, slope_far = _radial(order, k * distance_m)
         terms = -jn / h * far**2 - slope_j / slope_h * slope_far**2
-        # slopes are (z f)'/z, and the arguments cancel in the ratio at the surface
+        # a slope is (z f)'/z; the factor 1/z cancels in slope_j / slope_h
         out.append(0.25j * np.sum((2 * order + 1) * terms))
     return np.array(out)
 
@@ -52,13 +52,13 @@ def cylinder_echo(radius_m: float, length_m: float, distance_m: float, frequency
     The cylinder's axis is `distance_m` away.
     """
     near = distance_m - radius_m
-    mirrored = 1 / (1 / near + 2 / radius_m)  # radius of the mirrored wave around the cylinder
+    mirrored = 1 / (1 / near + 2 / radius_m)  # radius of curvature of the reflected wave around the cylinder
     level = np.sqrt(mirrored / (mirrored + near) / 2) / near
     out = []
     for k in 2 * np.pi * np.atleast_1d(frequency_hz) / SPEED_OF_LIGHT:
         size = k * radius_m
         order = _orders(size)
-        scattered = coefficients([radius_m], [], 2 * np.pi / k, order) * np.exp(1j * size)  # the coefficients carry exp(-j k a)
+        scattered = coefficients([radius_m], [], 2 * np.pi / k, order) * np.exp(1j * size)  # removes exp(-j k a) of `coefficients`
         series = np.conj(np.sum(np.where(order == 0, 1, 2) * (-1.0) ** order * scattered))
         limit = -np.sqrt(np.pi * size) / 2 * np.exp(1j * (np.pi / 4 - 2 * size))
         sine, cosine = fresnel(length_m * np.sqrt(k / (2 * np.pi * near)))

@@ -23,7 +23,7 @@ ROOMS = {
     "corridor": ("corridor 12 x 2.1 x 2.5 m", (12.0, 2.1, 2.5), (4.3, 0.8, 1.1)),
 }
 WALLS = {"constant": "|reflection| 0.4", "concrete": "concrete", "glass": "glass half-space"}
-TILT = np.array([[0.9, -0.1, 0.2], [0.15, 0.95, -0.25], [-0.2, 0.3, 0.92]])  # no image lies on the antenna's axis
+TILT = np.array([[0.9, -0.1, 0.2], [0.15, 0.95, -0.25], [-0.2, 0.3, 0.92]])  # tilts the sensor, so that no image lies on the antenna's axis
 # Four times the samples at four times the sample rate: the same frequency sweep, with an unambiguous range of 44 m.
 RADAR = replace(traced.MONOSTATIC, num_samples=4 * traced.MONOSTATIC.num_samples, sample_rate_hz=4 * traced.MONOSTATIC.sample_rate_hz)
 

@@ -53,7 +53,7 @@ def _direct(full: bool) -> Finding:
 
 
 def _array(full: bool) -> Finding:
-    """Compare the deviation from plane-wave phase over the eight channels with the reference table, for a point target on the axis."""
+    """Compare the largest deviation from plane-wave phase over the eight channels with the reference table, for a target on the axis."""
     pairs = []
     for row in reference_rows("array_phase_error_deg.csv"):
         distance = float(row["R_m"])

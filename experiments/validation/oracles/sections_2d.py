@@ -1,8 +1,9 @@
 """Error of physical optics on the sections of plates and corners, in two dimensions, against the method of moments.
 
 The answers of the benchmark for plates and trihedrals are near-field physical optics (nearfield.py), which lacks edge currents. No exact
-field of a trihedral of 10 or 15 cm at 77 GHz is available. This module therefore compares both methods on a flat strip and on a
-right-angled corner of two strips, of the same sizes, distances and angles, with the electric field along the strips.
+field of a trihedral of 10 or 15 cm at 77 GHz is available. This module therefore compares both methods in two dimensions: on a flat strip,
+and on a right-angled corner of two strips. Sizes, distances and angles are those of the benchmark, and the electric field is along the
+strips.
 
     E_s(r) = -integral of G(r, r') dE/dn(r') ds',  dE/dn = 2 dE_i/dn on the lit side
 
@@ -26,8 +27,8 @@ FRAMES = 11
 
 
 def optics(strips: np.ndarray, frequency_hz: float) -> complex:
-    """Return the field at the origin that strips (S, 2, 2) scatter of a line source at the origin, with all paths that hit each strip at
-    most once. No strip casts a shadow.
+    """Return the field that strips (S, 2, 2) scatter back to a line source at the origin, over all paths that hit each strip at most once.
+    No strip casts a shadow.
     """
     orders = [order for count in (1, 2) for order in permutations(range(len(strips)), count)]
     return sum((_path([strips[i] for i in order], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT) for order in orders), 0j)

@@ -26,7 +26,7 @@ from radartwin.scene.scene import Scene
 IN_PLANE_M = 1e-6
 CLEAR = 1e-6  # fraction of a leg's length at either end in which obstacles are ignored
 AROUND = 12  # number of lines around a path, at the edge of its first Fresnel zone
-BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # fractions of a path where such a line bends
+BETWEEN = np.array([0.04, 0.13, 0.27, 0.42, 0.58, 0.73, 0.87, 0.96])  # fractions of a path's length at which a line around the path bends
 ON_EDGE = 1e-7
 
 

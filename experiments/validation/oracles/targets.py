@@ -15,7 +15,7 @@ from experiments.validation.oracles.cylinder import conductor_width
 from experiments.validation.oracles.nearfield import corner_quadrature
 from radartwin.scene import objects
 
-FAR_M = 2e4  # distance of a corner's quadrature: the wavefront is flat to 1e-3 wavelengths and double precision resolves the phase
+FAR_M = 2e4  # distance for the quadrature of corners: the wavefront is flat to 1e-3 wavelengths, and double precision resolves the phase
 SIDELOBE = 4.493409457909064  # first maximum of |sin x/x| after zero
 AHEAD = (1.0, 0.0, 0.0)
 
