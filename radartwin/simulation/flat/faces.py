@@ -74,7 +74,7 @@ class Faces(NamedTuple):
 
 @dataclass
 class _Region:
-    """A flat region: its polygon in the coordinates of `axes` (2, 3) about `origin`. `outward`: whether the normal points out of a solid."""
+    """A flat region: its polygon in coordinates of `axes` (2, 3) about `origin`. `outward`: whether the normal points out of a solid."""
 
     polygon: Any
     origin: np.ndarray

@@ -612,7 +612,7 @@ def _closed(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, source: np.ndarray, receiver: np.ndarray,
     chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; returns their number, or -1 if `out` is too short."""
+    """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; return their number, -1 if `out` is too short."""
     used = 0
     points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
     end = receiver[0], receiver[1], receiver[2]
