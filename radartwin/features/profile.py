@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from radartwin.errors import InputError
 
-# Limits in metres of all sums over range. The lower limit excludes the leakage between the antennas. The upper limit excludes the walls
-# with the weakest echoes.
+# Limits in metres of all sums over range. The lower limit excludes the leakage between the antennas. The upper limit excludes distant
+# walls.
 NEAR_M, FAR_M = 0.3, 5.5
 GATE_BINS = 3  # number of range bins in the target gate on either side of the target's range bin
 

@@ -30,7 +30,7 @@ def worker_count(jobs: int, items: int) -> int:
 
     Args:
         jobs: configured number of workers; 0 means as many as processor cores and memory allow.
-        items: number of function calls to distribute. There is at most one worker per two items.
+        items: number of function calls to distribute. Every worker but the last gets at least two items.
     """
     if items < FEWEST_ITEMS or in_worker():
         return 1

@@ -23,7 +23,7 @@ from radartwin.io import files
 
 T = TypeVar("T")
 Arrays = Mapping[str, np.ndarray]
-IN_MEMORY = 64  # largest number of entries held in memory; a recording of one place needs about ten
+IN_MEMORY = 64  # largest number of entries held in memory
 IN_MEMORY_BYTES = 500_000_000  # largest size of the entries held in memory together; the newest entry is held even if it is larger
 MAX_BYTES = 4_000_000_000  # size limit of a cache folder
 _SUFFIX = ".npz"
