@@ -95,16 +95,41 @@ def widening(n: int) -> float:
     return float(np.sqrt(n / (n - 1)) * t.ppf(0.975, n - 1) / norm.ppf(0.975))
 
 
-def clustered(values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None) -> Estimate:
+def clustered(
+    values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None, limits: tuple[float, float] = ANY
+) -> Estimate:
     """Return the mean of values (N,) or (seeds, N), with the interval of a bootstrap that draws whole clusters; n counts clusters.
 
+    The interval is widened for few clusters. If the values are drawn within classes, the class with the fewest clusters decides.
+
     Args:
-        clusters: (N,) cluster of each value. Recordings that are compared with the same simulation are one cluster.
+        clusters: (N,) cluster of each value. The recordings of one object are one cluster.
         classes: (N,) class of each value, for a mean over classes with clusters drawn within each class; None for a plain mean.
     """
     clusters = np.asarray(clusters)
     value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)
-    return resampled(value, drawn, np.unique(clusters).size)
+    kinds = np.zeros(len(clusters), int) if classes is None else classes
+    fewest = min(np.unique(clusters[kinds == one]).size for one in np.unique(kinds))
+    wide = value + widening(fewest) * (drawn - value)
+    return resampled(value, np.clip(wide, *limits), np.unique(clusters).size, limits)
+
+
+def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
+    """Return the mean of the items `first` minus the mean of the items `second`, with the interval of a bootstrap over both groups.
+
+    The interval is widened for few items. n counts the items of the smaller group, because an interval needs more than one item in each
+    group.
+
+    >>> found = difference(np.array([3.0, 5.0]), np.array([1.0]), 100, 0)
+    >>> found.value, found.low < 2, found.high > 4, found.n
+    (3.0, True, True, 1)
+    """
+    rng = np.random.default_rng(seed)
+    drawn = np.zeros(resamples)
+    for some, sign in ((first, 1), (second, -1)):
+        means = some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1)
+        drawn += sign * (some.mean() + widening(len(some)) * (means - some.mean()))
+    return resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second)))
 
 
 def exact(value: float, n: int) -> Estimate:

@@ -21,13 +21,12 @@ from experiments.claims import Claim
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import MATERIAL, RecognitionRows, count_sources
 from experiments.recognition.readings import FEATURES, MOTION
-from experiments.statistics import clustered, exact, resampled
+from experiments.statistics import clustered, difference, exact
 from radartwin.config.config import Config
 from radartwin.features.normalise import fit_map
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import mean_difference
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
@@ -88,7 +87,7 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
     for when, error in errors.items():
         for kind in np.unique(kinds):
             recordings = scored.take(kinds == kind)
-            found = clustered(error[kinds == kind], recordings.label, rows.config.profile.resamples, rows.config.seed)
+            found = clustered(error[kinds == kind], recordings.object, rows.config.profile.resamples, rows.config.seed)
             claim = Claim()
             if when == AFTER:
                 metrics[f"residual_db_{kind.replace(' ', '_')}"] = found.value
@@ -106,12 +105,16 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
     filled = kinds == FILLED
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
         others = kinds == kind
-        groups = scored.take(filled).label, scored.take(others).label
-        value, drawn = mean_difference(error[filled], error[others], groups, rows.config.profile.resamples, rows.config.seed)
-        found = resampled(value, drawn, min(np.unique(group).size for group in groups))
+        means = [_object_means(error[chosen], scored.object[chosen]) for chosen in (filled, others)]
+        found = difference(*means, rows.config.profile.resamples, rows.config.seed)
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
         claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
         rows.add(case, "difference of the remaining errors (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
+
+
+def _object_means(values: NDArray, objects: NDArray[np.str_]) -> NDArray[np.float64]:
+    """Return the mean of the values (N,) of each object, (objects,)."""
+    return np.array([values[objects == one].mean() for one in np.unique(objects)])
 
 
 def _kinds(recordings: Samples) -> NDArray[np.str_]:

@@ -49,8 +49,8 @@ TABLE = Table(
     caption="Each learner is trained on copies of simulated revolutions alone and classifies measured revolutions: without "
     "labels, by the nearest class centroid of k labelled measured revolutions, and by that of all other recordings. 'trained on the "
     "labels alone' and 'trained on simulation and labels' are two-layer networks whose "
-    "training uses the labels. n counts recordings. Intervals are bootstraps over draws and pairs "
-    "of object and distance.",
+    "training uses the labels. n counts recordings. Intervals are bootstraps over draws and "
+    "objects.",
 )
 
 SHOTS = (0, 1, 2, 4, 8, 14, 20)

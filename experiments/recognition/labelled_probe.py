@@ -64,7 +64,7 @@ TABLE = Table(
     "nearest class centroid of other revolutions. For 'other recordings', the other revolutions are at other distances, so that no "
     "part of a recording classifies another part of it. RF-Genesis is the corrected re-implementation. The testbed uses the same "
     "physics as our tracer, so the comparison favours our tracer. n counts recordings; the column answers counts revolutions. "
-    "Intervals are bootstraps over pairs of object and distance. Rows with an entry in the column 'twin' belong to a simulation that "
+    "Intervals are bootstraps over objects. Rows with an entry in the column 'twin' belong to a simulation that "
     "knows only the surface of vessels (paper profile). Rows with the layout 'as in the paper' have four objects at each distance and "
     "twelve revolutions in a recording, of one draw (paper profile).",
 )

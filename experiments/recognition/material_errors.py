@@ -92,7 +92,7 @@ def score(config: Config, campaigns: Mapping[str, RecordingSource], progress: Pr
             claim = Claim("wrong labels cost recognition") if share == 1 else Claim()
             rows.gain(case | {"method": f"{TRUE} - {name}"}, first, hits, truth, frames.keys, claim)
         difference = np.sqrt(np.mean((levels.values - reference) ** 2, axis=1))
-        found = clustered(difference, levels.cell, config.profile.resamples, config.seed)
+        found = clustered(difference, levels.object, config.profile.resamples, config.seed)
         error = rows.add(case | statistics_columns(len(levels)), "level error of the range profile (dB)", found, profiles.keys)
         curve.append({"name": name, "share": share, "accuracy": accuracy, "error": error})
     metrics = {f"accuracy_wrong_{point['share']:g}": point["accuracy"]["value"] for point in curve if point["share"] is not None}

@@ -23,7 +23,7 @@ from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
-FEWEST_UNEQUAL = 6  # groups in which two methods have different accuracies; with fewer, the bootstrap interval of a gain is too narrow
+FEWEST_UNEQUAL = 6  # objects for which two methods have different accuracies; with fewer, the bootstrap interval of a gain is too narrow
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
@@ -100,19 +100,19 @@ class RecognitionRows(RowList):
         """Append the accuracy (share of correct predictions).
 
         A claim without a condition holds if the confidence interval of the accuracy lies above chance. For a plain accuracy, the exact
-        binomial p value must also be below 0.05. Recordings that are compared with the same simulation count as one trial of this test.
+        binomial p value must also be below 0.05. The trials of this test are the objects.
 
         Args:
             hits: boolean (seeds, N), whether each prediction is correct.
             balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
         """
         classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
-        found = replace(self._clustered(hits, recordings, classes), limits=SHARE)
+        found = self._clustered(hits, recordings, SHARE, classes)
         if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
             found = interval(found.value, found.n)
         if not balanced:
             found = replace(found, p=binomial_p(math.floor(found.value * found.n + 1e-9), found.n, chance))
-        elif any(np.unique(recordings.cell[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
+        elif any(np.unique(recordings.object[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
             claim = replace(claim, untestable="a class has a single object")
         if not claim.bounded:
             claim = replace(claim, above=chance, p_below=None if balanced else LEVEL)
@@ -125,13 +125,12 @@ class RecognitionRows(RowList):
         """Append the accuracy of `first` minus that of `second` on the same recordings.
 
         The claim holds if the confidence interval of this difference lies above LEAST_GAIN. The claim cannot be tested if both methods
-        classify every recording correctly. It also cannot be tested if their accuracies differ in fewer than FEWEST_UNEQUAL groups of
-        recordings that share a simulation.
+        classify every recording correctly. It also cannot be tested if their accuracies differ for fewer than FEWEST_UNEQUAL objects.
         """
         ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
-        found = replace(self._clustered(ours - theirs, recordings), limits=SIGNED)
-        unequal = np.unique(recordings.cell[ours != theirs]).size
-        few = f"both methods differ in {unequal} groups of recordings ({FEWEST_UNEQUAL} needed)" if unequal < FEWEST_UNEQUAL else ""
+        found = self._clustered(ours - theirs, recordings, SIGNED)
+        unequal = np.unique(recordings.object[ours != theirs]).size
+        few = f"the answers of the methods differ for {unequal} objects ({FEWEST_UNEQUAL} needed)" if unequal < FEWEST_UNEQUAL else ""
         ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
         claim = replace(claim, above=LEAST_GAIN, untestable=ceiling or few)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
@@ -150,8 +149,8 @@ class RecognitionRows(RowList):
         case = {**case, **statistics_columns(len(scored), chance, shares)}
         return self.add(case, metric, over_shuffles(shares), keys, claim, count_sources(scored))
 
-    def _clustered(self, values: NDArray, recordings: Samples, classes: NDArray | None = None) -> Estimate:
-        return clustered(values, recordings.cell, self.config.profile.resamples, self.config.seed, classes)
+    def _clustered(self, values: NDArray, recordings: Samples, limits: tuple[float, float], classes: NDArray | None = None) -> Estimate:
+        return clustered(values, recordings.object, self.config.profile.resamples, self.config.seed, classes, limits)
 
 
 def interval(value: float, n: int) -> Estimate:

@@ -34,7 +34,7 @@ TABLE = Table(
     caption="An encoder is trained on copies of simulated revolutions in which the named quantities are drawn at random. Measured "
     "revolutions are classified by the nearest text (no labels), and by the nearest class centroid of other recordings. 'noise only' "
     "draws nothing but noise, as in the paper. The differences are against copies in which every quantity is drawn. "
-    "The testbed draws some of these quantities too, from other ranges. Intervals are bootstraps over pairs of object and distance.",
+    "The testbed draws some of these quantities too, from other ranges. Intervals are bootstraps over objects.",
 )
 
 ALL, NOISE_ONLY = "all drawn", "noise only"

@@ -103,7 +103,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
             claim = Claim(text if classes == "object" or worse == VOID else "")
             case = {"classes": classes, "method": f"{better} - {worse}"}
             rows.gain(case, hits[classes, better], hits[classes, worse], truth, keys, claim)
-    _add_paired(rows, hits, recordings.cell, keys)
+    _add_paired(rows, hits, recordings.object, keys)
     figures = {
         "reconstruction_ablation": lambda: bars(shown, "accuracy", grey=VOID),
         "reconstruction_ablation_confusion": lambda: confusions(panels, recordings.classes),
@@ -112,10 +112,9 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
     return Result("reconstruction_ablation", rows, figures, metrics, keys)
 
 
-def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], groups: NDArray, keys: list[str]) -> None:
+def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], objects: NDArray, keys: list[str]) -> None:
     """Add the number of recordings that are classified correctly after training on only one of two simulations, and the share of random
-    seeds for which labelled materials give the higher accuracy. The exact p value counts each group of recordings that are compared with
-    the same simulation once.
+    seeds for which labelled materials give the higher accuracy. The exact p value counts each object once.
     """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))
@@ -123,7 +122,7 @@ def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], 
         columns = {"first_only": first, "second_only": second, **statistics_columns(one.size, 0.5)}
         case = {"classes": "object", "method": f"{better} or {worse}", **columns}
         found = interval(first / (first + second), first + second) if first + second else Estimate(0.5, 0.0, 1.0, 0)
-        found = replace(found, p=sign_p(one.astype(float) - two, groups))
+        found = replace(found, p=sign_p(one.astype(float) - two, objects))
         claim = Claim(f"more recordings are right with {better} alone", paper, above=0.5, p_below=LEVEL)
         rows.add(case, "share of the unequal answers", found, keys, claim, one.size)
     leads = hits["object", LABELLED].mean(axis=1) > hits["object", UNIFORM].mean(axis=1)

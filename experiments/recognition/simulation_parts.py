@@ -41,7 +41,7 @@ TABLE = Table(
     caption="An encoder is trained on copies of simulated revolutions with one part of the simulation switched off. Measured revolutions "
     "are classified by the nearest text (no labels), and by the nearest class centroid of other recordings. Differences are 'everything' "
     "minus the named simulation. The testbed uses the same physics as our tracer. "
-    "Intervals are bootstraps over pairs of object and distance.",
+    "Intervals are bootstraps over objects.",
 )
 
 EVERYTHING, PLANE, NO_LEVEL, NO_ROOM = "everything", "plane waves", "no level", "no room"

@@ -46,7 +46,7 @@ TABLE = Table(
     caption="Accuracy of the two-layer network without measured labels, for several uses of the unlabelled measured batch. In a balanced "
     "batch all classes are equally frequent; in a skewed batch a third of them has a single recording. Differences are against "
     "'statistics', which the other tables use. n counts recordings. Intervals are bootstraps over draws and "
-    "pairs of object and distance.",
+    "objects.",
 )
 
 NONE, STATISTICS, WEIGHTED, CONTINUED, PROTOTYPES, VIEWS = (

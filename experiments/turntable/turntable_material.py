@@ -11,14 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
-from experiments.statistics import Estimate
 from experiments.turntable import rotations
 from experiments.turntable.rotations import Turns
 from radartwin.config.config import Config
@@ -89,7 +87,7 @@ def _add_rows(rows: RowList, turns: dict[str, Turns], distance: float) -> None:
             rows.add_mean(case, "brightness at 1 m (dB)", values[domain][name], rotations.keys(turns[domain], objects, distance))
         for dim, claim in (("plastic", OVER), ("ceramic", NONE)):
             if "metal" in classes and dim in classes:
-                found = difference(values[domain]["metal"], values[domain][dim], *seeds)
+                found = statistics.difference(values[domain]["metal"], values[domain][dim], *seeds)
                 case = {"case": "all of similar size", "distance_m": distance, "of": LABELS[domain]}
                 source = rotations.keys(turns[domain], [*classes["metal"], *classes[dim]], distance)
                 rows.add(case, f"metal less {dim} (dB)", found, source, claim)
@@ -99,7 +97,7 @@ def _add_rows(rows: RowList, turns: dict[str, Turns], distance: float) -> None:
     ):
         if dim in classes and "metal" in classes:
             gaps = {name: values[TWIN][name] - values[MEASURED][name] for name in ("metal", dim)}
-            found = difference(sign * gaps["metal"], sign * gaps[dim], *seeds)
+            found = statistics.difference(sign * gaps["metal"], sign * gaps[dim], *seeds)
             case = {"case": "all of similar size", "distance_m": distance, "of": "simulated less measured"}
             rows.add(case, metric, found, rotations.keys_of_both(turns, [*classes["metal"], *classes[dim]], distance), claim)
 
@@ -115,25 +113,6 @@ def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
     here = [name for name, at in turns if at == distance and name != REFLECTOR]
     classes = {kind: [name for name in here if known[name].material_class == kind] for kind in CLASSES}
     return {kind: names for kind, names in classes.items() if names}
-
-
-def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the mean of the objects `first` minus the mean of the objects `second`, with a bootstrap over the objects of both groups.
-
-    n counts the objects of the smaller group, because an interval needs more than one object in each group.
-
-    >>> found = difference(np.array([3.0, 5.0]), np.array([1.0]), 100, 0)
-    >>> found.value, found.low < 2, found.high > 4, found.n
-    (3.0, True, True, 1)
-    """
-    rng = np.random.default_rng(seed)
-    drawn = np.zeros(resamples)
-    for some, sign in ((first, 1), (second, -1)):
-        drawn += sign * (
-            some.mean()
-            + statistics.widening(len(some)) * (some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1) - some.mean())
-        )
-    return statistics.resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second)))
 
 
 def _figure(turns: dict[str, Turns]) -> Figure:

@@ -75,13 +75,12 @@ class Samples(Unlabelled):
 
     Attributes:
         label: (N,) class of each row: its object, or after `relabelled` for example the shape of its object.
-        cell: (N,) cluster of each row in tests and intervals. The cluster is the object and the stratum, because measured recordings of one
-            object and stratum are compared with the same simulation. After `relabelled`, the cluster is the object, because a class then
-            has several objects, and only the objects are independent examples of the class.
+        object: (N,) object of each row. The objects are the clusters of tests and intervals, because all recordings of an object share its
+            mesh, and therefore the errors of this mesh.
     """
 
     label: NDArray[np.str_]
-    cell: NDArray[np.str_]
+    object: NDArray[np.str_]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,7 +90,7 @@ class Samples(Unlabelled):
                 raise InputError(f"samples: recording {name} has two labels, domains or sources; a recording shows one object")
 
     def _columns(self) -> tuple[str, ...]:
-        return (*super()._columns(), "label", "cell")
+        return (*super()._columns(), "label", "object")
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -103,7 +102,7 @@ class Samples(Unlabelled):
 
     def relabelled(self, classes: Mapping[str, str]) -> Samples:
         """Return the same rows with each object name replaced by its class in `classes`, for example its shape."""
-        return replace(self, label=np.array([classes[label] for label in self.label], dtype=str), cell=self.label)
+        return replace(self, label=np.array([classes[label] for label in self.label], dtype=str))
 
     def without(self, label: str) -> Samples:
         return self.take(self.label != label)
@@ -150,8 +149,7 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
 
     columns = {name: column([getattr(part, name) for part in ordered]) for name in ("recording", "stratum", "domain", "label")}
     source = column([part.source or part.recording for part in ordered])
-    cell = column([f"{part.label} {part.stratum}" for part in ordered])
-    return Samples(tuple(names), np.concatenate(rows), source=source, cell=cell, **columns)
+    return Samples(tuple(names), np.concatenate(rows), source=source, object=columns["label"], **columns)
 
 
 def join(*samples: Samples) -> Samples:

@@ -36,17 +36,17 @@ def binomial_p(successes: int, n: int, chance: float) -> float:
 
 
 def seed_mean(
-    right: NDArray, cells: NDArray, resamples: int, seed: int, classes: NDArray | None = None
+    right: NDArray, groups: NDArray, resamples: int, seed: int, classes: NDArray | None = None
 ) -> tuple[float, NDArray[np.float64]]:
     """Return the mean share of correct predictions over several seeds, and the means (resamples,) of bootstrap samples.
 
-    A seed is the random seed of one training. The bootstrap draws whole groups of recordings, because recordings of one object at one
-    position share a simulation, so that their errors are correlated. The results of all seeds are averaged before the bootstrap, because
-    further seeds add no recordings.
+    A seed is the random seed of one training. The bootstrap draws whole groups of recordings, for example all recordings of an object,
+    because their errors are correlated. The results of all seeds are averaged before the bootstrap, because further seeds add no
+    recordings.
 
     Args:
         right: (seeds, N) or (N,), 1 for a correct prediction, 0 for a wrong prediction, NaN if a seed did not test the recording.
-        cells: (N,) group of each recording; recordings with equal entries are drawn together.
+        groups: (N,) group of each recording; recordings with equal entries are drawn together.
         resamples: number of bootstrap samples.
         seed: seed of the bootstrap.
         classes: (N,) class of each recording, to compute balanced accuracy with groups drawn within each class; None for plain accuracy.
@@ -56,26 +56,14 @@ def seed_mean(
     per_recording = np.nanmean(right[:, scored], axis=0)
     kinds = np.zeros(scored.sum(), dtype=int) if classes is None else np.unique(classes[scored], return_inverse=True)[1]
     rng = np.random.default_rng([seed, 0xB0])
-    parts = [_cell_means(per_recording[kinds == kind], cells[scored][kinds == kind], resamples, rng) for kind in range(kinds.max() + 1)]
+    parts = [_group_means(per_recording[kinds == kind], groups[scored][kinds == kind], resamples, rng) for kind in range(kinds.max() + 1)]
     return float(np.mean([one for one, _ in parts])), np.mean([many for _, many in parts], axis=0)
 
 
-def mean_difference(
-    first: NDArray, second: NDArray, cells: tuple[NDArray, NDArray], resamples: int, seed: int
-) -> tuple[float, NDArray[np.float64]]:
-    """Return the mean of the first group of values minus that of the second, and the differences (resamples,) of bootstrap samples.
-
-    The bootstrap draws whole cells, which are recordings that are drawn together.
-    """
-    rng = np.random.default_rng([seed, 0xD1])
-    (one, ones), (two, twos) = (_cell_means(v, c, resamples, rng) for v, c in zip((first, second), cells, strict=True))
-    return one - two, ones - twos
-
-
-def _cell_means(values: NDArray, cells: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:
+def _group_means(values: NDArray, groups: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:
     """Return the mean over all recordings, and the means (resamples,) of bootstrap samples that draw whole groups of recordings."""
-    _, cell = np.unique(cells, return_inverse=True)
-    sums, sizes = np.bincount(cell, values), np.bincount(cell)
+    _, group = np.unique(groups, return_inverse=True)
+    sums, sizes = np.bincount(group, values), np.bincount(group)
     drawn = rng.integers(0, len(sums), (resamples, len(sums)))
     return float(values.mean()), sums[drawn].sum(axis=1) / sizes[drawn].sum(axis=1)
 

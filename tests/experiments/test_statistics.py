@@ -101,3 +101,18 @@ def test_ssim_is_one_for_equal_maps_and_falls_with_noise() -> None:
     little, much = (statistics.ssim(image, np.clip(image + sigma * rng.normal(size=image.shape), 0, 1)) for sigma in (0.02, 0.3))
     assert much < little < 1
     assert statistics.ssim(image[:4, :4], image[:4, :4]) == pytest.approx(1)
+
+
+def test_dependent_values_of_a_cluster_count_as_one_item() -> None:
+    """The interval of clusters of equal values is that of one value per cluster, also within classes and at a limit."""
+    values = np.random.default_rng(3).uniform(size=12)
+    once = statistics.mean(values, 4000, 0)
+    four = statistics.clustered(np.repeat(values, 4), np.repeat(np.arange(12), 4), 4000, 0)
+    assert (four.value, four.n) == (pytest.approx(once.value), 12)
+    assert (four.low, four.high) == pytest.approx((once.low, once.high), abs=0.01)
+    kinds = np.repeat(["a", "b"], 6)
+    within = statistics.clustered(values, np.arange(12), 4000, 0, kinds)
+    apart = statistics.clustered(values, np.arange(12), 4000, 0)
+    assert within.high - within.low > apart.high - apart.low, "six clusters of a class widen more than twelve"
+    right = np.arange(12) < 11
+    assert statistics.clustered(right, np.arange(12), 400, 0, limits=statistics.SHARE).high == 1

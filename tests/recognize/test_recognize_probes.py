@@ -130,8 +130,8 @@ def test_dependent_recordings_widen_the_interval():
     a hundred trials.
     """
     right = np.repeat(np.arange(10) < 5, 10)
-    cells = np.repeat(np.arange(10), 10)
-    together, drawn_together = score.seed_mean(right, cells, 4000, 0)
+    groups = np.repeat(np.arange(10), 10)
+    together, drawn_together = score.seed_mean(right, groups, 4000, 0)
     apart, drawn_apart = score.seed_mean(right, np.arange(100), 4000, 0)
     assert together == apart == 0.5
     assert drawn_together.std() / drawn_apart.std() == pytest.approx(np.sqrt(10), rel=0.15)
@@ -152,4 +152,4 @@ def test_objects_are_the_clusters_of_their_classes() -> None:
     parts = [Part(f"r{n}{name}", name, MEASURED, np.zeros(1), stratum="1 m") for name in ("can", "mug") for n in range(2)]
     rows = gather(("a",), parts).relabelled({"can": "symmetric", "mug": "symmetric"})
     assert set(rows.label) == {"symmetric"}
-    assert sorted(rows.cell) == ["can", "can", "mug", "mug"]
+    assert sorted(rows.object) == ["can", "can", "mug", "mug"]
