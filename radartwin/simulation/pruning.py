@@ -41,7 +41,8 @@ def level(paths: Paths, radar: Radar) -> np.ndarray:
 
 def both_gains(radar: Radar, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
     """Return the antenna gain (N,) of paths at both ends together. The directions (N, 3) at the sensor are in the sensor frame."""
-    return radar.gain(departure) * radar.gain(arrival)
+    gain = radar.gain(departure)
+    return gain * (gain if np.array_equal(departure, arrival) else radar.gain(arrival))
 
 
 def largest(amplitude: np.ndarray) -> np.ndarray:

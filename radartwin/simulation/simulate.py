@@ -208,7 +208,8 @@ def _checked(
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)
-    Scene(s for s in scene.surfaces if s.name not in moving).check_sensor(np.unique(sensor[:, :3, 3], axis=0))
+    places = sensor[:, :3, 3] if len(sensor) == 1 else np.unique(sensor[:, :3, 3], axis=0)
+    Scene(s for s in scene.surfaces if s.name not in moving).check_sensor(places)
     for name, poses in moving.items():
         relative = (poses_module.inverse(poses) @ sensor)[:, :3, 3]
         Scene(s for s in scene.surfaces if s.name == name).check_sensor(relative)

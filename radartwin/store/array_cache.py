@@ -50,6 +50,7 @@ class ArrayCache:
         self._max_bytes = max_bytes
         self._in_memory = in_memory
         self._recent: OrderedDict[str, Arrays] = OrderedDict()
+        self._recent_bytes = 0
         self._lock = threading.RLock()
         if self.folder is not None:
             files.sweep(self.folder)
@@ -103,11 +104,11 @@ class ArrayCache:
             self._evict(target)
 
     def _remember(self, key: str, arrays: Arrays) -> None:
+        self._recent_bytes += _bytes(arrays) - _bytes(self._recent.get(key, {}))
         self._recent[key] = arrays
         self._recent.move_to_end(key)
-        total = sum(array.nbytes for entry in self._recent.values() for array in entry.values())
-        while len(self._recent) > self._in_memory or (total > IN_MEMORY_BYTES and len(self._recent) > 1):
-            total -= sum(array.nbytes for array in self._recent.popitem(last=False)[1].values())
+        while len(self._recent) > self._in_memory or (self._recent_bytes > IN_MEMORY_BYTES and len(self._recent) > 1):
+            self._recent_bytes -= _bytes(self._recent.popitem(last=False)[1])
 
     def _evict(self, newest: Path) -> None:
         """Remove the least recently used entries until the folder is within its size limit. Several processes may do so
@@ -126,6 +127,10 @@ class ArrayCache:
             if path != newest:
                 path.unlink(missing_ok=True)
                 total -= size
+
+
+def _bytes(arrays: Arrays) -> int:
+    return sum(array.nbytes for array in arrays.values())
 
 
 _shared = ArrayCache()

@@ -42,6 +42,8 @@ def canonical(spec: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
+    if type(value) in (str, int, bool, type(None)):  # first, because most values are of these types
+        return value
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return semantic(value)
     if isinstance(value, dict):

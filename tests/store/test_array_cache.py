@@ -45,6 +45,19 @@ def test_memory_loses_the_least_recently_used_entry():
     assert cache.get("c", dict) is not None
 
 
+def test_memory_counts_the_bytes_of_the_entries_that_it_holds(monkeypatch):
+    size = sum(array.nbytes for array in arrays().values())
+    monkeypatch.setattr(array_cache, "IN_MEMORY_BYTES", 2.5 * size)
+    cache = ArrayCache()
+    for name in ("a", "a", "a", "b"):  # an entry that is stored again counts once
+        cache.put(name, arrays())
+    assert cache.get("a", dict) is not None
+    cache.put("c", arrays())
+    assert [cache.get(name, dict) is None for name in "abc"] == [False, True, False]
+    cache.put("d", arrays())
+    assert [cache.get(name, dict) is None for name in "acd"] == [True, False, False]
+
+
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "foreign", "refused"])
 def test_a_damaged_entry_is_removed_with_a_warning_and_can_be_written_again(tmp_path, damage):
     def refuse(found):

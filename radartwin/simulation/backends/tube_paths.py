@@ -163,7 +163,9 @@ def _collect(
         hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
         part = _in_sensor_frame(hits, target.table, sensor, velocity)
         parts.setdefault(label, []).append(pruners.setdefault(label, Pruner(radar, PRUNE, len(sensor))).add(part))
-    strong = [pruners[label].add(Paths.concatenate(group)) for label, group in parts.items()]
+    joined = {label: Paths.concatenate(group) for label, group in parts.items()}
+    # the paths of a single grid have been pruned with each other already
+    strong = [part if len(parts[label]) == 1 else pruners[label].add(part) for label, part in joined.items()]
     return strong[0] if len(strong) == 1 else Paths.concatenate(strong)
 
 

@@ -46,9 +46,15 @@ def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     """Return orthonormal vectors (forward, u, v), each (F, 3), with u horizontal unless `forward` is vertical."""
     forward = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
     up = np.where(np.abs(forward[:, 2:3]) < 0.99, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    u_axis = np.cross(up, forward)
+    u_axis = _cross(up, forward)
     u_axis /= np.linalg.norm(u_axis, axis=-1, keepdims=True)
-    return forward, u_axis, np.cross(forward, u_axis)
+    return forward, u_axis, _cross(forward, u_axis)
+
+
+def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the cross products (F, 3) of vectors (F, 3). For few vectors, np.cross takes several times longer."""
+    (ax, ay, az), (bx, by, bz) = first.T, second.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _grid(low: np.ndarray, high: np.ndarray, step: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray, int]:

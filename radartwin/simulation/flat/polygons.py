@@ -157,7 +157,7 @@ def build(geometry: Geometry) -> Polyhedron | None:
 
 def of(geometry: Geometry, table: ReflectionTable) -> Polyhedron | None:
     """Return the faces of an opaque object of flat faces; None for an object that needs ray tubes."""
-    if not len(geometry.corners) or not table.opaque[np.unique(geometry.surface)].all():
+    if not len(geometry.corners) or not table.opaque[geometry.surface].all():
         return None
     if geometry not in _built:
         _built[geometry] = build(geometry)

@@ -83,6 +83,14 @@ def _kernel_transform(samples: int, grid: int) -> np.ndarray:
 
 
 @functools.cache
+def _of_grid(samples: int, cells: int) -> tuple[np.ndarray, gridding.Turn]:
+    """Return the reciprocal of `_kernel_transform` (samples,) and the phase factors of the Fourier transform of `cells` grid cells."""
+    angle = 2 * np.pi * np.arange(cells) / cells
+    turn = gridding.Turn(np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32))
+    return (1 / _kernel_transform(samples, cells)).astype(np.float32), turn
+
+
+@functools.cache
 def _kernel_polynomials() -> np.ndarray:
     """Return polynomial coefficients (DEGREE + 1, TAPS), highest power first, for the weights of the spreading kernel's taps.
 
@@ -144,9 +152,7 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
     arrays, least = _expanded(parts, radar, frequency, cells)
     fastest = max(float(np.abs(part.rate_mps).max()) for part in parts)
     middle_s, motion_per_mps, slow = _motion_terms(fastest, radar, frequency, fast_time)
-    band, terms = (1 / _kernel_transform(samples, cells)).astype(np.float32), slow.shape[2]
-    angle = 2 * np.pi * np.arange(cells) / cells
-    turn = gridding.Turn(np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32))
+    (band, turn), terms = _of_grid(samples, cells), slow.shape[2]
     cells_per_m = radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells
     scale = gridding.GridScale(
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT, cells_per_m, cells, middle_s,
