@@ -80,8 +80,8 @@ def standardised(drives: dict[str, Drives], where: list[Place]) -> Cells:
 
 
 def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slices: dict[tuple[str, str], NDArray]) -> None:
-    """Add rows of the object, distance and room slices, and of pooled and matched correlations. The dictionary `slices` collects the
-    values that the figure shows.
+    """Add the rows of the object, distance and room slices, which the module docstring defines. Also add the rows of the pooled and matched
+    correlations. The dictionary `slices` collects the values that the figure shows.
     """
     seeds = rows.config.profile.resamples, rows.config.seed
 

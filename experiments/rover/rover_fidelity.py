@@ -98,7 +98,9 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
 
 
 def agreements(drives: dict[str, Drives]) -> list[Agreement]:
-    """Return an `Agreement` for each feature that varies in both domains, at each place with three or more objects."""
+    """Return an `Agreement` for each feature at each place with three or more objects. Features without variation between the objects in
+    either domain are left out.
+    """
     found = []
     for place in drive_features.places(drives[MEASURED]):
         names = drive_features.objects(drives[MEASURED], place)

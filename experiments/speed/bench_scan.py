@@ -67,7 +67,7 @@ def measure(faces: int = FACES) -> dict[str, float]:
 
 
 def line(found: dict[str, float]) -> str:
-    """Return the values that `measure` returns as one line of text."""
+    """Return one line of text with the values in the result of `measure`."""
     return (
         f"Reconstruction of a scan of {found['faces']:,.0f} faces: {found['seconds']:.0f} s ({found['core_seconds']:.0f} core-seconds), "
         f"peak {found['peak_gib']:.2f} GiB, {found['surfaces']:.0f} surfaces"

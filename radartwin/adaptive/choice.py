@@ -42,8 +42,8 @@ class Step:
 
     Attributes:
         dimension, value: name of the changed setting, such as "max_bounces", and its new value.
-        error, feature: largest change of any feature relative to the finest model, as a multiple of the feature's repeatability limit, and
-            the name of this feature.
+        error, feature: largest change of any feature from its value under the finest model, divided by its repeatability limit; and the
+            name of this feature.
         taken: whether the search accepted the model.
     """
 

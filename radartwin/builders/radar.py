@@ -15,7 +15,8 @@ from radartwin.radar.named import NAMED
 def build_radar(config: RadarConfig) -> Radar:
     """Build the radar from the configured radar file, or else from the named radar with the configured values.
 
-    A configured array table replaces the antennas and their gains. A configured element replaces the antenna pattern in the table.
+    A configured array table replaces the antennas and their gains. The configured antenna pattern (`element`) has precedence over the
+    pattern in the array table.
 
     Raises:
         InputError: a configured value is impossible for a radar.

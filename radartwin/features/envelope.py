@@ -1,9 +1,9 @@
 """Compute the energy of the target's echo during a motion, and features of its mean level and of its modulation.
 
 The energy E(f) of frame f is the linear power in the target gate (the range bins around the target) minus the noise power there. The
-envelope of a turntable recording is E averaged over whole revolutions, (N,). The envelope of a sideways drive, in which the radar drives
-past the target at right angles to the line of sight, is E over the frames of the drive, (F,).
-P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, is the discrete Fourier transform of the envelope.
+envelope of a turntable recording is an array (N,) with one value per angle. It is the mean of E over the whole revolutions at each angle.
+The envelope of a sideways drive, in which the radar drives past the target at right angles to the line of sight, is E over the frames of
+the drive, (F,). P_m = sum_n E_n exp(-j 2 pi m n / N), m >= 0, is the discrete Fourier transform of the envelope.
 
 - The harmonics of the envelope are |P_m| / |P_0| for m = 1..6. The angular harmonic ratio is sum_{m=1..6} |P_m|^2 / |P_0|^2. The RadarTwin
   paper defines this ratio as the band of 1-6 cycles per rotation, normalised by DC, but does not state whether amplitudes or powers are

@@ -1,7 +1,7 @@
 """Compute what the radar receives in a scene: range profile, range-azimuth map and the strongest paths with their surfaces.
 
-Levels are in decibels of received over transmitted power. A path's level holds in the middle of the sweep and includes the gain of the
-antenna element at both ends.
+Levels are in decibels of received over transmitted power. The level of a path is that at the centre frequency of the sweep. It includes the
+gain of the antenna element at transmission and at reception.
 """
 
 from __future__ import annotations

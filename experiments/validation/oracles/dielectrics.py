@@ -89,8 +89,8 @@ def _oblique(full: bool) -> Finding:
 
 
 def _slab_table(full: bool) -> Finding:
-    """Compare the reflection of dielectric slabs with the reference table at 77 GHz. Brick, plywood and marble are left out, because
-    the reference table extrapolates their permittivity formulas.
+    """Compare the reflection of dielectric slabs with the reference table at 77 GHz. Brick, plywood and marble are left out. For these
+    materials, the reference table uses permittivity formulas outside their frequency range.
     """
     pairs = []
     for row in reference_rows("slab_reflection_77GHz.csv"):

@@ -99,7 +99,7 @@ def score(folder: Path, name: str, samples: np.ndarray) -> tuple[float, float]:
 
 
 def to_points(frequency_hz: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Convert samples (F,) of a field between lines at frequencies (F,) to samples of a field between points."""
+    """Convert samples (F,) at frequencies (F,) from a line source and line receiver to a point source and point receiver."""
     return samples @ _conversion(tuple(frequency_hz))
 
 

@@ -1,9 +1,9 @@
 """The learner `convolution`: a small convolutional network. Its input is a picture of a turntable revolution with two channels
 (features/pictures.py).
 
-Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequency) have different rows. Each of the two channels
-therefore has its own branch of three convolutions with 16, 32 and 32 channels. A linear layer maps both branches together to the space of
-the text embeddings.
+Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequency) have different rows. Each of the two input channels
+therefore has its own branch. A branch has three convolutions with 16, 32 and 32 output channels. A linear layer maps both branches together
+to the space of the text embeddings.
 
 - The time branch is circular over the revolution. It keeps all rows and takes the largest and the mean value over time, so a start of the
   revolution that is later by whole rows does not change the embedding. Its kernels have dilations of 1, 2 and 4 rows. Each output value of

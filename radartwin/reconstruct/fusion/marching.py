@@ -58,8 +58,8 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
 
 
 def _whole_cubes(seen: np.ndarray) -> np.ndarray:
-    """Return a mask of the cubes whose eight corner voxels were observed; each cube is marked at its highest corner, as scikit-image
-    expects.
+    """Return a mask of the cubes whose eight corner voxels were observed. A cube's mask value is at its corner with the largest indices, as
+    scikit-image expects.
     """
     whole = np.zeros_like(seen)
     low, high = slice(None, -1), slice(1, None)

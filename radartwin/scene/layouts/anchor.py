@@ -147,7 +147,8 @@ def _anchor(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
 
 
 def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Return the horizontal unit vector (2,) that points out of the front side of an anchor.
+    """Return the horizontal unit vector (2,) normal to the front side of an anchor, outwards. An anchor is the thing relative to which an
+    object is placed.
 
     For a flat, upright anchor, the vector is the normal that points into the room. For furniture, the vector is the normal of a side of the
     smallest enclosing rectangle, namely the side that faces the middle of the room best.

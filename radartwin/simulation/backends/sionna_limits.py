@@ -53,7 +53,7 @@ def _too_small(surfaces: Sequence[Surface], mesh: Mesh, found: dict[str, np.ndar
     """Find surfaces whose echo is too strong, because a path reflects once at a flat face with an area below lambda d/2 (d: distance).
 
     Returns:
-        Excess level of the echo in dB, by surface name.
+        Level of the traced echo minus the level that the area of the face can have, in dB, by surface name.
     """
     single = (found["face"] >= 0).sum(axis=1) == 1
     excess: dict[str, float] = {}

@@ -83,8 +83,8 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     """Cast the test rays and return, for each ray, a number that identifies the sequence of smooth surface patches that the ray meets.
 
     Returns:
-        Numbers (poses, count_u count_v + (count_u + 1)(count_v + 1)), uint32. Each row lists first the test rays through the middles of the
-        grid cells, then the test rays through the corners of the cells, each in rows along u. The number is 0 if a ray meets no patch. Its
+        Numbers (poses, count_u count_v + (count_u + 1)(count_v + 1)), uint32. Each row lists first the test rays through the cell middles,
+        then those through the cell corners. In both lists, the index along u changes fastest. The number is 0 if a ray meets no patch. Its
         bit SPREADING is set if a curved surface reflects the ray onto another surface. With `walls`, the sequence of a ray consists of the
         patch of the first wall and the next patch behind this wall.
     """

@@ -213,7 +213,8 @@ class Tracer:
         return contact, near, met, active
 
     def _reception(self, tubes: Tubes, contact: Contact, near: Contact, clear: bool, active: Any) -> tuple[Reception, list, Any]:
-        """Compute the receiver as seen from each contact. `clear` tells whether the receiver sees all contacts.
+        """Compute the direction, distance and polarisation of the receiver at each contact, the point where a tube meets a facet. `clear`
+        tells whether the receiver sees all contacts.
 
         Returns:
             Direction, distance and polarisation of the receiver at each contact, encounters of the polarisation vector with the walls of

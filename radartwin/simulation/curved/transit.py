@@ -70,7 +70,7 @@ class Panes:
         self.faces = upload(mi.Bool, faces)
 
     def behind(self, tubes: Tubes, contact: Contact, sequence: Any, active: Any) -> tuple[Tubes, Any]:
-        """Return copies of the tubes that go straight through the panes that they meet, and a mask of these copies.
+        """Return a copy of each tube that continues straight through its pane, and a mask of the tubes that meet a pane.
 
         Args:
             tubes: tubes at their contacts, before reflection.

@@ -51,7 +51,7 @@ class Levels(NamedTuple):
 
 @dataclass(frozen=True)
 class Beams:
-    """Hold N beams, ordered by their number of reflections; the first is the sensor itself.
+    """Hold N beams, ordered by their number of reflections. Beam 0 has no reflection and starts at the sensor.
 
     Attributes:
         chain: (N, C) faces. order: (N,) number of reflections. image: (N, 3) of the sensor. polygon: (N, M, 3), corners: (N,).
@@ -122,7 +122,7 @@ def _passed(
     tree: Hierarchy, opaque: np.ndarray, through: np.ndarray, start: Point, points: np.ndarray, count: int, end: Point,
     found: np.ndarray, least: float,
 ) -> float:  # fmt: skip
-    """Return the largest transmission of the panes on the path from `start` over points (count, 3) to `end`.
+    """Return the product of the largest transmission coefficients of the panes on the path from `start` via `points` (count, 3) to `end`.
 
     Return 0 if the path is blocked or the transmission is below `least`. found: (MAX_PANES,) memory.
     """

@@ -190,7 +190,7 @@ def _uniform(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int,
 
 
 def _between(values: np.ndarray, shape: tuple[int, ...], spots: tuple[int, int], squared: bool = False) -> np.ndarray:
-    """Interpolate values of the laser spots bilinearly to (h, w).
+    """Interpolate values at the laser spots bilinearly to the pixels (h, w) of the depth picture.
 
     If `squared` is True, the weights are squared, which interpolates the variances of independent spots.
     """

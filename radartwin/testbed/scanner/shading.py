@@ -139,7 +139,8 @@ def _beam(depth, start, v, pose, lens, normal, lamp, n, bright, last, place):
     """Compute a lamp's light on a run of pixels without shadow, and find the pixels of the lamp's cube map that decide the shadow.
 
     The lamp is at `lamp` (3,), and a side of its cube map has n x n pixels. The arguments `depth`, `start` and `v` are those of `_view`.
-    The light (0 if the face is turned away) is written to `bright` (W,), and the arguments of `_lit` to `last` (W,) and `place` (W,).
+    The light is written to `bright` (W,), and is 0 if the face is turned away from the lamp. The arguments `last` and `place` of `_lit` are
+    written to `last` (W,) and `place` (W,).
     """
     p00, p10, p20, p02, p12, p22 = pose[0, 0], pose[1, 0], pose[2, 0], pose[0, 2], pose[1, 2], pose[2, 2]
     p03, p13, p23, c0, c1, c2 = pose[0, 3], pose[1, 3], pose[2, 3], lamp[0], lamp[1], lamp[2]
