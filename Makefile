@@ -8,6 +8,7 @@ PIP := $(PY) -m pip install --quiet --disable-pip-version-check --no-compile -c 
 SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 export PYTHONUNBUFFERED := 1
 
+.NOTPARALLEL:
 .PHONY: tables test slow check coverage bench mutants docs test-slurm clean setup setup-test llvm
 
 tables: setup
@@ -63,10 +64,11 @@ setup-test: $(VENV)/.ready-test
 llvm: $(VENV)/.ready
 	@$(PY) -m radartwin.simulation.variant --ensure
 
-$(VENV)/.ready-test: $(VENV)/.ready
-	@echo "setting up: test dependencies"
+# One call of pip installs both groups, because each call takes over ten seconds to find that nothing is missing.
+$(VENV)/.ready-test: $(PY) pyproject.toml constraints.txt
+	@echo "setting up: pinned dependencies with those of the tests, about 1 GB, one to three minutes"
 	@$(PIP) -e '.[study,test]'
-	@touch $@
+	@touch $(VENV)/.ready $@
 
 $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
