@@ -105,8 +105,8 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
     filled = kinds == FILLED
     for kind in np.unique(kinds[~filled]) if filled.any() else ():
         others = kinds == kind
-        means = [_object_means(error[chosen], scored.object[chosen]) for chosen in (filled, others)]
-        found = difference(*means, rows.config.profile.resamples, rows.config.seed)
+        first, second = (_object_means(error[chosen], scored.object[chosen]) for chosen in (filled, others))
+        found = difference(first, second, rows.config.profile.resamples, rows.config.seed)
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
         claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
         rows.add(case, "difference of the remaining errors (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
