@@ -73,8 +73,7 @@ def mean(samples: ArrayLike, resamples: int, seed: int, limits: tuple[float, flo
     if np.ptp(samples) == 0:
         return resampled(value, np.full(resamples, value), len(samples), limits)
     found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
-    wide = value + widening(len(samples)) * (found.bootstrap_distribution - value)
-    return resampled(value, np.clip(wide, *limits), len(samples), limits)
+    return resampled(value, np.clip(widened(found.bootstrap_distribution, value, len(samples)), *limits), len(samples), limits)
 
 
 def widening(n: int) -> float:
@@ -95,6 +94,11 @@ def widening(n: int) -> float:
     return float(np.sqrt(n / (n - 1)) * t.ppf(0.975, n - 1) / norm.ppf(0.975))
 
 
+def widened(drawn: NDArray, value: float, n: int) -> NDArray:
+    """Return the estimates `drawn` of the bootstrap samples of n items, with their deviations from the estimate `value` widened."""
+    return value + widening(n) * (drawn - value)
+
+
 def clustered(
     values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None, limits: tuple[float, float] = ANY
 ) -> Estimate:
@@ -110,8 +114,7 @@ def clustered(
     value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)
     kinds = np.zeros(len(clusters), int) if classes is None else classes
     fewest = min(np.unique(clusters[kinds == one]).size for one in np.unique(kinds))
-    wide = value + widening(fewest) * (drawn - value)
-    return resampled(value, np.clip(wide, *limits), np.unique(clusters).size, limits)
+    return resampled(value, np.clip(widened(drawn, value, fewest), *limits), np.unique(clusters).size, limits)
 
 
 def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
@@ -128,7 +131,7 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
     drawn = np.zeros(resamples)
     for some, sign in ((first, 1), (second, -1)):
         means = some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1)
-        drawn += sign * (some.mean() + widening(len(some)) * (means - some.mean()))
+        drawn += sign * widened(means, float(some.mean()), len(some))
     return resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second)))
 
 

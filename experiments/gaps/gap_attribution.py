@@ -205,8 +205,7 @@ def _part(config: Config, shared: Mapping[str, NDArray[np.float64]]) -> statisti
     if total.mean() <= 0 or (sums <= 0).any():
         return statistics.exact(float("nan"), len(total))
     value = float(room.mean() / total.mean())
-    wide = value + statistics.widening(len(total)) * (room[drawn].mean(axis=1) / sums - value)
-    return statistics.resampled(value, wide, len(total))
+    return statistics.resampled(value, statistics.widened(room[drawn].mean(axis=1) / sums, value, len(total)), len(total))
 
 
 def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:

@@ -168,8 +168,8 @@ DATA = (".csv", ".json", ".npz", ".yaml")  # suffixes of data files
 WRITTEN = "bench_history.csv"  # `make bench` adds lines to this file, and no result depends on the file
 # Installed packages whose functions compute the stored numbers
 NUMERICAL = (
-    "drjit", "fast-simplification", "mapbox_earcut", "mitsuba", "networkx", "numba", "numpy", "scikit-image", "scikit-learn", "scipy",
-    "shapely", "sionna-rt", "torch", "trimesh",
+    "drjit", "fast-simplification", "mapbox_earcut", "miepython", "mitsuba", "networkx", "numba", "numpy", "scikit-image", "scikit-learn",
+    "scipy", "shapely", "sionna-rt", "torch", "trimesh",
 )  # fmt: skip
 _tops = {"radartwin", "experiments"}
 

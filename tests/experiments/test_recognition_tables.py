@@ -31,7 +31,7 @@ from experiments.recognition import (
     unlabelled_adaptation,
 )
 from experiments.recognition.figures import bars
-from experiments.recognition.protocol import TEXT, RecognitionRows
+from experiments.recognition.protocol import LEAST_GAIN, TEXT, RecognitionRows
 from experiments.recognition.readings import shared_cases
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -337,6 +337,31 @@ def test_all_correct_has_the_exact_interval_and_one_object_has_none():
     one_place = turntable(distances=(1.0,), repetitions=1, objects=("can_211_300", "corner_reflector", "mug"))
     rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), one_place, Progress()).rows
     assert {row["verdict"] for row in rows} == {"untestable"}
+
+
+@pytest.mark.parametrize(
+    ("alike", "objects_hold", "pairs_hold"), [(0.0, 0.05, 0.0), (0.3, 0.04, 0.06), (0.6, 0.03, 0.10), (1.0, 0.01, 0.12)]
+)
+def test_few_claims_of_a_gain_hold_by_chance(alike: float, objects_hold: float, pairs_hold: float):
+    """The true gain is LEAST_GAIN, so that at most 2.5 % of the claims should hold. Twelve objects are recorded at four distances. A share
+    `alike` of the objects has the same answers at all distances, as if the errors of its mesh decided them. With objects as clusters, at
+    most a share `objects_hold` of the claims holds; with pairs of object and distance as clusters, at least `pairs_hold` (decision 022).
+    """
+    rng, trials = np.random.default_rng(7), 600
+    parts = [Part(f"r{n:02}", f"k{n // 4:02}", MEASURED, np.zeros(1), f"{n % 4} m") for n in range(48)]
+    recordings = gather(("a",), parts)
+    apart = replace(recordings, object=recordings.recording)
+    rows, claim, held = RecognitionRows(config("contrastive")), Claim("helps"), np.zeros(2)
+    for _ in range(trials):
+        chance = rng.random((12, 4))
+        chance[rng.random(12) < alike, 1:] = np.nan
+        chance = np.where(np.isnan(chance), chance[:, :1], chance).ravel()
+        first, second = chance < 0.10 + LEAST_GAIN, chance > 0.90  # right with one method alone
+        for k, some in enumerate((recordings, apart)):
+            held[k] += rows.gain({}, first[None], second[None], some, ["0" * 32], claim)["verdict"] == "holds"
+    print(f"alike {alike:g}: {held[0] / trials:.1%} of the claims hold with objects, {held[1] / trials:.1%} with pairs")
+    assert held[0] / trials <= objects_hold
+    assert held[1] / trials >= pairs_hold
 
 
 def test_a_gain_with_few_unequal_answers_is_untestable():
