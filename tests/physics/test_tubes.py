@@ -168,6 +168,27 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
     assert 1j ** int(tube.caustics.numpy()[0]) == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_diverging_tube_passes_no_caustic_within_nanometres(sign):
+    """A diverging tube has no caustic ahead, even if its next facet is a few nanometres away, as at the edge of two faces. The numbers are
+    those of a tube at the edge of the rover's block: its cross-section has terms of 1e-6 and 1e-22, whose product is subnormal.
+    """
+    variant.activate()
+    import mitsuba as mi
+
+    from radartwin.simulation.curved import contact, flight
+
+    names = "index", "pose", "origin", "weight", "hat_share", "in_box", "departure", "across", "encounters", "length", "first", "sequence"
+    none: Any = dict.fromkeys(names)
+    tube = flight.Tubes(
+        **none, direction=mi.Vector3f(0, 1, 0), position_du=mi.Vector3f(sign * 0.00230769, 0, sign * 0.00386094),
+        position_dv=mi.Vector3f(0.00153846, 0, -1.7e-10), direction_du=mi.Vector3f(sign * 0.0009777, 0, sign * 0.00163578),
+        direction_dv=mi.Vector3f(0.00475697, 0, -0.00245366), caustics=mi.UInt32(0),
+    )  # fmt: skip
+    contact.count_caustics(tube, mi.Float(3.6e-9))
+    assert int(tube.caustics.numpy()[0]) == 0
+
+
 def test_received_power_is_below_the_transmitted_power():
     """The received power of the radar stays below its transmitted power for a corner reflector and for a concave mirror, at the sensor
     positions of their strongest echo.

@@ -150,21 +150,25 @@ def count_caustics(tubes: Tubes, distance: Any) -> None:
 
     A caustic is a zero of the tube's cross-section. The cross-section is a quadratic function of the distance along the tube. Both zeros of
     this function are real, because the curvature matrix of a wavefront is symmetric.
+
+    At an edge of two faces, `distance` can be some nanometres. The terms of the function then differ by many powers of ten, so that a
+    difference of cross-sections loses the linear term. A product of two terms can be subnormal, and only some threads of Dr.Jit replace
+    subnormal numbers by zero. The function therefore computes each term on its own, and compares signs instead of products.
     """
-    here, there, between = (
-        dr.dot(dr.cross(u, v), tubes.direction)
-        for u, v in (
-            (tubes.position_du, tubes.position_dv),
-            (tubes.position_du + tubes.direction_du * distance, tubes.position_dv + tubes.direction_dv * distance),
-            (tubes.direction_du, tubes.direction_dv),
-        )
+    u, v, du, dv = tubes.position_du, tubes.position_dv, tubes.direction_du * distance, tubes.direction_dv * distance
+    here, slope, between = (
+        dr.dot(area, tubes.direction) for area in (dr.cross(u, v), dr.cross(u, dv) + dr.cross(du, v), dr.cross(du, dv))
     )
-    between *= distance * distance
-    slope = there - here - between
+    there = here + slope + between
     turning = -0.5 * slope  # turning/between is the fraction of `distance` at which the quadratic cross-section has its extremum
-    both = (here * there > 0) & (here * between > 0) & (turning * between > 0) & (dr.abs(turning) < dr.abs(between))
-    one = here * there < 0
+    both = _alike(here, there) & _alike(here, between) & _alike(turning, between) & (dr.abs(turning) < dr.abs(between))
+    one = _alike(here, -there)
     tubes.caustics = tubes.caustics + dr.select(one, mi.UInt32(1), dr.select(both, mi.UInt32(2), 0))
+
+
+def _alike(a: Any, b: Any) -> Any:
+    """Return whether two numbers have the same sign. Zero has no sign."""
+    return ((a > 0) & (b > 0)) | ((a < 0) & (b < 0))
 
 
 def limited(origin: Any, direction: Any, reach: Any) -> Any:
