@@ -156,9 +156,7 @@ def count_caustics(tubes: Tubes, distance: Any) -> None:
     subnormal numbers by zero. The function therefore computes each term on its own, and compares signs instead of products.
     """
     u, v, du, dv = tubes.position_du, tubes.position_dv, tubes.direction_du * distance, tubes.direction_dv * distance
-    here, slope, between = (
-        dr.dot(area, tubes.direction) for area in (dr.cross(u, v), dr.cross(u, dv) + dr.cross(du, v), dr.cross(du, dv))
-    )
+    here, slope, between = (dr.dot(area, tubes.direction) for area in (dr.cross(u, v), dr.cross(u, dv) + dr.cross(du, v), dr.cross(du, dv)))
     there = here + slope + between
     turning = -0.5 * slope  # turning/between is the fraction of `distance` at which the quadratic cross-section has its extremum
     both = _alike(here, there) & _alike(here, between) & _alike(turning, between) & (dr.abs(turning) < dr.abs(between))
