@@ -198,7 +198,7 @@ def summary(scene: Scene) -> list[str]:
     """Return a text table with one line for each labelled surface and a last line with the totals."""
     from radartwin.scene.viewer.page import material_label
 
-    rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "stand-in", "from")]
+    rows: list[Sequence[str]] = [("surface", "material", "MINC", "confidence", "substitute", "from")]
     for surface in scene:
         facts = surface.provenance
         confidence = "-" if facts.get("confidence") is None else f"{facts['confidence']:.2f}"

@@ -67,7 +67,7 @@ def test_server_labels_a_scene_and_its_manifest_round_trips(inside, folder: Path
     done = inside("label", folder, "--provider", "server", "--url", model.url, "--model", "tiny", "--views", "2")
     assert done.returncode == 0, done.stderr
     header, *rows, last = done.stdout.splitlines()
-    assert header.split() == ["surface", "material", "MINC", "confidence", "stand-in", "from"]
+    assert header.split() == ["surface", "material", "MINC", "confidence", "substitute", "from"]
     assert [row.split()[0] for row in rows] == ["floor", "wall_1", "wall_2", "plane_1", "part_1"]
     assert last == "5 surfaces labelled, 1 with a substitute, 0 without an answer, 0 with an invalid answer"
     assert "asking server tiny: 5 done" in done.stderr

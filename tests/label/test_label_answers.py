@@ -87,7 +87,7 @@ def test_name_outside_minc_is_refused_or_replaced_by_the_closest_category() -> N
     answer = read_answer(porcelain, "surface", names=True)
     assert answer.named == "porcelain"
     assert material_of(answer)[0] == Layered([], backing="glass")
-    assert material_of(answer)[2], "a stand-in"
+    assert material_of(answer)[2], "a substitute"
     steel = read_answer({**GOOD, "material": "steel"}, "surface", names=True)
     assert (steel.material, material_of(steel)[0]) == ("metal", "metal")
     with pytest.raises(LabelError, match="unobtainium"):

@@ -18,7 +18,7 @@ EXPECTED = [
     "brick", "carpet", "ceramic", "fabric", "foliage", "food", "glass", "hair", "leather", "metal", "mirror", "other", "painted", "paper",
     "plastic", "polishedstone", "skin", "sky", "stone", "tile", "wallpaper", "water", "wood",
 ]  # fmt: skip
-# The table contains rows whose fit ends below 77 GHz; the warning of their stand-in is tested elsewhere.
+# The table contains rows whose fit ends below 77 GHz; the warning of their substitute material is tested elsewhere.
 pytestmark = pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
 
 

@@ -64,9 +64,9 @@ def test_the_card_lists_the_facts_of_the_material():
     facts = dict(content["surfaces"][1]["facts"])
     assert facts["material"] == "glass"
     assert (facts["source"], facts["confidence"], facts["category"]) == ("vlm", "62%", "ceramic")
-    assert facts["stand-in"].startswith("yes")
+    assert facts["substitute"].startswith("yes")
     floor = dict(content["surfaces"][0]["facts"])
-    assert (floor["roughness"], floor["stand-in"]) == ("1 mm", "no")
+    assert (floor["roughness"], floor["substitute"]) == ("1 mm", "no")
     assert dict(content["surfaces"][2]["facts"])["layers"] == "3, 24 mm together"
 
 

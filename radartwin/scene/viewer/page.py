@@ -134,7 +134,7 @@ def _surface(surface: Surface, index: int, wall: dict[str, list[float]] | None, 
     if (category := provenance.get("minc")) is not None:
         facts.append(["category", str(category)])
     if (stand_in := provenance.get("stand_in")) is not None:
-        facts.append(["stand-in", ("yes: another material is used" if stand_in is True else str(stand_in)) if stand_in else "no"])
+        facts.append(["substitute", ("yes: another material is used" if stand_in is True else str(stand_in)) if stand_in else "no"])
     return {
         "name": name,
         "material": material_label(surface.material),

@@ -101,7 +101,7 @@ function showCard(surface, x, y) {
   card.hidden = !surface;
   if (!surface) return;
   const facts = surface.facts.flatMap(([key, value]) => [element("dt", { textContent: key }),
-    element("dd", { textContent: value, className: key === "stand-in" && value !== "no" ? "stand-in" : "" })]);
+    element("dd", { textContent: value, className: key === "substitute" && value !== "no" ? "stand-in" : "" })]);
   card.replaceChildren(element("h2", { textContent: surface.name }), element("dl", {}, ...facts));
   card.style.left = `${Math.min(x + 16, innerWidth - card.offsetWidth - 8)}px`;
   card.style.top = `${Math.min(y + 16, innerHeight - card.offsetHeight - 8)}px`;
