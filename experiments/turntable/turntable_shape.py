@@ -126,7 +126,7 @@ def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> Non
 def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]) -> Estimate:
     """Estimate the smallest mean harmonic ratio of the `peaked` objects divided by the largest mean ratio of the cans.
 
-    The confidence interval comes from a bootstrap over the recordings of each object.
+    The confidence interval comes from a bootstrap over the recordings of each object, and is widened for few recordings.
     """
     rng = np.random.default_rng(config.seed)
     values = {name: rotations.samples(turns, RATIO, name) for name in (*cans, *peaked)}
@@ -135,7 +135,9 @@ def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]
         return min(drawn[name].mean() for name in peaked) / max(drawn[name].mean() for name in cans)
 
     drawn = [separation({name: rng.choice(some, len(some)) for name, some in values.items()}) for _ in range(config.profile.resamples)]
-    return statistics.resampled(separation(values), drawn, sum(len(some) for some in values.values()), (0.0, np.inf))
+    value, fewest = separation(values), min(len(some) for some in values.values())
+    wide = np.exp(statistics.widened(np.log(drawn), np.log(value), fewest))  # the ratio of two positive quantities
+    return statistics.resampled(value, wide, sum(len(some) for some in values.values()), (0.0, np.inf))
 
 
 def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:

@@ -94,6 +94,17 @@ def test_coefficient_of_variation_matches_its_sample() -> None:
         statistics.coefficient_of_variation([1.0, -1.0], 10, 0)
 
 
+def test_coefficient_of_variation_of_four_values_has_a_true_interval() -> None:
+    """The 95 % interval contains the true coefficient of variation in 92 to 98 % of 500 samples of four values."""
+    rng, true = np.random.default_rng(5), 0.3
+    inside = 0
+    for _ in range(500):
+        found = statistics.coefficient_of_variation(rng.lognormal(0, np.sqrt(np.log1p(true**2)), 4), 400, int(rng.integers(1000)))
+        inside += found.low <= true <= found.high
+    assert 0.92 < inside / 500 < 0.98
+    assert statistics.coefficient_of_variation([1e-12, 1.0], 400, 0).high == np.inf
+
+
 def test_ssim_is_one_for_equal_maps_and_falls_with_noise() -> None:
     rng = np.random.default_rng(3)
     image = np.clip(np.add.outer(np.linspace(0, 1, 40), np.zeros(20)), 0, 1)
