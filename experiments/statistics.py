@@ -6,7 +6,7 @@ Every random draw uses the seed that the caller gives. All intervals are 95 % co
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -56,10 +56,17 @@ class Estimate:
         return float(t.sf(abs(self.value - bound) / half * t.ppf(0.975, freedom), freedom))
 
 
-def mean(samples: ArrayLike, resamples: int, seed: int, limits: tuple[float, float] = ANY) -> Estimate:
+def mean(
+    samples: ArrayLike, resamples: int, seed: int, limits: tuple[float, float] = ANY,
+    scale: Callable[[NDArray[np.float64]], NDArray[np.float64]] = np.asarray,
+) -> Estimate:  # fmt: skip
     """Return the mean of the samples with its confidence interval from a bootstrap over the samples, widened for few samples.
 
     For a single sample, and for samples that are all equal, both bounds equal the mean.
+
+    Args:
+        scale: increasing function that converts means to the unit of the result, such as amplitudes to decibels. The interval is widened
+            in this unit, because a widened interval of amplitudes could extend below zero.
 
     >>> mean([2.0], 100, 0).low
     2.0
@@ -67,13 +74,14 @@ def mean(samples: ArrayLike, resamples: int, seed: int, limits: tuple[float, flo
     from scipy.stats import bootstrap
 
     samples = np.asarray(samples, float)
-    value = float(samples.mean())
+    value = float(scale(samples.mean()))
     if len(samples) < 2:
         return replace(exact(value, len(samples)), limits=limits)
     if np.ptp(samples) == 0:
         return resampled(value, np.full(resamples, value), len(samples), limits)
     found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
-    return resampled(value, np.clip(widened(found.bootstrap_distribution, value, len(samples)), *limits), len(samples), limits)
+    drawn = widened(scale(found.bootstrap_distribution), value, len(samples))
+    return resampled(value, np.clip(drawn, *limits), len(samples), limits)
 
 
 def widening(n: int) -> float:

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.cases import Case
@@ -26,7 +27,6 @@ from experiments.drawing import legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gaps.claims import expected
-from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
@@ -159,22 +159,19 @@ def _add(
     """Add one table row for a gap at a strength and a group of cases; `values` holds the values of the cases for each draw. Ratios of
     signals are averaged over cases as amplitudes, and over draws in decibels.
     """
-    config, ratios = rows.config, metric.endswith(CHANGE)
-    samples = 10 ** (np.array(values) / 20) if ratios else np.array(values)
-    each = [statistics.mean(one, config.profile.resamples, config.seed) for one in samples]
-    found = statistics.over_draws([_in_decibels(one) for one in each] if ratios else each, config.profile.resamples, config.seed)
+    config = rows.config
+    samples, scale = np.array(values), np.asarray
+    if metric.endswith(CHANGE):
+        samples, scale = 10 ** (samples / 20), _decibels
+    each = [statistics.mean(one, config.profile.resamples, config.seed, scale=scale) for one in samples]
+    found = statistics.over_draws(each, config.profile.resamples, config.seed)
     source = config.measured.gap.sources().get(where[0], "")
     row = rows.add({**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}, metric, found, keys, claim)
     row["draws"] = len(values)
 
 
-def _in_decibels(found: Estimate) -> Estimate:
-    """Convert the estimate of an amplitude to decibels. Draws are averaged in decibels, because the interval of a mean amplitude could
-    extend below zero.
-    """
-    value, low, high = (case_set.decibels(one**2) for one in (found.value, found.low, found.high))
-    drawn = None if found.drawn is None else 20 * np.log10(found.drawn)
-    return replace(found, value=value, low=low, high=high, drawn=drawn)
+def _decibels(amplitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 20 * np.log10(amplitude)
 
 
 def _mean(moves: Sequence[Mapping[Case, dict[str, float]]], group: str, feature: str) -> float:

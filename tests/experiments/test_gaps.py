@@ -155,6 +155,23 @@ def test_an_interval_contains_the_spread_between_draws(tmp_path: Path) -> None:
         assert (row["high"] - row["low"] > width) == (len(some) > 1)
 
 
+def test_very_different_changes_of_three_objects_have_an_interval(tmp_path: Path) -> None:
+    """The widened interval of three amplitudes could extend below zero, which has no level in decibels. The interval in decibels contains
+    the value.
+    """
+    base = reading(STEADY)
+    still = case_set.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
+    moves = [
+        {case: still | {"target change (dB)": level} for case, level in zip(case_set.CASES, levels, strict=True)}
+        for levels in ((-20.0, -60.0, -70.0, -30.0), (-22.0, -65.0, -75.0, -30.0))
+    ]
+    rows = RowList(config(tmp_path))
+    gaps.add_rows(rows, ("hardware", 1.0), moves, ["key"])
+    (row,) = (row for row in rows if row["metric"] == "target change (dB)" and row["cases"] == "turntable")
+    assert np.isfinite([row["low"], row["high"]]).all()
+    assert row["low"] < row["value"] < row["high"]
+
+
 def test_draws_of_a_gap_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each draw of a gap has its own scan or its own measured case. The case's draw chooses seeds and radar board."""
     asked: list[tuple[str, int, int]] = []
