@@ -233,8 +233,9 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
     """Return the sample standard deviation of positive values divided by their mean.
 
     The interval is that of log-normally distributed values, whose coefficient of variation depends only on the standard deviation of their
-    logarithms. It contains the true value in 93 to 96 % of cases for 3 to 11 such values. A bootstrap interval contains the true value in
-    only 47 to 60 % of cases for four values.
+    logarithms. It contains the true value in 93 to 96 % of cases for 3 to 11 such values, and in 83 to 90 % of cases for normally
+    distributed values with a coefficient of variation of 0.3. A bootstrap interval contains the true value in only 47 to 60 % of cases for
+    four values.
     """
     samples = np.asarray(samples, float)
     if len(samples) < 2 or not (samples > 0).all():

@@ -17,7 +17,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.cases import Case
@@ -170,13 +169,13 @@ def _add(
     row["draws"] = len(values)
 
 
-def _decibels(amplitude: NDArray[np.float64]) -> NDArray[np.float64]:
+def _decibels(amplitude: Any) -> Any:
     return 20 * np.log10(amplitude)
 
 
 def _mean(moves: Sequence[Mapping[Case, dict[str, float]]], group: str, feature: str) -> float:
     """Return the mean of a ratio of signals in decibels. The cases of a group are averaged as amplitudes, and draws in decibels."""
-    return float(np.mean([20 * np.log10(np.mean([10 ** (one[case][feature] / 20) for case in GROUPS[group]])) for one in moves]))
+    return float(np.mean([_decibels(np.mean([10 ** (one[case][feature] / 20) for case in GROUPS[group]])) for one in moves]))
 
 
 def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:
@@ -189,7 +188,7 @@ def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:
         for part, colour, marker, shift in (("target", PALETTE[1], "o", 0.14), ("room", PALETTE[0], "s", -0.14)):
             feature = part + CHANGE
             off = [10 ** (r["value"] / 20) for r in rows if r["gap"] == "none" and r["metric"] == feature and r["cases"] in names]
-            values = np.array([20 * np.log10(np.mean(off)), *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)])
+            values = np.array([_decibels(np.mean(off)), *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)])
             label = "target gate" if part == "target" else "room, 0.5 m or more from the target"
             panel.plot(np.maximum(values, LOWEST_SHOWN_DB), places + shift, marker, color=colour, ms=4.5, label=label, clip_on=False)
         panel.axvline(0, color="0.6", lw=0.6)

@@ -152,8 +152,8 @@ def count_caustics(tubes: Tubes, distance: Any) -> None:
     this function are real, because the curvature matrix of a wavefront is symmetric.
 
     At an edge of two faces, `distance` can be some nanometres. The terms of the function then differ by many powers of ten, so that a
-    difference of cross-sections loses the linear term. A product of two terms can be subnormal, and only some threads of Dr.Jit replace
-    subnormal numbers by zero. The function therefore computes each term on its own, and compares signs instead of products.
+    difference of cross-sections loses the linear term. A product of two terms can be subnormal. Dr.Jit's worker threads replace subnormal
+    numbers by zero, and the main thread does not. The function therefore computes each term on its own, and compares signs.
     """
     u, v, du, dv = tubes.position_du, tubes.position_dv, tubes.direction_du * distance, tubes.direction_dv * distance
     here, slope, between = (dr.dot(area, tubes.direction) for area in (dr.cross(u, v), dr.cross(u, dv) + dr.cross(du, v), dr.cross(du, dv)))
