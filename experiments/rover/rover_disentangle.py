@@ -37,7 +37,7 @@ TABLE = Table(
     title="Object, distance, room",
     caption="Agreement of simulated and measured features while two of the factors object, distance and room are fixed and the "
     "third varies; correlations pooled over distances and at matched distances; and the variance of the disagreement "
-    "(simulated minus measured), divided among the three factors. Intervals are bootstraps over objects.",
+    "(simulated minus measured), divided among the three factors. Intervals are bootstraps over objects, widened for few objects.",
 )
 
 SHARE = "share of the disagreement, per degree of freedom"
@@ -85,32 +85,37 @@ def _add_slices(rows: RowList, motion: str, cells: Cells, keys: list[str], slice
     """
     seeds = rows.config.profile.resamples, rows.config.seed
 
-    def add(case: str, metric: str, statistic: Callable[[Cells], float], claim: Claim = NONE) -> None:
-        rows.add({"motion": motion, "case": case}, metric, bootstrap(cells, statistic, *seeds), keys, claim)
+    def add(case: str, metric: str, statistic: Callable[[Cells], float], limits: tuple[float, float], claim: Claim = NONE) -> None:
+        rows.add({"motion": motion, "case": case}, metric, bootstrap(cells, statistic, *seeds, limits), keys, claim)
 
     for factor in ("object", "distance"):
         values = slice_correlations(cells, factor)
         if len(values):
             slices[motion, factor] = values
-            add(f"{factor} slice", "correlation of features, mean", lambda some, f=factor: _mean(slice_correlations(some, f)))
+            add(
+                f"{factor} slice",
+                "correlation of features, mean",
+                lambda some, f=factor: _mean(slice_correlations(some, f)),
+                statistics.SIGNED,
+            )
     signs = room_signs(cells)
     if len(signs):
         slices[motion, "room"] = 2 * signs - 1
-        add("room slice", "share of features that change alike", lambda some: _mean(room_signs(some)))
+        add("room slice", "share of features that change alike", lambda some: _mean(room_signs(some)), statistics.SHARE)
     if len({distance for _, _, distance in cells}) > 1:
         for case, correlations in (("pooled", pooled), ("matched", matched)):
-            add(case, "highest correlation of a feature", lambda some, f=correlations: float(np.nanmax(f(some))))
-        add("pooled less matched", "highest correlation of a feature", inflation, INFLATED)
+            add(case, "highest correlation of a feature", lambda some, f=correlations: float(np.nanmax(f(some))), statistics.SIGNED)
+        add("pooled less matched", "highest correlation of a feature", inflation, (-2.0, 2.0), INFLATED)
 
 
 def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> None:
     seeds = rows.config.profile.resamples, rows.config.seed
     shares = effects(cells)
     for factor in shares:
-        found = bootstrap(cells, lambda some, f=factor: effects(some).get(f, float("nan")), *seeds)
+        found = bootstrap(cells, lambda some, f=factor: effects(some).get(f, float("nan")), *seeds, statistics.SHARE)
         rows.add({"motion": motion, "case": factor}, SHARE, found, keys)
     if len(shares) == len(POSITIONS):
-        lead = bootstrap(cells, _room_lead, *seeds)
+        lead = bootstrap(cells, _room_lead, *seeds, statistics.SIGNED)
         rows.add({"motion": motion, "case": "room less the larger of the others"}, SHARE, lead, keys, ROOM_FIRST)
 
 
@@ -218,11 +223,14 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
     return np.divide(np.sum(first * second, axis=0), norm, out=np.full(len(norm), np.nan), where=norm > 0)
 
 
-def bootstrap(cells: Cells, statistic: Callable[[Cells], float], resamples: int, seed: int) -> Estimate:
+def bootstrap(
+    cells: Cells, statistic: Callable[[Cells], float], resamples: int, seed: int, limits: tuple[float, float] = statistics.ANY
+) -> Estimate:
     """Estimate a statistic with a bootstrap over objects. An object that the bootstrap draws contributes its values in all rooms and at
     all distances.
 
-    At most 300 resamples are drawn, because every feature is ranked again in each resample.
+    At most 300 resamples are drawn, because every feature is ranked again in each resample. The interval is widened for few objects
+    (`statistics.widening`) and clipped to `limits`, the smallest and largest value that the statistic can have.
     """
     names = sorted({name for name, _, _ in cells})
     rng = np.random.default_rng(seed)
@@ -236,4 +244,5 @@ def bootstrap(cells: Cells, statistic: Callable[[Cells], float], resamples: int,
             if name == names[i]
         }
         drawn.append(statistic(again))
-    return statistics.resampled(statistic(cells), drawn, len(names))
+    value = statistic(cells)
+    return statistics.resampled(value, np.clip(statistics.widened(np.array(drawn), value, len(names)), *limits), len(names), limits)

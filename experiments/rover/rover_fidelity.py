@@ -45,9 +45,8 @@ TABLE = Table(
     "at equal distance (Spearman, measured against simulated), and the brightness of metal minus plastic. p of "
     "the share of positive rank correlations is the fraction of random assignments of objects with at least this share. p of the share "
     "of places with one sign is the share of assignments of the material labels to the objects whose contrast is as large, "
-    "in the domain with the "
-    "larger p. Intervals are 95 % bootstraps; the share of places with one sign has a Clopper-Pearson interval, which takes places as "
-    "independent.",
+    "in the domain with the larger p. Intervals are 95 % bootstraps, widened for few items; the share of places with one sign has a "
+    "Clopper-Pearson interval, which takes places as independent.",
 )
 
 MIN_OBJECTS = 5  # four objects have only 24 assignments, so that p would be at least 0.04 before the correction for several tests
@@ -202,6 +201,7 @@ def share_alike(drives: dict[str, Drives], where: Sequence[Place], resamples: in
     drawn = [share(some, some) for some in rng.integers(len(names), size=(min(resamples, MOST_DRAWN), len(names)))]
     shuffled = [share(own, rng.permutation(own)) for _ in range(MOST_DRAWN - 1)]
     p = (1 + sum(one >= value - 1e-12 for one in shuffled)) / MOST_DRAWN
+    drawn = np.clip(statistics.widened(np.array(drawn), value, len(names)), *statistics.SHARE)
     return replace(statistics.resampled(value, drawn, len(names), statistics.SHARE), p=p)
 
 
@@ -302,8 +302,8 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
     value = float(pairs[:, 1].mean() / pairs[:, 0].mean()) if pairs[:, 0].mean() > 0 else float("nan")
     drawn = pairs[np.random.default_rng(seed).integers(len(pairs), size=(resamples, len(pairs)))].mean(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        low, high = np.quantile(np.where(drawn[:, 0] > 0, drawn[:, 1] / drawn[:, 0], np.inf), [0.025, 0.975], method="inverted_cdf")
-    return Estimate(value, min(float(low), value), max(float(high), value), len(pairs))
+        ratios = statistics.widened(np.where(drawn[:, 0] > 0, drawn[:, 1] / drawn[:, 0], np.inf), value, len(pairs))
+    return statistics.resampled(value, ratios, len(pairs))
 
 
 def _brightness(drives: Drives, names: list[str], place: Place) -> float:

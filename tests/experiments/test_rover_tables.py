@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fake_campaign import FakeCampaign, config, draw_all, find
 
+from experiments import statistics
 from experiments.campaign.cases import ROVER
 from experiments.rover import drive_features, point_clouds, rover_disentangle, rover_fidelity
 from radartwin.errors import ConfigError
@@ -132,6 +133,24 @@ def test_a_feature_of_distance_alone_correlates_pooled_but_not_matched() -> None
     assert np.abs(rover_disentangle.matched(made)).max() < 0.5
     found = rover_disentangle.bootstrap(made, rover_disentangle.inflation, 100, 0)
     assert found.low > 0
+
+
+def test_the_interval_over_four_objects_contains_the_true_share() -> None:
+    rng = np.random.default_rng(0)
+
+    def drawn() -> rover_disentangle.Cells:
+        """Return four objects in two rooms. The features of an object agree with a chance of its own, which is 0.5 in the mean."""
+        made = {}
+        for name in OBJECTS[:4]:
+            alike = np.where(rng.random(100) < rng.random(), 1.0, -1.0)
+            made |= {(name, room, 1.0): float(room == ROOMS[1]) * np.stack([np.ones(100), alike]) for room in ROOMS}
+        return made
+
+    def share(some: rover_disentangle.Cells) -> float:
+        return float(rover_disentangle.room_signs(some).mean())
+
+    found = [rover_disentangle.bootstrap(drawn(), share, 60, seed, statistics.SHARE) for seed in range(100)]
+    assert sum(one.low <= 0.5 <= one.high for one in found) >= 85  # 74 without widening
 
 
 @pytest.mark.parametrize("factor", ["object", "distance", "room"])
