@@ -7,7 +7,7 @@ the same for all draws.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,9 @@ import numpy as np
 
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import draws
+from experiments.campaign.campaign import joined as joined_tasks
+from experiments.campaign.cases import Case, draws
+from experiments.campaign.schedule import RecordingTask
 from experiments.claims import Claim, Row, corrected
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -47,31 +49,61 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
         scored_of: function that returns the result of the table for a configuration.
     """
     result = scored_of(config)
-    if not config.profile.unknown_contents or config.contents != "filled":
-        return result
     ours = {(row["metric"], *row.case.items()): row["value"] for row in result.rows if isinstance(row, Row)}
-    other = scored_of(replace(config, contents="unknown"))
-    # Rows that use only measurements have equal values in both results.
-    return _beside(result, other, {"twin": UNKNOWN}, lambda row: row["value"] != ours.get((row["metric"], *row.case.items())))
+    for other in unknown_contents(config):
+        # Rows that use only measurements have equal values in both results.
+        changed = lambda row: row["value"] != ours.get((row["metric"], *row.case.items()))  # noqa: E731
+        result = _beside(result, scored_of(other), {"twin": UNKNOWN}, changed)
+    return result
+
+
+def unknown_contents(config: Config) -> list[Config]:
+    """Return the configuration of the further rows of `beside_unknown`, or an empty list if there are no further rows."""
+    return [replace(config, contents="unknown")] if config.profile.unknown_contents and config.contents == "filled" else []
 
 
 def beside_exact_objects(config: Config, scored_of: Callable[[Config], Result], kept: Callable[[Row], bool] = lambda row: True) -> Result:
     """Return the result of a table, with further rows for a testbed whose objects equal the catalogue.
 
     The column `truth` of the further rows says "objects of the catalogue", and these rows state no claim. The further rows come from one
-    draw of the testbed without the gaps OBJECT_GAPS. There are no further rows if the profile has no `exact_objects`, or if the
-    measurements come from a recording set.
+    draw of the testbed without the gaps OBJECT_GAPS.
 
     Args:
         scored_of: function that returns the result of the table for a configuration.
         kept: function that tells whether a row of the testbed without these gaps is kept.
     """
     result = scored_of(config)
+    for other in exact_objects(config):
+        result = _beside(result, scored_of(other), {"truth": EXACT}, kept)
+    return result
+
+
+def exact_objects(config: Config) -> list[Config]:
+    """Return the configuration of the further rows of `beside_exact_objects`, or an empty list if there are no further rows.
+
+    There are no further rows if the profile has no `exact_objects`, or if the measurements come from a recording set.
+    """
     if not config.profile.exact_objects or config.measured.provider != "testbed":
-        return result
+        return []
     gap = replace(config.measured.gap, **dict.fromkeys(OBJECT_GAPS, 0.0))
-    exact = replace(config, measured=replace(config.measured, gap=gap, draw=config.measured.draw or 0))
-    return _beside(result, scored_of(exact), {"truth": EXACT}, kept)
+    return [replace(config, measured=replace(config.measured, gap=gap, draw=config.measured.draw or 0))]
+
+
+def recordings(
+    configs: Iterable[Config],
+    wanted: Callable[[Campaign], Iterable[tuple[str, Case]]],
+    store: Store,
+    progress: Progress,
+    rover: bool = False,
+) -> dict[str, RecordingTask]:
+    """Return the recordings that a table reads and the store lacks, for each configuration and draw, as `together` needs them.
+
+    Args:
+        wanted: function that returns the (domain, case) pairs that the table reads from the campaign of one draw.
+        rover: that of `scored`.
+    """
+    campaigns = [Campaign(one, store, progress, draw) for one in configs for draw in numbers(one, rover)]
+    return joined_tasks(campaign.missing(wanted(campaign)) for campaign in campaigns)
 
 
 def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Callable[[Row], bool]) -> Result:

@@ -19,7 +19,10 @@ from radartwin.store.products import Store
 
 
 def simulate(configs: Sequence[Config], progress: Progress) -> None:
-    """Simulate the recordings, and make the further simulations, that the configured experiments need and the store lacks."""
+    """Simulate the recordings, and make the further simulations, that the configured experiments need and the store lacks.
+
+    The number of workers is that of the first configuration; all configurations of one command have the same.
+    """
     missing, calls = [], []
     for config in configs:
         if not run.finished(config):
@@ -28,4 +31,4 @@ def simulate(configs: Sequence[Config], progress: Progress) -> None:
                 missing.append(recordings(config, store, progress))
             if own := getattr(module, "calls", None):
                 calls += own(config)
-    make_together(joined(missing), progress, calls=calls)
+    make_together(joined(missing), configs[0].jobs, progress, calls=calls)

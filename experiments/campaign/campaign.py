@@ -109,7 +109,7 @@ class Campaign:
 
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, fresh: bool = False) -> None:
         """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` starts new workers."""
-        make_together(self.missing(wanted, materials), self.progress, fresh)
+        make_together(self.missing(wanted, materials), self.config.jobs, self.progress, fresh)
 
     def missing(
         self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, clean: bool = False, setup: str = ""
@@ -190,8 +190,10 @@ def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTa
     return found
 
 
-def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()) -> None:
-    """Simulate the missing recordings of one or more campaigns in several workers (config.jobs); `fresh` starts new workers.
+def make_together(
+    missing: Mapping[str, RecordingTask], jobs: int, progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()
+) -> None:
+    """Simulate the missing recordings of one or more campaigns in at most `jobs` workers; `fresh` starts new workers.
 
     If there is only one worker, the calling process simulates the recordings. Recordings of one track are simulated one after the other,
     because they share a set-up.
@@ -200,9 +202,9 @@ def make_together(missing: Mapping[str, RecordingTask], progress: Progress, fres
         calls: further simulations, which the workers start before the recordings.
     """
     tasks = list(missing.values())
-    if not tasks:
+    if not (tasks or calls):
         return
-    count = workers.worker_count(tasks[0].config.jobs, len(tasks) + len(calls))
+    count = workers.worker_count(jobs, len(tasks) + len(calls))
     schedule, ahead = Schedule(tasks), iter(calls)
 
     def next_call(worker: int) -> Call | None:

@@ -100,7 +100,7 @@ class Sides:
         share a room set-up are simulated together.
         """
         ordered = sides_of(sets_of_gaps)
-        make_together(self.missing(ordered), self.progress)
+        make_together(self.missing(ordered), self.config.jobs, self.progress)
         for domain, on in self.progress.over(ordered, "sides"):
             self.read(domain, on)
 

@@ -81,6 +81,7 @@ class Headline:
 
 GAIN = Claim(above=LEAST_GAIN)
 AT_CHANCE = Claim(reaches=math.nan)  # the row's column `chance` gives the value
+CLAIMED_ROOMS = ("squash_court",)  # rooms of the drives that the claims in HEADLINES are about
 AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
@@ -211,7 +212,10 @@ def compared(config: Config) -> Config:
     """Return the configuration with the number of draws at which the strengths are compared, and without the rows that no claim needs."""
     profile, campaign = config.profile, config.profile.campaign
     few = replace(
-        campaign, draws=min(campaign.draws, profile.strength_draws), rover_draws=min(campaign.rover_draws, profile.strength_rover_draws)
+        campaign,
+        draws=min(campaign.draws, profile.strength_draws),
+        rover_draws=min(campaign.rover_draws, profile.strength_rover_draws),
+        rover_rooms=[room for room in campaign.rover_rooms if room in CLAIMED_ROOMS] or campaign.rover_rooms,
     )
     return replace(config, profile=replace(profile, campaign=few, unknown_contents=False, exact_objects=False, layout_turns=0))
 

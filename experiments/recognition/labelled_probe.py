@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.campaign import Call, Campaign
-from experiments.campaign.cases import Case
+from experiments.campaign.campaign import Call, Campaign, joined
+from experiments.campaign.cases import MEASURED, TWIN, Case
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import copies
@@ -41,7 +42,7 @@ from experiments.recognition.protocol import (
     settings,
     statistics_columns,
 )  # fmt: skip
-from experiments.recognition.readings import FEATURES, MOTION, shared_cases, vectors
+from experiments.recognition.readings import FEATURES, MOTION, paired, shared_cases, vectors
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
@@ -114,10 +115,23 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return draws.beside_unknown(config, scored)
 
 
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    own = [config, *draws.unknown_contents(config)]
+    found = [draws.recordings(own, lambda campaign: paired(campaign, MOTION), store, progress)]
+    found.append(draws.recordings([rf_genesis(config)], simulated, store, progress))
+    if layout := _layout_campaign(config, store, progress):
+        found.append(layout.missing([(MEASURED, case) for case in as_in_paper(layout.cases(MEASURED, motion=MOTION))]))
+    return joined(found)
+
+
+def simulated(campaign: Campaign) -> list[tuple[str, Case]]:
+    """Return the simulated recordings that the copies need, as (domain, case) pairs."""
+    return [(TWIN, case) for case in shared_cases(campaign, MOTION)[1]]
+
+
 def calls(config: Config) -> list[Call]:
     """Return the simulations of the random targets for every compared simulation (experiments/together.py)."""
-    own = [config, rf_genesis(config)] + ([replace(config, contents="unknown")] if config.profile.unknown_contents else [])
-    return [call for one in own for call in copies.calls(one)]
+    return [call for one in (config, *draws.unknown_contents(config), rf_genesis(config)) for call in copies.calls(one)]
 
 
 def rf_genesis(config: Config) -> Config:

@@ -46,7 +46,7 @@ WRONG = (0.25, 0.5, 1.0)  # shares of labels that are replaced
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    make_together(recordings(config, store, progress), progress)
+    make_together(recordings(config, store, progress), config.jobs, progress)
     return draws.joined([score(config, campaigns(config, store, progress, draw), progress) for draw in draws.numbers(config, rover=True)])
 
 

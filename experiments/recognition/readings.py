@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.campaign.cases import Case
+from experiments.campaign.cases import COMPARED, Case
 from experiments.campaign.source import RecordingSource
 from radartwin.errors import InputError
 from radartwin.features import envelope, sets
@@ -63,6 +63,11 @@ def shared_cases(source: RecordingSource, motion: str, room: str | None = None, 
         )
     measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in shared] for side in cases)
     return balanced(measured), simulated
+
+
+def paired(source: RecordingSource, motion: str) -> list[tuple[str, Case]]:
+    """Return the (domain, case) pairs of `shared_cases`."""
+    return [(domain, case) for domain, cases in zip(COMPARED, shared_cases(source, motion), strict=True) for case in cases]
 
 
 def balanced(cases: Sequence[Case]) -> list[Case]:

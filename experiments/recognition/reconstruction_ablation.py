@@ -53,7 +53,7 @@ PAPER = {
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    make_together(recordings(config, store, progress), progress)
+    make_together(recordings(config, store, progress), config.jobs, progress)
     return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
 
 

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.cases import REFLECTOR
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import COMPARED, REFLECTOR, Case
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import labelled_probe, transfer
@@ -81,17 +83,24 @@ class Shown:
     panels: dict[str, tuple[NDArray, NDArray]] = field(default_factory=dict)
 
 
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    def wanted(campaign: Campaign) -> list[tuple[str, Case]]:
+        return [(domain, case) for domain in COMPARED for motion in MOTIONS for case in campaign.cases(domain, motion=motion)]
+
+    return draws.recordings([config, *draws.exact_objects(config)], wanted, store, progress, rover=True)
+
+
 def run(config: Config, store: Store, progress: Progress) -> Result:
     def scored(own: Config) -> Result:
-        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress), rover=True)
+        mode = config.supervision.mode if own is config else "label_free"  # the other levels are shown only for the configured testbed
+        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress, mode), rover=True)
 
-    return draws.beside_exact_objects(config, scored, lambda row: row["level"] == "label_free" and row["classes"] == "object")
+    return draws.beside_exact_objects(config, scored, lambda row: row["classes"] == "object")
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the rows of the configured supervision levels. Raises InputError if the campaign has no measured drives."""
+def score(config: Config, source: RecordingSource, store: Store, progress: Progress, mode: str) -> Result:
+    """Build the rows of the supervision levels up to `mode`. Raises InputError if the campaign has no measured drives."""
     rows, shown, used = RecognitionRows(config), Shown(), set()
-    mode = config.supervision.mode
     recorded = {case.room for case in source.cases("measured") if case.motion in MOTIONS}
     if not recorded:
         raise InputError("the campaign has no measured drives; add objects to profile.campaign.rover_objects or record drives")

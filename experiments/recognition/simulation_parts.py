@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.campaign import Call, Campaign
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import copies
 from experiments.recognition.figures import bars
-from experiments.recognition.labelled_probe import RIVAL, rf_genesis
+from experiments.recognition.labelled_probe import RIVAL, rf_genesis, simulated
 from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
-from experiments.recognition.readings import FEATURES, MOTION, shared_cases, vectors
+from experiments.recognition.readings import FEATURES, MOTION, paired, shared_cases, vectors
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.io.progress import Progress
@@ -61,6 +62,11 @@ def configured(config: Config) -> dict[str, Config]:
         NO_ROOM: replace(config, materials=VoidMaterials()),
         RIVAL: rf_genesis(config),
     }
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    both = draws.recordings([config], lambda campaign: paired(campaign, MOTION), store, progress)
+    return both | draws.recordings(configured(config).values(), simulated, store, progress)
 
 
 def calls(config: Config) -> list[Call]:

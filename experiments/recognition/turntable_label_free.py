@@ -9,11 +9,13 @@ paper, the object itself is not recognised.
 from __future__ import annotations
 
 from experiments import draws
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars, confusions
 from experiments.recognition.protocol import CHANCE_MARGIN, GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
+from experiments.recognition.readings import MOTION, paired
 from experiments.recognition.transfer import ranked
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -35,6 +37,11 @@ TABLE = Table(
 
 ENCODER, RANKS = "encoder on ranks", "ranks alone"
 PAPER = {"geometry": "0.72", "material": "0.72"}
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    own = [config, *draws.unknown_contents(config), *draws.exact_objects(config)]
+    return draws.recordings(own, lambda campaign: paired(campaign, MOTION), store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

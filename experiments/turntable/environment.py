@@ -76,7 +76,7 @@ Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # key: side, distan
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     check(config)
-    make_together(recordings(config, store, progress), progress)
+    make_together(recordings(config, store, progress), config.jobs, progress)
 
     result = draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
     sources = {True: Campaign(config, store, progress), False: _without_lobes(config, store, progress)}

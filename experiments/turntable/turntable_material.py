@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments import draws, statistics
-from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
+from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN, Case
+from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
@@ -45,6 +47,13 @@ LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 OVER = Claim("metal is brighter than plastic", "above 0", above=LEAST_DB)
 EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=LEAST_DB)
 DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=-LEAST_DB)
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    def wanted(campaign: Campaign) -> list[tuple[str, Case]]:
+        return [(domain, case) for domain in COMPARED for case in campaign.cases(domain, motion="turntable")]
+
+    return draws.recordings([config, *draws.unknown_contents(config)], wanted, store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

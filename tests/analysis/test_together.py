@@ -9,13 +9,14 @@ import pytest
 
 from analysis import main, registry
 from experiments import together
-from experiments.campaign.campaign import Campaign, joined
+from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.schedule import RecordingTask
 from experiments.recognition import copies
 from radartwin.config.compose import compose, path_override
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs import workers
+from radartwin.runs.experiment import load
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
@@ -26,7 +27,7 @@ def config_of(name: str, output: Path) -> Config:
 
 def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {}
-    monkeypatch.setattr(together, "make_together", lambda missing, progress, calls: given.update(missing=missing, calls=calls))
+    monkeypatch.setattr(together, "make_together", lambda missing, jobs, progress, calls: given.update(missing=missing, calls=calls))
     together.simulate([config_of(name, tmp_path) for name in registry.of_profile("quick")], Progress(quiet=True))
     for name in ("turntable_shape", "linear_rail", "rover_fidelity", "labelled_probe", "material_errors"):
         campaign = Campaign(config_of(name, tmp_path), Store(tmp_path / "cache"), Progress(quiet=True))
@@ -35,6 +36,31 @@ def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeyp
     targets = [call for call in given["calls"] if call[0] is copies.simulate_targets]
     assert len(targets) == 2 * len(catalogue()), "the drawn targets of both simulators"
     assert [case.room for function, case, *_ in given["calls"] if function is not copies.simulate_targets] == ["lab"], "of complexity"
+
+
+def planned(name: str, output: Path, *overrides: str) -> dict[str, RecordingTask]:
+    few = ("profile.campaign.turntable_objects=[mug,mustard]", "profile.campaign.rover_objects=[mug,mustard]", "profile.campaign.draws=2")
+    config = compose([f"experiment={name}", "profile=quick", *few, *overrides, path_override("output", output)])
+    return load(config.experiment).recordings(config, Store(output / "cache"), Progress(quiet=True))
+
+
+def test_recordings_beside_the_configured_ones_are_planned(tmp_path: Path) -> None:
+    usual = planned("turntable_material", tmp_path)
+    beside = planned("turntable_material", tmp_path, "profile.unknown_contents=true")
+    assert {(task.domain, task.config.contents) for key, task in beside.items() if key not in usual} == {("twin", "unknown")}
+    usual = planned("rover_recognition", tmp_path)
+    exact = planned("rover_recognition", tmp_path, "profile.exact_objects=true")
+    added = [task for key, task in exact.items() if key not in usual]
+    assert {(task.domain, task.case.draw, task.case.object) for task in added} == {("measured", 0, "mug"), ("measured", 0, "mustard")}
+    assert len(added) == len([task for task in usual.values() if task.domain == "measured"])
+    layout = planned("labelled_probe", tmp_path, "profile.layout_turns=3").values()
+    assert {task.case.draw for task in layout if task.config.profile.campaign.turns == 3} == {0}
+
+
+def test_calls_are_made_without_missing_recordings() -> None:
+    made: list[int] = []
+    make_together({}, 1, Progress(quiet=True), calls=[(made.append, 1), (made.append, 2)])
+    assert made == [1, 2]
 
 
 def test_a_recording_that_two_tables_read_is_processed_if_one_of_them_reads_it_processed() -> None:

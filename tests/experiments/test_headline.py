@@ -53,6 +53,15 @@ def test_strengths_are_compared_at_the_same_number_of_draws() -> None:
     assert set(map(tuple, map(sorted, draws.values()))) == {(4,), (4, 10)}
 
 
+def test_strengths_are_compared_in_the_rooms_of_the_claims() -> None:
+    own = config("headline", "profile.strengths=[0.5,1]", "profile.campaign.rover_rooms=[atrium,squash_court]")
+    for (strength, _), one in headline.tables(own).items():
+        rooms = ["atrium", "squash_court"] if strength == headline.ALL_DRAWS else ["squash_court"]
+        assert one.profile.campaign.rover_rooms == rooms
+    asked = {one.where["room"] for one in headline.HEADLINES if "room" in one.where}
+    assert asked == set(headline.CLAIMED_ROOMS)
+
+
 def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
     own = config("headline", "profile.strengths=[0.5,1]", "profile.campaign.draws=10", "profile.strength_draws=3")
 

@@ -267,8 +267,8 @@ def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
     study = Study(drives(), turntable())
     store = Store(tmp_path / "cache")
     chosen = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
-    assert {one["level"] for one in rover_recognition.score(chosen, study, store, Progress()).rows} == {"label_free"}
-    result = checked(rover_recognition.score(config("rover_recognition"), study, store, Progress()))
+    assert {one["level"] for one in rover_recognition.score(chosen, study, store, Progress(), "label_free").rows} == {"label_free"}
+    result = checked(rover_recognition.score(config("rover_recognition"), study, store, Progress(), "few_shot"))
     assert {one["level"] for one in result.rows} == {"label_free", "calibrated", "few_shot"}
     objects = find(result, level="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("holds", 24, pytest.approx(1 / 6))
