@@ -59,6 +59,8 @@ class Claim:
             return "untestable", NO_WIDTH
         if self.contains is not None or self.reaches is not None:
             return self._judge_no_effect(found)
+        if self.p_below is not None and found.least_p >= self.p_below:
+            return "untestable", f"p is {found.least_p:.2g} or more for so few items"
         true = (self.above == -math.inf or self.above < found.low) and (self.below == math.inf or found.high < self.below)
         true &= self.p_below is None or found.p < self.p_below
         return "holds" if true else "fails", ""
@@ -179,8 +181,9 @@ def corrected(rows: Sequence[Row]) -> list[Row]:
     """Return the rows with verdicts from p values that are corrected for the number of tests.
 
     The rows whose claim has a p value (`Claim.p_of`) are one family of tests. A claim of the family holds only if its corrected p value is
-    also below LEVEL. Column p_holm shows the p value after Holm's correction (S. Holm,
-    Scandinavian Journal of Statistics 6 (1979) 65), and column p the p value of the single test.
+    also below LEVEL. A claim whose smallest possible p value would not be below LEVEL after the correction is untestable. Column p_holm
+    shows the p value after Holm's correction (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65), and column p the p value of the
+    single test.
     """
     single = {id(one): one.claim.p_of(one.found) for one in rows if one["verdict"] != "untestable"}
     single = {key: p for key, p in single.items() if not math.isnan(p)}
@@ -190,7 +193,9 @@ def corrected(rows: Sequence[Row]) -> list[Row]:
         judged = one
         if (p := adjusted.get(id(one))) is not None:
             claim = replace(one.claim, p_below=one.claim.p_below or LEVEL)
-            judged = replace(one, found=replace(one.found, p=p), claim=claim)
+            least = 0.0 if one.claim.p_below is None else one.found.least_p
+            tests = sum(other >= least for other in single.values())  # Holm multiplies the smallest possible p value by this number
+            judged = replace(one, found=replace(one.found, p=p, least_p=min(1.0, tests * least)), claim=claim)
         judged |= {"p": single.get(id(one), one["p"]), "p_holm": p}
         out.append(judged)
     return out

@@ -50,9 +50,11 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
     """
     result = scored_of(config)
     ours = {(row["metric"], *row.case.items()): row["value"] for row in result.rows if isinstance(row, Row)}
+
+    def changed(row: Row) -> bool:
+        return row["value"] != ours.get((row["metric"], *row.case.items()))  # rows that use only measurements do not change
+
     for other in unknown_contents(config):
-        # Rows that use only measurements have equal values in both results.
-        changed = lambda row: row["value"] != ours.get((row["metric"], *row.case.items()))  # noqa: E731
         result = _beside(result, scored_of(other), {"twin": UNKNOWN}, changed)
     return result
 

@@ -17,6 +17,7 @@ from radartwin.errors import InputError
 from radartwin.recognize import score
 
 Alternative = Literal["greater", "less", "two-sided"]
+PERMUTATIONS = 9_999  # number of random permutations of a test that does not use all permutations
 ANY, SHARE, SIGNED = (-math.inf, math.inf), (0.0, 1.0), (-1.0, 1.0)  # limits; SIGNED is for correlations and differences of shares
 
 
@@ -29,6 +30,7 @@ class Estimate:
         freedom: degrees of freedom of the interval, from which `p_beyond` follows; None stands for n - 1.
         drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
         limits: smallest and largest value that the quantity can have, such as -1 and 1 of a correlation.
+        least_p: smallest p value that the test can give for so many items, such as 1/24 if it permutes four items; 0 without a test.
     """
 
     value: float
@@ -39,6 +41,7 @@ class Estimate:
     drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
     limits: tuple[float, float] = ANY
     freedom: float | None = None
+    least_p: float = 0.0
 
     def p_beyond(self, bound: float) -> float:
         """Return the one-sided p value against the hypothesis that the true value is on the other side of `bound` than the estimate.
@@ -177,7 +180,16 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
     tested: Any = permutation_test(
         (rankdata(first),), lambda x, axis: _r(x, ranks), permutation_type="pairings", vectorized=True, alternative=alternative, rng=rng
     )
-    return replace(found, p=float(tested.pvalue))
+    return replace(found, p=float(tested.pvalue), least_p=least_permutation_p(len(first)) * (2 if alternative == "two-sided" else 1))
+
+
+def least_permutation_p(n: int) -> float:
+    """Return the smallest p value of a test that permutes n items, in all ways or in 9,999 random ways (PERMUTATIONS).
+
+    >>> round(least_permutation_p(4), 4), least_permutation_p(20)
+    (0.0417, 0.0001)
+    """
+    return max(1 / math.factorial(n), 1 / (PERMUTATIONS + 1))
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -212,7 +224,7 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         a, b = chosen[upper[0]], chosen[upper[1]]
         if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    return replace(resampled(value, drawn, count, SIGNED), p=(as_good + 1) / (permutations + 1))
+    return replace(resampled(value, drawn, count, SIGNED), p=(as_good + 1) / (permutations + 1), least_p=1 / (permutations + 1))
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
@@ -226,7 +238,8 @@ def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
     if not 0 <= successes <= trials or trials < 1:
         raise InputError(f"a share needs one trial or more: {successes} of {trials}")
     low, value, high = score.exact_interval(successes / trials, trials)
-    return Estimate(value, low, high, trials, score.binomial_p(successes, trials, chance), limits=SHARE)
+    least = score.binomial_p(trials, trials, chance)
+    return Estimate(value, low, high, trials, score.binomial_p(successes, trials, chance), limits=SHARE, least_p=least)
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
@@ -294,7 +307,8 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
     samples = np.clip(value + inner + between, *first.limits)
     joined = resampled(value, samples, draws if all(one.n == 1 for one in found) else items)
     doubled = float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p)))
-    return replace(joined, p=doubled, limits=first.limits, freedom=freedom)
+    least = min(1.0, 2 * float(np.median([one.least_p for one in found])))
+    return replace(joined, p=doubled, limits=first.limits, freedom=freedom, least_p=least)
 
 
 def _samples(found: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -111,7 +111,8 @@ class RecognitionRows(RowList):
         if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
             found = interval(found.value, found.n)
         if not balanced:
-            found = replace(found, p=binomial_p(math.floor(found.value * found.n + 1e-9), found.n, chance))
+            p, least = (binomial_p(count, found.n, chance) for count in (math.floor(found.value * found.n + 1e-9), found.n))
+            found = replace(found, p=p, least_p=least)
         elif any(np.unique(recordings.object[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
             claim = replace(claim, untestable="a class has a single object")
         if not claim.bounded:
@@ -173,12 +174,13 @@ def over_shuffles(shares: NDArray) -> Estimate:
     return Estimate(mean, mean - half, mean + half, count, limits=SHARE)
 
 
-def sign_p(differences: NDArray, groups: NDArray) -> float:
-    """Return the one-sided exact p value of a sign test that the mean differences (N,) of most groups (N,) are positive.
+def sign_test(found: Estimate, differences: NDArray, groups: NDArray) -> Estimate:
+    """Return `found` with the one-sided exact p value of a sign test that the mean differences (N,) of most groups (N,) are positive.
 
     Groups whose mean difference is zero are left out. If no group remains, p is 1.
     """
     _, group = np.unique(groups, return_inverse=True)
     signs = np.sign(np.round(np.bincount(group, differences), 12))
     wins, losses = int(np.sum(signs > 0)), int(np.sum(signs < 0))
-    return binomial_p(wins, wins + losses, 0.5) if wins + losses else 1.0
+    p, least = (binomial_p(count, wins + losses, 0.5) if wins + losses else 1.0 for count in (wins, wins + losses))
+    return replace(found, p=p, least_p=least)

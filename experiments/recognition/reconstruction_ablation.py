@@ -13,7 +13,6 @@ labelled materials, and 6 only with the uniform material; p 0.001.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import LEVEL, SHAPE, RecognitionRows, correct, interval, sign_p, statistics_columns
+from experiments.recognition.protocol import LEVEL, SHAPE, RecognitionRows, correct, interval, sign_test, statistics_columns
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -122,7 +121,7 @@ def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], 
         columns = {"first_only": first, "second_only": second, **statistics_columns(one.size, 0.5)}
         case = {"classes": "object", "method": f"{better} or {worse}", **columns}
         found = interval(first / (first + second), first + second) if first + second else Estimate(0.5, 0.0, 1.0, 0)
-        found = replace(found, p=sign_p(one.astype(float) - two, objects))
+        found = sign_test(found, one.astype(float) - two, objects)
         claim = Claim(f"more recordings are right with {better} alone", paper, above=0.5, p_below=LEVEL)
         rows.add(case, "share of the unequal answers", found, keys, claim, one.size)
     leads = hits["object", LABELLED].mean(axis=1) > hits["object", UNIFORM].mean(axis=1)

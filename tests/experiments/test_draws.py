@@ -15,7 +15,7 @@ from experiments.campaign import truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, planned
 from experiments.claims import Claim, Row, RowList, corrected
-from experiments.recognition.protocol import sign_p
+from experiments.recognition.protocol import sign_test
 from experiments.statistics import Estimate
 from radartwin.cli import main
 from radartwin.config.config import Config
@@ -135,6 +135,23 @@ def test_a_family_of_tests_is_corrected() -> None:
     assert verdicts(0.03, 0.03, 0.001) == ["fails", "fails", "holds", "holds"]
 
 
+def test_a_claim_that_too_few_items_cannot_decide_is_untestable() -> None:
+    """The smallest p value of the first test is 0.02. It is 0.06 after the correction for three tests, and 0.04 for two tests."""
+
+    def row(*others: float, p: float = 0.02, least: float = 0.02) -> tuple[str, str]:
+        rows = RowList(config("turntable_shape"))
+        for one in (Estimate(1.0, 0.8, 1.0, 6, p, least_p=least), *(Estimate(0.7, 0.6, 0.8, 99, p) for p in others)):
+            rows.add({}, "m", one, (), Claim("c", above=0.5, p_below=0.05))
+        found = corrected(rows)[0]
+        return found["verdict"], found["reason"]
+
+    assert row(0.03, 0.04) == ("untestable", "p is 0.06 or more for so few items")
+    assert row(0.03, 0.04, p=0.9) == ("untestable", "p is 0.06 or more for so few items")
+    assert row(0.001, 0.04) == ("holds", "")
+    assert row(0.03, 0.04, p=0.9, least=1e-4) == ("fails", "")
+    assert row(least=0.05) == ("untestable", "p is 0.05 or more for so few items")
+
+
 def test_effects_judged_by_their_interval_are_corrected_too() -> None:
     """The p value is that of Student's t distribution with the same interval: 0.025 at its end. One claim holds, and none of ten."""
     drawn = np.random.default_rng(0).normal(0.5, 0.2, 100_000)
@@ -180,8 +197,10 @@ def test_mean_of_few_items_has_its_coverage(n) -> None:
 def test_recordings_of_one_simulation_are_one_trial_of_the_sign_test() -> None:
     better = np.repeat([1.0, 1.0, 1.0, -1.0, 0.0], 20)
     groups = np.repeat(np.arange(5), 20)
-    assert sign_p(better, groups) == pytest.approx(binomtest(3, 4, alternative="greater").pvalue)
-    assert sign_p(0 * better, groups) == 1.0
+    found = sign_test(Estimate(0.6, 0.2, 0.9, 100), better, groups)
+    assert found.p == pytest.approx(binomtest(3, 4, alternative="greater").pvalue)
+    assert found.least_p == 1 / 16
+    assert sign_test(found, 0 * better, groups).p == 1.0
 
 
 def test_each_draw_has_seeds_of_its_own_and_the_first_has_the_configured_seed(tmp_path) -> None:
