@@ -226,7 +226,7 @@ def test_channels_of_image_paths_match_image_geometry():
     turn *= np.sign(np.diag(turn))
     turn[:, 2] *= np.linalg.det(turn)
     radar = replace(rt.Radar.iwr1843(element="isotropic"), num_chirps=1)
-    centre = np.array([1.2, 0.0, 0.6])
+    centre = np.array([1.2, 0.3, 0.6])  # no component of the directions is zero
     scene, bare = rt.Scene([floor(), ball(centre)]), rt.Scene([floor()])
     ours = rt.simulate(scene, radar, at(SENSOR, turn), simulator=backend(rays_per_wavelength2=9.0)).iq[0, 0]
     ours = ours - rt.simulate(bare, radar, at(SENSOR, turn), simulator=backend()).iq[0, 0]

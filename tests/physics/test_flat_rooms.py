@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import relative_error
+from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 from scipy.special import fresnel
 
@@ -20,6 +21,7 @@ from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.drives import Drives
+from radartwin.simulation.flat import field
 from radartwin.simulation.flat import room as flat_room
 
 RADAR = traced.MONOSTATIC
@@ -296,6 +298,19 @@ def test_faces_after_an_edge_come_in_the_order_of_the_path():
     over_both, other_order = (np.linalg.norm(edge) + np.linalg.norm(edge - [image, 0]) for image in (-8.0, 8.0))
     assert np.abs(lengths - over_both).min() < 1e-6
     assert np.abs(lengths - other_order).min() > 1e-3
+
+
+def test_the_point_of_diffraction_has_the_shortest_path():
+    """At the point of diffraction on the line of an edge, the path from source over the line to receiver has its minimum."""
+    for start, along, source, receiver in np.random.default_rng(5).uniform(-1, 1, (20, 4, 3)):
+        along = along / np.linalg.norm(along)
+
+        def length(place, start=start, along=along, source=source, receiver=receiver):
+            point = start + place * along
+            return np.linalg.norm(point - source) + np.linalg.norm(point - receiver)
+
+        place = field.keller(*(tuple(one.tolist()) for one in (start, along, source, receiver)))
+        assert place == pytest.approx(minimize_scalar(length, bracket=(-3, 3), tol=1e-12).x, abs=1e-5)
 
 
 def test_strip_turned_by_45_degrees_echoes_at_its_edges():
