@@ -3,6 +3,7 @@ damaged input meshes.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -310,7 +311,8 @@ def test_the_point_of_diffraction_has_the_shortest_path():
             return np.linalg.norm(point - source) + np.linalg.norm(point - receiver)
 
         place = field.keller(*(tuple(one.tolist()) for one in (start, along, source, receiver)))
-        assert place == pytest.approx(minimize_scalar(length, bracket=(-3, 3), tol=1e-12).x, abs=1e-5)
+        shortest: Any = minimize_scalar(length, bracket=(-3, 3), tol=1e-12)
+        assert place == pytest.approx(shortest.x, abs=1e-5)
 
 
 def test_strip_turned_by_45_degrees_echoes_at_its_edges():
