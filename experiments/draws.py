@@ -98,14 +98,18 @@ def recordings(
     progress: Progress,
     rover: bool = False,
 ) -> dict[str, RecordingTask]:
-    """Return the recordings that a table reads and the store lacks, for each configuration and draw, as `together` needs them.
+    """Return the recordings that a table reads and the store lacks, for all configurations and draws, as `together` needs them.
 
     Args:
-        wanted: function that returns the (domain, case) pairs that the table reads from the campaign of one draw.
+        wanted: function that returns the (domain, case) pairs that the table reads from a campaign with these draws.
         rover: that of `scored`.
     """
-    campaigns = [Campaign(one, store, progress, draw) for one in configs for draw in numbers(one, rover)]
-    return joined_tasks(campaign.missing(wanted(campaign)) for campaign in campaigns)
+    found = []
+    for one in configs:
+        read = numbers(one, rover)
+        campaign = Campaign(one, store, progress, read[0] if len(read) == 1 else None)
+        found.append(campaign.missing(wanted(campaign)))
+    return joined_tasks(found)
 
 
 def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Callable[[Row], bool]) -> Result:

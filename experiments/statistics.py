@@ -178,18 +178,24 @@ def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alt
     if alternative is None:
         return found
     tested: Any = permutation_test(
-        (rankdata(first),), lambda x, axis: _r(x, ranks), permutation_type="pairings", vectorized=True, alternative=alternative, rng=rng
+        (rankdata(first),),
+        lambda x, axis: _r(x, ranks),
+        permutation_type="pairings",
+        vectorized=True,
+        alternative=alternative,
+        rng=rng,
+        n_resamples=PERMUTATIONS,
     )
     return replace(found, p=float(tested.pvalue), least_p=least_permutation_p(len(first)) * (2 if alternative == "two-sided" else 1))
 
 
-def least_permutation_p(n: int) -> float:
-    """Return the smallest p value of a test that permutes n items, in all ways or in 9,999 random ways (PERMUTATIONS).
+def least_permutation_p(n: int, permutations: int = PERMUTATIONS) -> float:
+    """Return the smallest p value of a test that permutes n items, in all ways or in `permutations` random ways.
 
     >>> round(least_permutation_p(4), 4), least_permutation_p(20)
     (0.0417, 0.0001)
     """
-    return max(1 / math.factorial(n), 1 / (PERMUTATIONS + 1))
+    return max(1 / math.factorial(n), 1 / (permutations + 1))
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -224,7 +230,9 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         a, b = chosen[upper[0]], chosen[upper[1]]
         if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
             drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    return replace(resampled(value, drawn, count, SIGNED), p=(as_good + 1) / (permutations + 1), least_p=1 / (permutations + 1))
+    return replace(
+        resampled(value, drawn, count, SIGNED), p=(as_good + 1) / (permutations + 1), least_p=least_permutation_p(count, permutations)
+    )
 
 
 def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:

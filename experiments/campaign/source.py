@@ -24,6 +24,11 @@ class RecordingSource(Protocol):
     def log(self, case: Case, domain: str = "measured") -> Log: ...
 
 
+def cases_of(source: RecordingSource, motions: Sequence[str]) -> list[tuple[str, Case]]:
+    """Return the (domain, case) pairs of all measured and simulated recordings with these motions."""
+    return [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion)]
+
+
 def read_both(
     source: RecordingSource,
     motions: Sequence[str],

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import COMPARED, REFLECTOR, Case
+from experiments.campaign.cases import REFLECTOR
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.source import RecordingSource, cases_of
 from experiments.claims import Claim
 from experiments.recognition import labelled_probe, transfer
 from experiments.recognition.figures import bars, confusions
@@ -84,10 +83,8 @@ class Shown:
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    def wanted(campaign: Campaign) -> list[tuple[str, Case]]:
-        return [(domain, case) for domain in COMPARED for motion in MOTIONS for case in campaign.cases(domain, motion=motion)]
-
-    return draws.recordings([config, *draws.exact_objects(config)], wanted, store, progress, rover=True)
+    own = [config, *draws.exact_objects(config)]
+    return draws.recordings(own, lambda campaign: cases_of(campaign, MOTIONS), store, progress, rover=True)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

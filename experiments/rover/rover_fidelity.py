@@ -271,13 +271,13 @@ def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
         names = [name for name in known if known[name].material_class in ("metal", "plastic")]
         names = [name for name in names if any((name, place) in drives[MEASURED] for place in where)]
         levels = np.array([[[_level(drives[domain], name, place) for place in where] for name in names] for domain in COMPARED])
-        p, smallest = sign_test(levels, np.array([known[name].material_class == "metal" for name in names]))
+        p, smallest = contrast_test(levels, np.array([known[name].material_class == "metal" for name in names]))
         rows.add(_over(label), "share of places with one sign", replace(signs, p=p, least_p=smallest), keys, SIGNS)
         ratio = _ratio(pairs, rows.config.profile.resamples, rows.config.seed)
         rows.add(_over(label), "simulated over measured", ratio, keys, SEPARATES)
 
 
-def sign_test(levels: NDArray, metal: NDArray[np.bool_]) -> tuple[float, float]:
+def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> tuple[float, float]:
     """Test whether the brightness contrast of metal and plastic has one sign in both domains.
 
     The test assigns the material labels to the objects in every possible way, the same at all places, because the places share the objects.

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments import draws, statistics
-from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN, Case
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.source import RecordingSource, cases_of
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.turntable import rotations
@@ -50,10 +49,8 @@ DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", belo
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    def wanted(campaign: Campaign) -> list[tuple[str, Case]]:
-        return [(domain, case) for domain in COMPARED for case in campaign.cases(domain, motion="turntable")]
-
-    return draws.recordings([config, *draws.unknown_contents(config)], wanted, store, progress)
+    own = [config, *draws.unknown_contents(config)]
+    return draws.recordings(own, lambda campaign: cases_of(campaign, ["turntable"]), store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

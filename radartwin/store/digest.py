@@ -51,7 +51,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if tolist := getattr(value, "tolist", None):  # NumPy arrays and scalars
-        return _plain(tolist())
+        return tolist() if _all_finite(value) else _plain(tolist())
     if isinstance(value, complex):
         return [value.real, value.imag]
     if isinstance(value, float) and not math.isfinite(value):
@@ -59,6 +59,13 @@ def _plain(value: Any) -> Any:
     if value is None or isinstance(value, str | int | float | bool):
         return value
     raise TypeError(f"a key cannot be made of {type(value).__name__}: {value!r}")
+
+
+def _all_finite(array: Any) -> bool:
+    """Return whether a NumPy array or scalar has only finite real numbers, which need no conversion."""
+    import numpy as np
+
+    return array.dtype.kind in "biuf" and bool(np.isfinite(array).all())
 
 
 def semantic(description: Any) -> dict[str, Any]:

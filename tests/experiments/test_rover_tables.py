@@ -105,18 +105,18 @@ def test_objects_of_random_levels_have_one_sign_no_more_often_than_the_level_of_
     trials = [np.repeat(rng.standard_normal((2, 10, 1)), 9, axis=2) for _ in range(400)]
     contrasts = [levels[:, METAL].mean(axis=1) - levels[:, ~METAL].mean(axis=1) for levels in trials]
     assert np.mean([(np.sign(one[0]) == np.sign(one[1])).all() for one in contrasts]) > 0.4
-    assert np.mean([rover_fidelity.sign_test(levels, METAL)[0] < 0.05 for levels in trials]) < 0.05
+    assert np.mean([rover_fidelity.contrast_test(levels, METAL)[0] < 0.05 for levels in trials]) < 0.05
     measured_alone = [levels + 10 * METAL[:, None] * np.array([1, 0])[:, None, None] for levels in trials]
-    assert np.mean([rover_fidelity.sign_test(levels, METAL)[0] < 0.05 for levels in measured_alone]) < 0.05
+    assert np.mean([rover_fidelity.contrast_test(levels, METAL)[0] < 0.05 for levels in measured_alone]) < 0.05
 
 
-def test_the_sign_test_needs_one_sign_and_allows_missing_objects() -> None:
+def test_the_test_of_contrasts_needs_one_sign_and_allows_missing_objects() -> None:
     levels = np.random.default_rng(0).standard_normal((2, 10, 3)) + 10 * METAL[:, None]
     levels[:, [0, 9], 1] = np.nan
-    assert rover_fidelity.sign_test(levels, METAL) == (1 / 210, 1 / 210)
-    assert rover_fidelity.sign_test(levels * np.array([1, -1])[:, None, None], METAL)[0] == 1
+    assert rover_fidelity.contrast_test(levels, METAL) == (1 / 210, 1 / 210)
+    assert rover_fidelity.contrast_test(levels * np.array([1, -1])[:, None, None], METAL)[0] == 1
     halves = np.arange(6) < 3
-    assert rover_fidelity.sign_test(levels[:, 3:9], halves) == (2 / 20, 2 / 20)
+    assert rover_fidelity.contrast_test(levels[:, 3:9], halves) == (2 / 20, 2 / 20)
 
 
 def test_the_figures_are_drawn(fidelity: Result) -> None:
