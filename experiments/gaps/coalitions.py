@@ -199,8 +199,8 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:
     """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames classify correctly.
 
-    The same random forests classify the measured recordings of all coalitions of gaps. The features are replaced by their ranks within
-    each coalition of gaps.
+    The forests are trained once, on simulated frames, and classify the recordings of the testbed with every set of gaps. The features are
+    replaced by their ranks within each set of gaps.
     """
     renamed = [_renamed(transfer.ranked(samples), number) for number, samples in enumerate(measured.values())]
     split = label_free(transfer.ranked(simulated), join(*renamed))

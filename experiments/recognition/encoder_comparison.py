@@ -5,12 +5,12 @@ All learners are trained on the same copies of simulated turntable revolutions, 
 network of the paper and gradient-boosted trees read the rotation features. The convolutional network reads pictures of a revolution. The
 two-layer network is trained towards two kinds of texts: what an object looks like, and how its radar echo varies over a revolution.
 
-Without labels, a learner predicts the class itself. With k labelled measured revolutions per class, the predicted class is that whose
-labelled revolutions have the nearest centroid in the embedding of the learner. Two further networks use the labels in their training: one
-network is trained on the labelled revolutions alone, and the other network on these revolutions and the simulation. Labelled revolutions
-come from one half of each object's recordings, and the other half is scored. The largest k depends on the number of revolutions of a
-recording (profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one that it classifies. The
-other recordings of the same object are at other distances.
+Without labelled measured revolutions, the class that a learner predicts is the result. With k labelled measured revolutions per class, the
+predicted class is that whose labelled revolutions have the nearest centroid in the embedding of the learner. Two further networks use the
+labels in their training: one network is trained on the labelled revolutions alone, and the other network on these revolutions and the
+simulation. Labelled revolutions come from one half of each object's recordings, and the other half is scored. The largest k depends on the
+number of revolutions of a recording (profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one
+that it classifies. The other recordings of the same object are at other distances.
 """
 
 from __future__ import annotations

@@ -207,7 +207,9 @@ def _grouped(cells: Cells, group: Callable[[Label], Any]) -> list[NDArray]:
 
 
 def _mean_correlation(cells: Cells, group: Callable[[Label], Any]) -> NDArray[np.floating]:
-    """Return for each feature (features,) the mean rank correlation over groups; NaN if the feature varies in no group."""
+    """Return the rank correlation of measured and simulated values, as a mean over groups, for each feature (features,). Groups in which a
+    feature is constant do not count; NaN if no group is left.
+    """
     found = np.stack([_rank_correlations(some) for some in _grouped(cells, group)])
     finite = np.isfinite(found)
     return np.where(finite.any(axis=0), np.where(finite, found, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
@@ -226,8 +228,8 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
 def bootstrap(
     cells: Cells, statistic: Callable[[Cells], float], resamples: int, seed: int, limits: tuple[float, float] = statistics.ANY
 ) -> Estimate:
-    """Estimate a statistic with a bootstrap over objects. An object that the bootstrap draws contributes its values in all rooms and at
-    all distances.
+    """Compute a statistic, and its interval by a bootstrap over objects. An object that the bootstrap draws contributes its values in all
+    rooms and at all distances.
 
     At most 300 resamples are drawn, because every feature is ranked again in each resample. The interval is widened for few objects
     (`statistics.widening`) and clipped to `limits`, the smallest and largest value that the statistic can have.

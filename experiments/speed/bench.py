@@ -5,8 +5,9 @@
 The exit status is 0 even if a figure misses its target or differs from earlier runs, because run times depend on the machine and its load.
 Ratios of run times within one run can also be compared between machines.
 
-The timed methods alternate, so that a slow phase of the machine affects all methods. The direct sum is timed on DIRECT_PATHS instead of
-PATHS paths, and the measured time is scaled up, because the time of the direct sum is proportional to the number of paths.
+The function `timed` runs the compared methods in turn, once per repetition. If other programs slow the machine for some time, this affects
+all compared methods alike. The direct sum is timed on DIRECT_PATHS instead of PATHS paths, and the measured time is scaled up, because the
+time of the direct sum is proportional to the number of paths.
 """
 
 import argparse

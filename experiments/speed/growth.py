@@ -92,12 +92,12 @@ def driven(surfaces: int, bounces: int) -> dict[str, float]:
 
 
 def of_surfaces(count: int) -> dict[str, tuple[float, float]]:
-    """Return {part: (size, seconds)} for a flat of `count` surfaces."""
+    """Return {part of the run time: (size, processor seconds)} for an apartment with `count` surfaces, which are the size."""
     return {part: (count, spent) for part, spent in driven(count, ROOM_BOUNCES).items()}
 
 
 def of_bounces(count: int) -> dict[str, tuple[float, float]]:
-    """Return {part: (size, seconds)} for paths of at most `count` reflections."""
+    """Return {part of the run time: (size, processor seconds)} for paths of at most `count` reflections, which are the size."""
     return {part: (count, spent) for part, spent in driven(ROOM, count).items()}
 
 
@@ -149,7 +149,7 @@ def identity() -> dict[str, Any]:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Measure the sweeps whose times on this machine are not stored yet, and fit the slopes."""
+    """Measure each sweep that has no stored run times of this machine. Then fit the slope of log(time) over log(size)."""
     rows: list[dict[str, Any]] = []
     keys = []
     for sweep in progress.over(SWEEPS, "sizes"):

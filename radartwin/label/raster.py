@@ -175,7 +175,9 @@ class _Texture:
         self._image, self._uv = image, uv
 
     def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the texel colour (N, 3) nearest to the points with barycentric coordinates `weights` (N, 3) on the faces `face` (N,)."""
+        """Return the colours (N, 3) of the texels nearest to the points with barycentric coordinates `weights` (N, 3) on the faces `face`
+        (N,).
+        """
         height, width = self._image.shape[:2]
         u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
         column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)

@@ -50,13 +50,13 @@ class Stage:
         server.scene.add_light_directional("/light/sun", intensity=SUN, position=(0.5, -0.8, 1.6), cast_shadow=False)
 
     def look(self, room: Scene, radar_pose: np.ndarray) -> None:
-        """Set the first view: from above and behind the radar, with the room in the middle of the picture."""
+        """Set the first view: from above, behind and beside the radar, with the room in the middle of the picture."""
         low, high = room.bounds if len(room) else (radar_pose[:3, 3] - 2, radar_pose[:3, 3] + 2)
         middle, size = (low + high) / 2, float(np.linalg.norm((high - low)[:2]))
-        behind = np.array([*radar_pose[:2, 0], 0.0])
-        behind = behind / max(float(np.linalg.norm(behind)), 1e-9)
+        ahead = np.array([*radar_pose[:2, 0], 0.0])
+        ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
         camera = self._server.initial_camera
-        camera.position = middle - 0.55 * size * behind + 0.3 * size * np.cross(behind, [0, 0, 1]) + np.array([0, 0, 0.6 * size])
+        camera.position = middle - 0.55 * size * ahead + 0.3 * size * np.cross(ahead, [0, 0, 1]) + np.array([0, 0, 0.6 * size])
         camera.look_at = middle - np.array([0, 0, 0.1 * size])
         camera.up = np.array([0.0, 0.0, 1.0])
 

@@ -226,9 +226,10 @@ def _leakage_and_channels(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.
 
 @functools.lru_cache(maxsize=8)
 def _beats(radar: Radar) -> NDArray[np.float64]:
-    """Return the beat frequency (N,) of each of the N spectral lines of a chirp, in Hz.
+    """Return the beat frequency of each of the N range bins of a chirp, shape (N,), in Hz. With real sampling, the upper half of the bins
+    repeats the lower half.
 
-    Near echoes leak into the last 2 % of the band. The function gives these spectral lines the beat frequency 0 Hz.
+    With complex sampling, the last 2 % of the bins get 0 Hz, because near echoes leak into them.
     """
     line = np.arange(radar.num_samples) / radar.num_samples
     if radar.real_sampling:

@@ -43,8 +43,8 @@ class TextureWarning(UserWarning):
 def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
     """Read the triangle meshes of a .glb, .ply, .obj or .stl, and return them in a dictionary by name.
 
-    Node transforms are applied. No mesh is merged with a second mesh or dropped. The triangles in a .stl share no vertices, so the function
-    merges vertices at the same position.
+    Node transforms are applied. The function returns every mesh and joins none of them. The triangles in a .stl share no vertices, so the
+    function merges vertices at the same position.
 
     Raises:
         MissingError: the file does not exist.

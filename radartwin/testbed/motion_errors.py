@@ -15,7 +15,8 @@ default is an order-of-magnitude estimate:
 - Rover start: the position error is 1 cm, for a wheel placed by hand on a marked position on the floor.
 - Rover ripple: one period per wheel revolution, for moulded wheels of 80 mm diameter that are 0.5 mm out of round (order of magnitude).
 - Rover bob: 0.5 mm of height with a correlation length of 0.1 m, an order-of-magnitude estimate for the effect of the rollers of a mecanum
-  wheel and of floor joints. - Rail: the start position has an error of 2 mm, because a person sets the carriage against its stop by hand.
+  wheel and of floor joints.
+- Rail: the start position has an error of 2 mm, because a person sets the carriage against its stop by hand.
   The travelled distance has an error of 0.5 % caused by belt and pulley. The ripple is 0.1 mm per revolution of a pulley with a
   circumference of 40 mm. All three values of the rail are order-of-magnitude estimates.
 - Turntable start angle: 5 degrees, because recording and motor are started by hand, a third of a second apart (order of magnitude).

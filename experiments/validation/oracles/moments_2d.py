@@ -121,8 +121,9 @@ def _fill(matrix, k, x, y, weight, regular_j, regular_y, slow_real, slow_imagina
 
 @dataclass(frozen=True)
 class Nodes:
-    """Hold the nodes of all strips: points (N, 2) and weights (N,) in metres, the indices (N, 4) of the two nodes on each side along the
-    strip (nearest first on each side), and which nodes are resistive (N,).
+    """The N nodes of all strips: positions `point` (N, 2) and quadrature weights `weight` (N,) in metres. `beside` (N, 4) has the indices
+    of the nodes at the places -1, -2, +1 and +2 along the strip; beyond an end of the strip, the mirrored node counts. `resistive` (N,)
+    states which nodes belong to a resistive sheet.
     """
 
     point: np.ndarray

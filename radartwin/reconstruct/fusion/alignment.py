@@ -265,7 +265,7 @@ def _projected(x, y, z, pose, depth, lens):
 
 @compiled
 def _shared(world, pose, depth, lens):
-    """Return how many of the world points (N, 3) lie on the surface that a view measured."""
+    """Return how many of the world points (N, 3) lie inside the image of a view, with a depth within 0.3 m of the measured depth."""
     count = 0
     for k in range(len(world)):
         m, n, d = _projected(world[k, 0], world[k, 1], world[k, 2], pose, depth, lens)

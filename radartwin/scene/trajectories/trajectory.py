@@ -15,7 +15,7 @@ from radartwin.errors import PoseError
 
 
 def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
-    """Build a pose (4, 4) from a position (3,) in metres and a rotation matrix (3, 3), by default the identity."""
+    """Build a pose (4, 4) from a position (3,) in metres and a rotation matrix (3, 3). The default rotation is the identity."""
     out = np.eye(4)
     out[:3, 3] = np.asarray(position, dtype=np.float64)
     if rotation is not None:

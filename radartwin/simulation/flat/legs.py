@@ -245,8 +245,8 @@ def _lift(
     faces: Faces, usable: np.ndarray, middle: np.ndarray, size: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float,
     points: np.ndarray,
 ) -> None:  # fmt: skip
-    """Move points (in place) from behind a face near the object to the front of the face, because the object does not reach behind the
-    face.
+    """Move test points around the object (in place) that lie behind a face near the object to the front of the face. The object cannot be
+    behind the face, so the field there is not needed.
 
     The front is the side of the object's centre, or the sensor's side if the centre is close to the face.
 

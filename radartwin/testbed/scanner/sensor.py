@@ -63,8 +63,9 @@ class Sensor:
         drift_m: * standard deviation in metres of the position error per axis after one metre of walking. The position error grows with the
             square root of the walked path. The source [K22] states a position error of 0.02 m for all three axes together.
         yaw_deg: * standard deviation in degrees of the heading error after one metre of walking. Roll and pitch do not drift, because the
-            phone measures gravity. A heading error that caused all of the 0.02 m in [K22] would be 0.66 degrees. The default heading error
-            is a sixth of 0.66 degrees, an assumption, because the position also drifts.
+            phone measures gravity. If the heading error alone caused the 0.02 m in [K22], its standard deviation would be 1.98 degrees
+            (0.02 times the square root of 3, in radians). The default is about a twentieth of this value, an assumption, because the
+            position also drifts.
         tilt_deg: * standard deviation in degrees of the roll and pitch error of each frame relative to gravity; the value is an assumption.
     """
 
