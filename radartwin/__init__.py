@@ -1,4 +1,4 @@
-"""RadarTwin simulates a 77 GHz FMCW radar in a scanned room, from the room's mesh and materials to raw ADC data.
+"""RadarTwin simulates a 60 or 77 GHz FMCW radar in a scanned room, from the room's mesh and materials to raw ADC data.
 
 Python imports the module behind a public name when the name is first used, so that `import radartwin` is fast.
 """

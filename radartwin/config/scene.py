@@ -24,7 +24,7 @@ class SceneConfig:
     stand: bool = False  # whether a turntable disc on a post stands under the target
     layout: str | None = path_name()  # furniture layout file (YAML): objects placed in the room (radartwin/scene/layouts/layout.py)
     sentence: str | None = None  # objects in the room in words: "a mug on the table 1.5 m in front of the door"
-    llm_url: str | None = url("set RADARTWIN_VLM_KEY instead")  # language-model server for sentences that the built-in grammar cannot read
+    llm_url: str | None = url("set RADARTWIN_LLM_KEY instead")  # language-model server for sentences that the built-in grammar cannot read
     llm_model: str | None = None
 
     def __post_init__(self) -> None:

@@ -1,5 +1,5 @@
 """Read YAML from untrusted sources. Only plain types are allowed, and no aliases, because a few lines of nested aliases can fill all
-memory.
+memory. The size of the text is limited.
 """
 
 from __future__ import annotations
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import yaml
+
+MAX_CHARACTERS = 4_000_000  # parsing takes about 10 s and 1 GB of memory
 
 
 def loader() -> type[yaml.SafeLoader]:
@@ -25,7 +27,12 @@ def loader() -> type[yaml.SafeLoader]:
     return Plain
 
 
-def load(text: str) -> Any:
+def load(text: str, kind: type[yaml.SafeLoader] | None = None) -> Any:
+    """Parse a YAML text with the loader `kind`, by default `loader()`. Raises yaml.YAMLError if the text is malformed, and ValueError if
+    it is too large.
+    """
     import yaml
 
-    return yaml.load(text, loader())
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"it has more than {MAX_CHARACTERS:,} characters")
+    return yaml.load(text, kind or loader())

@@ -167,7 +167,7 @@ class Tracker:
 
     def _connect(self) -> MlflowClient:
         if self._client is None:
-            _quieten()
+            _prepare_environment()
             with _store_errors(self.uri), _short_timeouts():
                 from mlflow import MlflowClient
 
@@ -216,15 +216,16 @@ def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
     return list(client.search_runs([experiment_id], filter_string=f"tags.`run_key` = '{key}'"))
 
 
-def _quieten() -> None:
-    """Switch off mlflow's telemetry, its migration log and its warning about missing git.
+def _prepare_environment() -> None:
+    """Switch off mlflow's telemetry, its migration log, its warning about missing git, and redirects, which could lead to another server.
 
-    Call `_quieten` before the first import of mlflow.
+    Call this function before the first import of mlflow. Settings of the user take precedence.
     """
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("DO_NOT_TRACK", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    os.environ.setdefault("MLFLOW_ALLOW_HTTP_REDIRECTS", "false")
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # `_unusable` reports the same database error
 

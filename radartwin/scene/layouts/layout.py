@@ -183,8 +183,8 @@ class Layout:
         if not path.is_file():
             raise MissingError(f"layout {path} is not there; give a YAML file with a list of objects")
         try:
-            value = yaml.load(path.read_text(encoding="utf-8"), _loader())
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            value = untrusted_yaml.load(path.read_text(encoding="utf-8"), _loader())
+        except (yaml.YAMLError, ValueError) as error:
             raise LayoutError(f"{path} is not YAML ({' '.join(str(error).split())[:160]}); write valid YAML") from error
         layout = cls.from_dict(value, str(path))
         return cls(tuple(replace(item, object=str(path.parent / item.object)) if item.is_mesh else item for item in layout.items))
