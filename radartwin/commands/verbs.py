@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 from radartwin.errors import ConfigError, OutputError
@@ -134,20 +133,13 @@ def reconstruct(options: argparse.Namespace) -> int:
 
 
 def label(options: argparse.Namespace) -> int:
-    """Label the surfaces of a scene with materials. Options that the user does not give take their values from conf/materials/vlm.yaml."""
-    from radartwin.config.compose import compose
+    """Label the surfaces of a scene with materials. Options that the user does not give have the defaults of `LabelOptions`."""
     from radartwin.io.progress import Progress
     from radartwin.label.labelling import LabelOptions, label_folder
 
     names = ("provider", "model", "url", "timeout_s", "concurrency", "views")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
-    materials = replace(compose(["materials=vlm"]).materials, **given)
-    label_options = LabelOptions(
-        **{name: getattr(materials, name) for name in names},
-        export=options.export,
-        answers=options.answers,
-        missing=options.missing,
-    )
+    label_options = LabelOptions(**given, export=options.export, answers=options.answers, missing=options.missing)
     for line in label_folder(options.scene, label_options, Progress()):
         print(line)
     return 0

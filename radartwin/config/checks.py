@@ -73,8 +73,8 @@ def triple(content: str) -> Any:
     return _field(None, check)
 
 
-def url(remedy: str, default: str | None = None) -> Any:
-    """Define a field for a URL.
+def url(remedy: str) -> Any:
+    """Define a field for a URL, null by default.
 
     A URL with a password raises an error that states `remedy`, because the configuration is stored with results.
     """
@@ -83,7 +83,7 @@ def url(remedy: str, default: str | None = None) -> Any:
         if re.match(r"[\w+.-]+://[^/?#]*@", value):
             raise ConfigError(f"{key} contains a user name or password, which logs and results would show; {remedy}")
 
-    return _field(default, check)
+    return _field(None, check)
 
 
 def path_name(default: str | None = None) -> Any:

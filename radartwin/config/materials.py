@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from radartwin.config.checks import check_fields, check_selector, choice, positive, share, unkeyed, url
+from radartwin.config.checks import check_fields, check_selector, choice, share
 
 
 @dataclass
@@ -39,19 +39,11 @@ class UniformMaterials(MaterialsConfig):
 
 @dataclass
 class VlmMaterials(MaterialsConfig):
-    """The source that uses recorded answers of a vision-language model to the question which material a surface has.
-
-    The unkeyed fields are defaults of the command `radartwin label`, which asks a model for new answers.
-    """
+    """The source that uses recorded answers of a vision-language model to the question which material a surface has."""
 
     source: str = "vlm"
     missing: str | None = None  # material of surfaces without a recorded answer; null makes a surface without an answer an error
-    model: str | None = None  # model whose recorded answers are used, or that is asked; null: all models, or the server's default
-    provider: str = unkeyed(choice("recorded", "server", "local"))
-    url: str = unkeyed(url("set RADARTWIN_VLM_KEY instead", "http://127.0.0.1:8000/v1"))  # address of an OpenAI-compatible server
-    timeout_s: float = unkeyed(positive(120.0))  # time limit of one request to the vision-language model, in seconds
-    concurrency: int = unkeyed(positive(4))  # number of requests sent to the vision-language model at the same time
-    views: int = unkeyed(positive(3))  # number of pictures of each surface in a question to the vision-language model
+    model: str | None = None  # model whose recorded answers are used; null: all models
 
     def arguments(self, seed: int) -> dict[str, Any]:
         return {"missing": self.missing, "model": self.model}

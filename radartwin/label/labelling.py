@@ -4,6 +4,8 @@ manifest.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +20,7 @@ from radartwin.label.photos import load_photos
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import JOURNAL, Recorded, records_for
-from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, Server
+from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, KEY_VARIABLE, Server
 from radartwin.label.sources import Uniform
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import MANIFEST
@@ -68,6 +70,9 @@ class LabelOptions:
         answers: file with answers to the questions, used instead of the provider; None uses the provider.
         missing: "uniform:MATERIAL" gives this material to surfaces without an answer; None makes a surface without an answer an error.
         views: largest number of pictures of each surface in its question.
+    Raises:
+        ConfigError: `views` or `concurrency` is below 1, `timeout_s` is not above zero and finite, or `url` contains a password, which the
+            process list and the history of the shell would show.
     """
 
     provider: str = "recorded"
@@ -79,6 +84,15 @@ class LabelOptions:
     answers: Path | None = None
     missing: str | None = None
     views: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("views", "concurrency"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"--{name} {getattr(self, name)} is below 1; give --{name} 1 or more")
+        if not 0 < self.timeout_s < math.inf:
+            raise ConfigError(f"--timeout {self.timeout_s:g} is not a time limit; give seconds above zero")
+        if re.match(r"[\w+.-]+://[^/?#]*@", self.url):
+            raise ConfigError(f"--url contains a user name or password, which other users of this machine see; set {KEY_VARIABLE} instead")
 
 
 def label_folder(folder: Path, options: LabelOptions, progress: Progress | None = None) -> list[str]:

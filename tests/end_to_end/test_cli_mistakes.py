@@ -63,11 +63,12 @@ MISTAKES = {
     "unknown unit": (["reconstruct", "scan.ply", "--unit", "furlong", "--out", "out"], "in, ft"),
     **{
         f"password in {key}": (
-            ["run", "experiment=environment", *more, f"{key}=http://me:{SECRET}@127.0.0.1:9/v1"],
+            ["run", "experiment=environment", f"{key}=http://me:{SECRET}@127.0.0.1:9/v1"],
             "contains a user name or password",
         )
-        for key, more in (("tracking.uri", []), ("materials.url", ["materials=vlm"]), ("scene.llm_url", []))
+        for key in ("tracking.uri", "scene.llm_url")
     },
+    "password in --url": (["label", "scene", "--url", f"http://me:{SECRET}@127.0.0.1:9/v1"], "contains a user name or password"),
 }
 
 

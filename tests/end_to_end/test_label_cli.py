@@ -140,7 +140,9 @@ def test_exported_questions_are_answered_by_import(inside, folder: Path, tmp_pat
         (["--provider", "local"], "--provider local needs --model"),
         (["--import", "none.jsonl"], "--import needs --model NAME, the model or person that answered"),
         (["--import", "none.jsonl", "--model", "x"], "none.jsonl is missing"),
-        (["--views", "0"], "materials.views=0"),
+        (["--views", "0"], "--views 0 is below 1"),
+        (["--concurrency", "0"], "--concurrency 0 is below 1"),
+        (["--timeout", "inf"], "--timeout inf is not a time limit"),
         ([], "no recorded answers for corner;"),
     ],
 )
