@@ -140,7 +140,6 @@ class EncoderConfig:
     batch: int = positive(512)
     learning_rate: float = positive(3e-3)
     weight_decay: float = not_negative(1e-4)
-    symmetric: bool = False  # whether the loss also contains the InfoNCE loss from text to radar
     paired: float = not_negative(0.0)  # few_shot: loss weight for matching simulated and measured rows of one object and condition
 
     def __post_init__(self) -> None:

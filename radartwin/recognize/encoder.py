@@ -2,9 +2,8 @@
 
 Ref: paper, contrastive sim-real alignment; A. van den Oord et al., arXiv:1807.03748 (InfoNCE); A. Radford et al., CLIP, ICML 2021.
 Symbols: x -> features (D,), z = f(x) / |f(x)| with f(x) = W2 relu(W1 x + b1) + b2, t_k -> unit text vector of object k, tau -> temperature.
-The training loss of a feature row of object k is -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). The symmetric training loss adds the
-loss of each text vector against the radar embeddings of a batch. The paired loss term is InfoNCE between simulated and measured feature
-rows of the same object under the same conditions; it needs labelled measured recordings.
+The training loss of a feature row of object k is -log( exp(z.t_k / tau) / sum_j exp(z.t_j / tau) ). The paired loss term is InfoNCE
+between simulated and measured feature rows of the same object under the same conditions; it needs labelled measured recordings.
 
 Training (training.py) needs torch. A trained encoder consists of a few arrays, so computing embeddings with it needs only NumPy.
 """
@@ -36,7 +35,6 @@ class Settings:
         patience: training stops after this many epochs without a lower loss on the held-out simulated recordings.
         batch: number of feature rows per optimiser step.
         learning_rate, weight_decay: settings of the optimiser AdamW.
-        symmetric: whether the training loss also contains the InfoNCE loss from text to radar.
         paired: weight of the paired term (simulated against measured rows) in the training loss; 0 leaves the term out.
     """
 
@@ -47,7 +45,6 @@ class Settings:
     batch: int = 512
     learning_rate: float = 3e-3
     weight_decay: float = 1e-4
-    symmetric: bool = False
     paired: float = 0.0
 
 

@@ -6,14 +6,9 @@ encoder.py contains the formulas.
 
 from __future__ import annotations
 
-from radartwin.recognize.encoder import Settings
 
-
-def text_loss(z, y, texts, weight, settings: Settings):
+def text_loss(z, y, texts, weight, temperature: float):
     """Return the InfoNCE loss of N radar embeddings (N, T) against the text embeddings (K, T) of all classes.
-
-    If `settings.symmetric` is True, return the mean of two InfoNCE losses: radar embeddings against text embeddings, and text against
-    radar.
 
     Args:
         z: torch tensor (N, T) of unit vectors.
@@ -21,17 +16,9 @@ def text_loss(z, y, texts, weight, settings: Settings):
         texts: torch tensor (K, T) of unit vectors.
         weight: torch tensor (K,) with the weight of each class.
     """
-    import torch
     from torch.nn.functional import cross_entropy
 
-    logits = z @ texts.T / settings.temperature
-    loss = cross_entropy(logits, y, weight=weight)
-    if not settings.symmetric:
-        return loss
-    own = torch.nn.functional.one_hot(y, len(texts)).T.float()
-    own, logits = own[own.sum(dim=1) > 0], logits.T[own.sum(dim=1) > 0]
-    to_rows = -(own * logits.log_softmax(dim=1)).sum(dim=1) / own.sum(dim=1)
-    return (loss + to_rows.mean()) / 2
+    return cross_entropy(z @ texts.T / temperature, y, weight=weight)
 
 
 def pair_loss(first, second, temperature: float):

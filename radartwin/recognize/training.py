@@ -112,7 +112,7 @@ def train(
         for _ in range(epochs):
             order = torch.from_numpy(rng.permutation(len(x)))
             for batch in order.split(settings.batch):
-                loss = text_loss(network.forward(layers, network.augmented(rng, x[batch])), y[batch], texts, weight, settings)
+                loss = text_loss(network.forward(layers, network.augmented(rng, x[batch])), y[batch], texts, weight, settings.temperature)
                 if term is not None:
                     loss = loss + term(rng, lambda rows: network.forward(layers, rows))
                 optimiser.zero_grad()
@@ -121,7 +121,7 @@ def train(
             if held is not None:
                 with torch.no_grad():
                     hx, hy = _tensors(held, index)
-                    losses.append(float(text_loss(network.forward(layers, hx), hy, texts, torch.ones_like(weight), settings)))
+                    losses.append(float(text_loss(network.forward(layers, hx), hy, texts, torch.ones_like(weight), settings.temperature)))
                 if len(losses) - 1 - int(np.argmin(losses)) >= settings.patience:
                     break
     return [layer.detach().numpy().copy() for layer in layers], tuple(losses)

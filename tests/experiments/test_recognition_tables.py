@@ -248,9 +248,7 @@ def test_geometry_transfers_without_labels(tmp_path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "overrides", [(), ("supervision=few_shot", "supervision.encoder.paired=0.5", "supervision.encoder.symmetric=true")]
-)
+@pytest.mark.parametrize("overrides", [(), ("supervision=few_shot", "supervision.encoder.paired=0.5")])
 def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     chosen = config("contrastive", *overrides)
     store = Store(tmp_path / "cache")
@@ -391,7 +389,7 @@ def test_no_setting_was_chosen_on_reported_recordings():
         assert (asdict(found) if is_dataclass(found) and not isinstance(found, type) else found) == choice["value"], choice["setting"]
     recorded = {choice["setting"] for choice in content["choices"]}
     numbers = {f"supervision.encoder.{field.name}" for field in fields(given.supervision.encoder)} - {
-        "supervision.encoder.symmetric", "supervision.encoder.paired", "supervision.encoder.weight_decay",
+        "supervision.encoder.paired", "supervision.encoder.weight_decay",
     }  # fmt: skip
     assert numbers <= recorded
 
