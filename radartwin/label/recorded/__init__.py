@@ -86,34 +86,24 @@ def shipped(room: str) -> tuple[Record, ...]:
         raise MissingError(f"there are no recorded answers for {room}; they ship for {rooms}")
     path = SHIPPED / room / ANSWERS
     if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != DIGESTS[room]:
-        raise LabelError(f"{path} is not the file that ships with this version; install radartwin again, or call `ship` after a change")
+        raise LabelError(
+            f"{path} is not the file that ships with this version; install radartwin again, or record new answers: "
+            f"python -m experiments.generators.questions {room} --answers FILE"
+        )
     return tuple(load_records(path))
 
 
-def ship(folders: Sequence[Path], room: str, to: Path = SHIPPED, about: str = "") -> Path:
-    """Write the recorded answers about a room, and the SHA-256 digest of their file, to the package.
+def ship_records(records: Sequence[Record], room: str, to: Path = SHIPPED, about: str = "") -> Path:
+    """Write recorded answers about a room, and the SHA-256 digest of their file, to the package.
 
     Return the path of the written answers.json.
 
     Args:
-        folders: scene folders of one room, from one or several scans, labelled by `radartwin label`. Only answers that the manifests of
-            these folders name are written.
+        records: the answers, from one or several scans of the room.
         room: name of the room.
         to: folder that holds digests.py and one folder per room.
         about: text that states model, date and method of the answers.
     """
-    records = {}
-    for folder in folders:
-        named = {surface.provenance.get("key") for surface in Scene.load(folder)}
-        own = [record for record in Journal(folder / JOURNAL).records if record.key[:12] in named]
-        if not own:
-            raise MissingError(f"{folder} has no stored answers that label it; run radartwin label on it first")
-        records |= {(record.model, record.key): record for record in own}
-    return ship_records(list(records.values()), room, to, about)
-
-
-def ship_records(records: Sequence[Record], room: str, to: Path = SHIPPED, about: str = "") -> Path:
-    """Write recorded answers about a room, and the SHA-256 digest of their file, to the package. `ship` describes the arguments."""
     path = save_records(to / room / ANSWERS, room, records, about)
     digests = {p.parent.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(to.glob(f"*/{ANSWERS}"))}
     text = (SHIPPED / "digests.py").read_text().partition("\nDIGESTS")[0]

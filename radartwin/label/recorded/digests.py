@@ -1,4 +1,4 @@
-"""SHA-256 of each room's answers.json, so that keys of stored results depend on the answers. `radartwin.label.recorded.ship` writes it."""
+"""SHA-256 of each room's answers.json, so that keys of stored results depend on the answers. `ship_records` writes it."""
 
 DIGESTS: dict[str, str] = {
     "arkit_lidar_chair_scan": "eb1b79492623482ae8e9e3e3c5aff9cbbe365ce0523d2746ddc912587919ebc9",
