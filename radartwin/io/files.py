@@ -12,13 +12,13 @@ import os
 import re
 import shutil
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from filelock import FileLock, Timeout
 
-from radartwin.errors import InputError, OutputError
+from radartwin.errors import InputError, OutputError, UserError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -78,19 +78,43 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
     Raises:
         OutputError: the folder cannot be created or written. No temporary file remains, and an existing file keeps its content.
     """
-    make_folder(path.parent)
-    temporary = unfinished(path)
+    with replacing_together([path]) as temporary, temporary[path].open("xb") as stream:
+        yield stream
+
+
+@contextlib.contextmanager
+def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
+    """Yield a temporary path for each of the files of one folder, by final path. The caller writes all files under their temporary paths.
+
+    When the `with` block ends without an exception, the function forces the files to the disk and renames them in the given order, while
+    other processes that replace the same files wait. Of several files, the last describes the others, so the function first deletes an
+    existing last file. Therefore, after a kill at any moment, an existing last file belongs to the other files.
+
+    Raises:
+        OutputError: the folder cannot be created or written. No temporary file remains.
+    """
+    make_folder(paths[0].parent)
+    temporary = {path: unfinished(path) for path in paths}
+    together = len(paths) > 1
     try:
-        temporary.unlink(missing_ok=True)
-        with temporary.open("xb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
+        for written in temporary.values():
+            written.unlink(missing_ok=True)  # a killed process with the same number may have left it
+        yield temporary
+        for written in temporary.values():
+            sync(written)
+        with lock(paths[0].with_name(f".{paths[0].name}.lock")) if together else contextlib.nullcontext():
+            if together:
+                paths[-1].unlink(missing_ok=True)
+            for path, written in temporary.items():
+                written.replace(path)
+    except UserError:
+        raise
     except OSError as error:
-        raise OutputError(f"{path}: cannot write ({error.strerror or error}); free some space or choose another folder") from error
+        raise OutputError(f"{paths[0]}: cannot write ({error.strerror or error}); free some space or choose another folder") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        for written in temporary.values():
+            with contextlib.suppress(OSError):
+                written.unlink(missing_ok=True)
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:

@@ -78,28 +78,16 @@ def write_capture(recording: Recording, folder: str | Path) -> int:
     folder = files.make_folder(Path(folder))
     if old := sorted(file.name for file in folder.iterdir() if _PART.fullmatch(file.name)):
         raise OutputError(f"{folder}: the folder already holds {old[0]} of another capture; choose an empty folder")
-    unfinished = {chip: files.unfinished(folder / _name(chip, 0)) for chip in CHIPS}
     saturated = 0
-    try:
-        for path in unfinished.values():
-            path.unlink(missing_ok=True)
+    with files.replacing_together([folder / _name(chip, 0) for chip in CHIPS]) as temporary:
         for block in recording.frame_blocks(8 << 20):
             if not np.isfinite(recording.iq[block]).all():
                 raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
             parts, clipped = encode(recording.iq[block], recording.scale or 1.0)
             saturated += clipped
-            for chip, part in zip(CHIPS, parts, strict=True):
-                with unfinished[chip].open("ab") as stream:
+            for path, part in zip(temporary.values(), parts, strict=True):
+                with path.open("ab") as stream:
                     stream.write(part)
-        for chip, path in unfinished.items():
-            files.sync(path)
-            path.replace(folder / _name(chip, 0))
-    except OSError as error:
-        raise OutputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
-    finally:
-        for path in unfinished.values():
-            with contextlib.suppress(OSError):
-                path.unlink(missing_ok=True)
     return saturated
 
 

@@ -9,14 +9,12 @@ shows the highest 60 dB of its power.
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import OutputError
 from radartwin.io import files
 from radartwin.plotting import style
 from radartwin.radar.captures import capture_name, load_capture
@@ -69,28 +67,17 @@ def process_capture(
         return table
     unit = "dB of one squared ADC count" if recording.in_counts else "dB of transmitted power"
     shown = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
-    folder, temporary = files.make_folder(Path(out)), {}
-    try:
-        for name in (name for name, possible in shown.items() if possible):
-            target = folder / f"{name}.png"
-            temporary[target] = files.unfinished(target)
+    pictures = {name: Path(out) / f"{name}.png" for name, possible in shown.items() if possible}
+    points_file, peaks_file = Path(out) / POINTS_FILE, Path(out) / PEAKS_FILE
+    with files.replacing_together([*pictures.values(), points_file, peaks_file]) as temporary:
+        for name, picture in pictures.items():
             figure = _draw(maps, name, peaks, unit, title=f"{capture_name(path)}: {name.replace('_', '-')}")
             # Leave the version of matplotlib out of the picture file, so that every run writes the same bytes.
-            figure.savefig(temporary[target], format="png", dpi=150, metadata={"Software": None})
+            figure.savefig(temporary[picture], format="png", dpi=150, metadata={"Software": None})
         clouds = point_clouds(recording.iq, radar, static_removed=static_removed, angle=angle)
-        temporary[folder / POINTS_FILE] = files.unfinished(folder / POINTS_FILE)
-        with temporary[folder / POINTS_FILE].open("wb") as stream:
+        with temporary[points_file].open("wb") as stream:
             np.savez(stream, allow_pickle=False, **arrays(clouds, radar.frame_rate_hz))
-        temporary[folder / PEAKS_FILE] = files.unfinished(folder / PEAKS_FILE)
-        table.to_csv(temporary[folder / PEAKS_FILE], index=False, float_format="%.6g", lineterminator="\n")
-        for target, unfinished in temporary.items():
-            unfinished.replace(target)
-    except OSError as error:
-        raise OutputError(f"cannot write {folder}: {error.strerror or error}; choose another output folder") from error
-    finally:
-        for unfinished in temporary.values():
-            with contextlib.suppress(OSError):
-                unfinished.unlink(missing_ok=True)
+        table.to_csv(temporary[peaks_file], index=False, float_format="%.6g", lineterminator="\n")
     return table
 
 

@@ -124,31 +124,16 @@ class Recording:
         bin_path, json_path = recording_files(path)
         swapped = self.iq_swapped if iq_swapped is None else iq_swapped
         scale = self._peak_scale() if self.scale is None else self.scale
-        files.make_folder(bin_path.parent)
-        temporary = {p: files.unfinished(p) for p in (bin_path, json_path)}
-        try:
-            saturated = 0
+        saturated = 0
+        with files.replacing_together([bin_path, json_path]) as temporary:
             with temporary[bin_path].open("wb") as stream:
                 for block in self.frame_blocks(_SAVED_BYTES):
                     data, clipped = dca1000.encode(self.iq[block], scale, iq_swapped=swapped, real_sampling=self.radar.real_sampling)
                     stream.write(data)
                     saturated += clipped
-                _flush(stream)
             with temporary[json_path].open("w", encoding="utf-8") as stream:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
                 stream.write("\n")
-                _flush(stream)
-            with files.lock(bin_path.with_name(f".{bin_path.name}.lock")):  # another process may save the same recording
-                # Delete the old .json file first, so that it never describes the new .bin file.
-                json_path.unlink(missing_ok=True)
-                temporary[bin_path].replace(bin_path)
-                temporary[json_path].replace(json_path)
-        except OSError as error:
-            raise OutputError(f"cannot write {bin_path}: {error.strerror or error}; choose another output folder") from error
-        finally:
-            for leftover in temporary.values():
-                with contextlib.suppress(OSError):
-                    leftover.unlink(missing_ok=True)
         self.scale, self.iq_swapped, self.saturated = scale, swapped, saturated
         return saturated
 
@@ -309,8 +294,3 @@ def _check_scale(scale: Any, where: str) -> float:
     if isinstance(scale, bool) or not isinstance(scale, int | float) or not low <= scale <= high:
         raise RecordingError(f"{where}: scale must be an amplitude per count from {low:g} to {high:g}, not {reprlib.repr(scale)}")
     return float(scale)
-
-
-def _flush(stream: Any) -> None:
-    stream.flush()
-    os.fsync(stream.fileno())

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from radartwin.errors import OutputError
+from radartwin.errors import MissingError, OutputError
 from radartwin.io import files
 
 
@@ -20,6 +20,62 @@ def test_a_file_is_written_completely_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="folder"):
         files.write_atomically(tmp_path / "folder", "text")
     assert [p.name for p in tmp_path.rglob("*.tmp")] == []
+
+
+def test_files_replaced_together_are_all_old_or_all_new(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in ("a.bin", "b.png", "a.json")]
+    for text in ("old", "new"):
+        with files.replacing_together(paths) as temporary:
+            temporary[paths[0]].write_text("of a killed process with the same number")
+            for path in paths:
+                temporary[path].write_text(text)
+        assert [path.read_text() for path in paths] == [text] * 3
+
+    def fill_the_disk() -> None:
+        with files.replacing_together(paths) as temporary:
+            temporary[paths[0]].write_text("partial")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(OutputError) as caught:
+        fill_the_disk()
+    assert str(caught.value) == f"{paths[0]}: cannot write (No space left on device); free some space or choose another folder"
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {path.name: "new" for path in paths}
+
+
+@pytest.mark.parametrize("renamed", range(3))
+def test_after_a_kill_between_two_renames_the_last_file_is_absent(renamed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [tmp_path / name for name in ("a.bin", "b.png", "a.json")]
+    for path in paths:
+        path.write_text("old")
+    rename, moved = Path.replace, []
+
+    def until_killed(source: Path, target: Path) -> Path:
+        if len(moved) == renamed:
+            raise KeyboardInterrupt
+        moved.append(target)
+        return rename(source, target)
+
+    def write() -> None:
+        with files.replacing_together(paths) as temporary:
+            for path in paths:
+                temporary[path].write_text("new")
+
+    monkeypatch.setattr(Path, "replace", until_killed)
+    with pytest.raises(KeyboardInterrupt):
+        write()
+    found = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert found == {path.name: "new" if number < renamed else "old" for number, path in enumerate(paths[:-1])}
+
+
+def test_an_error_of_the_user_within_the_block_keeps_its_message(tmp_path: Path) -> None:
+    def write() -> None:
+        with files.replacing(tmp_path / "a") as stream:
+            stream.write(b"half")
+            raise MissingError("source is missing")
+
+    with pytest.raises(MissingError, match=r"^source is missing$"):
+        write()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
