@@ -25,7 +25,8 @@ OUTLINE, HALO = (255, 0, 255), (0, 0, 0)
 RANKING_PIXELS = 64  # width and height in pixels of the small rendered pictures that rank the viewpoints
 FIELD_DEG, WIDE_FIELD_DEG = 60.0, 90.0
 MARGIN, WIDE_MARGIN = 0.35, 1.5  # margin on each side of a crop, relative to the surface's size; the last crop has the wide margin
-MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph that is scaled to a width of 256 pixels
+SMALL_PIXELS = 256  # width in pixels of the small pictures in which the module searches for a surface
+MIN_PIXELS = 24  # smallest number of pixels of the surface in a photograph that is scaled to a width of SMALL_PIXELS
 MIN_SHARE = 0.01  # rendered pictures in which the surface fills a smaller share are used only if there are no others
 LARGE_M = 2.5
 # to rank viewpoints, meshes with at least MANY_FACES faces are simplified to grid cells of CELL_M, which suffices for pictures of 64 pixels
@@ -98,13 +99,13 @@ class Views:
         return [(view, k == len(chosen) - 1) for k, view in enumerate(chosen)]
 
     def _in_photos(self, indices: Sequence[int]) -> dict[int, list[_View]]:
-        """Return for each surface the photographs that show it, with a score computed at a picture width of 256 pixels."""
+        """Return for each surface the photographs that show it, with a score computed at a picture width of SMALL_PIXELS."""
         views: dict[int, list[_View]] = {index: [] for index in indices}
         for photo in self.photos:
             pixels = photo.pixels()
             height, width = pixels.shape[:2]
             full = Camera(photo.pose, photo.intrinsics, width, height)
-            small = _scaled(full, 256)
+            small = _scaled(full)
             seen = self._drawing.seen(small)
             labels = self._drawing.surfaces(seen)
             sharpness = _sharpness(pixels, small.height, small.width)
@@ -172,7 +173,7 @@ class Views:
     def _crop(self, index: int, view: _View, read: Callable[[Photo], np.ndarray], wide: bool) -> Crop | None:
         """Crop the rectangle around the surface as JPEG, with the surface's outline. Return None if the view does not show the surface."""
         whole = view.camera.widened(WIDE_FIELD_DEG) if wide and view.photo is None else view.camera
-        small = _scaled(whole, 256)
+        small = _scaled(whole)
         mask = self._drawing.surfaces(self._drawing.seen(small)) == index
         if not mask.any():
             return None
@@ -219,9 +220,10 @@ def _spread(views: list[_View], count: int) -> list[_View]:
     return chosen
 
 
-def _scaled(camera: Camera, width: int) -> Camera:
-    height = max(1, round(width * camera.height / camera.width))
-    return camera.part(-0.5, -0.5, camera.width - 0.5, camera.height - 0.5, width, height)
+def _scaled(camera: Camera) -> Camera:
+    """Return the camera with a picture of SMALL_PIXELS width and the same field of view."""
+    height = max(1, round(SMALL_PIXELS * camera.height / camera.width))
+    return camera.part(-0.5, -0.5, camera.width - 0.5, camera.height - 0.5, SMALL_PIXELS, height)
 
 
 def _sharpness(pixels: np.ndarray, height: int, width: int) -> np.ndarray:

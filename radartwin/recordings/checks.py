@@ -201,9 +201,9 @@ def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
             yield Problem(f"{RECORDINGS}/{path.name}", f"{INDEX} has no row for it; add it again or remove it")
 
 
-def few(items: Sequence[object], most: int = 5) -> str:
-    """Return the first `most` items of a list as text."""
-    return ", ".join(map(str, items[:most])) + (", ..." if len(items) > most else "")
+def few(items: Sequence[object]) -> str:
+    """Return the first five items of a list as text."""
+    return ", ".join(map(str, items[:5])) + (", ..." if len(items) > 5 else "")
 
 
 def same_radar(radar: Radar, other: Radar) -> bool:

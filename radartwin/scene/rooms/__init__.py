@@ -29,6 +29,7 @@ from radartwin.scene.trajectories.trajectory import look_at, pose
 __all__ = ["CLUTTER", "ROOMS", "atrium", "bench", "empty", "lab", "lab_bench", "rectangle", "room", "squash_court", "support", "void"]
 
 ROVER_HEIGHT_M = 0.4  # height of the rover's radar above the floor
+DISC_RADIUS_M, DISC_THICKNESS_M = 0.15, 0.03  # disc of the turntable
 # Start position (x, y) of the rover in metres for some rooms; in rooms without an entry, the rover starts at (1, 0).
 _STARTS = {"atrium": (2.0, 0.0), "squash_court": (2.0, 0.0)}
 
@@ -83,16 +84,16 @@ def lab_bench(height_m: float = 1.0) -> Bench:
     return bench("lab", height_m)
 
 
-def support(position: np.ndarray, radius_m: float = 0.15, thickness_m: float = 0.03) -> Scene:
-    """Build the stand of an object: a turntable disc on a wooden post, with the centre of the disc's upper side at `position` (3,).
+def support(position: np.ndarray) -> Scene:
+    """Build the stand of an object: a turntable disc on a wooden post, with the centre of the disc's upper side at `position` (3,), in m.
 
     The post is round and thin, and the disc is below the object's base, so that no flat face of the stand points at the radar.
     """
     x, y, top = (float(v) for v in position)
-    post = top - thickness_m - 2 * GAP
+    post = top - DISC_THICKNESS_M - 2 * GAP
     if post <= 0:
-        raise SceneError(f"support: its top is at z = {top} m, too low for a {thickness_m} m disc above the floor; raise it")
-    disc = objects.cylinder(radius_m, thickness_m).apply_transform(pose([x, y, top - thickness_m / 2]))
+        raise SceneError(f"support: its top is at z = {top} m, too low for a {DISC_THICKNESS_M} m disc above the floor; raise it")
+    disc = objects.cylinder(DISC_RADIUS_M, DISC_THICKNESS_M).apply_transform(pose([x, y, top - DISC_THICKNESS_M / 2]))
     column = objects.cylinder(0.03, post, 32).apply_transform(pose([x, y, GAP + post / 2]))
     parts = (surface("turntable", disc, "turntable", role="object"), surface("stand", column, "solid wood", role="object"))
     return Scene(part.replaced(roughness_m=0.0) for part in parts)  # the stand is turned and varnished, so it is smooth

@@ -123,11 +123,15 @@ def shrub(base: np.ndarray, height: float, spread: float) -> trimesh.Trimesh:
     return objects.flat([*sides, rings[0][::-1], rings[-1]])
 
 
-def railing(low: Sequence[float], high: Sequence[float], height: float = 1.0, posts: int = 5) -> trimesh.Trimesh:
-    """Build a metal railing along x or y from `low` to `high` (x, y): 40 mm posts, five bars between two posts, and a handrail."""
+def railing(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
+    """Build a metal railing of 1 m height along x or y from `low` to `high` (x, y), in metres.
+
+    The railing has five posts of 40 mm width, five bars between two posts, and a handrail.
+    """
+    height = 1.0
     axis = int(np.argmax(np.subtract(high, low)))
     across = 1 - axis
-    places = np.linspace(low[axis] + 0.02, high[axis] - 0.02, posts)
+    places = np.linspace(low[axis] + 0.02, high[axis] - 0.02, 5)
     parts = []
 
     def bar(start: float, stop: float, half: float, bottom: float, top: float) -> trimesh.Trimesh:

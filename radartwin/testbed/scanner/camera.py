@@ -53,9 +53,9 @@ def picture(
     look: Look, light: Light, pose: np.ndarray, intrinsics: np.ndarray, size: tuple[int, int], rng: np.random.Generator
 ) -> np.ndarray:
     """Render the colour picture (h, w, 3), uint8 sRGB, of the phone's camera, with dark corners and noise."""
-    face, depth, pane, pane_depth = _hits(look, pose, intrinsics, size)
+    face, depth, pane, _ = _hits(look, pose, intrinsics, size)
     linear = shaded(look, light, face, depth, pose, intrinsics)
-    through_glass(look, light, linear, pane, pane_depth, pose, intrinsics)
+    through_glass(look, light, linear, pane, pose, intrinsics)
     height, width = face.shape
     linear *= (light.exposure * _corners(height, width))[..., None]
     bright = linear > 0.7

@@ -57,11 +57,9 @@ def shaded(look: Look, light: Light, face: np.ndarray, depth: np.ndarray, pose: 
     return out
 
 
-def through_glass(
-    look: Look, light: Light, behind: np.ndarray, face: np.ndarray, depth: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray
-) -> None:
+def through_glass(look: Look, light: Light, behind: np.ndarray, face: np.ndarray, pose: np.ndarray, intrinsics: np.ndarray) -> None:
     """Add the green tint and the reflections of glass panes to the picture `behind`, in place. `face` is -1 at pixels without a pane."""
-    glaze(face, depth, np.ascontiguousarray(pose), _lens(intrinsics), look.normals, light.room, behind)
+    glaze(face, np.ascontiguousarray(pose), _lens(intrinsics), look.normals, light.room, behind)
 
 
 def _lens(intrinsics: np.ndarray) -> np.ndarray:

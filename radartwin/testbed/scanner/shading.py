@@ -299,7 +299,7 @@ def _shade_run(f, v, start, depth, pose, lens, look, light, run, out):
 
 
 @compiled
-def glaze(face, depth, pose, lens, normals, room, out):
+def glaze(face, pose, lens, normals, room, out):
     """Tint the pixels of the picture `out` that have a glass pane in front, and add the reflection of the room in the pane."""
     clear, reflected = (0.84, 0.88, 0.86), np.empty(3)
     for v in range(face.shape[0]):
