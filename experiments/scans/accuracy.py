@@ -28,14 +28,12 @@ class Accuracy:
     Attributes:
         median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. Before the distance is
             computed, the mesh is moved by the best-fitting rigid motion, because the coordinate frame of a scan is arbitrary.
-        placed_median_m: median distance in metres from the mesh to the true surfaces, without the best-fitting rigid motion of the mesh.
         coverage: share of the true area seen by the sensor that is within COVERED_M of the mesh, after the rigid motion of the mesh.
         seen: share of the true area that the sensor saw.
     """
 
     median_m: float
     p95_m: float
-    placed_median_m: float
     coverage: float
     seen: float
 
@@ -49,7 +47,6 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
     """
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
     points = _some(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
-    placed, _ = nearest(points)
     move = fitted(points, nearest)
     moved = points @ move[:3, :3].T + move[:3, 3]
     distance, _ = nearest(moved)
@@ -70,7 +67,6 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
     return Accuracy(
         median_m=float(np.median(distance)),
         p95_m=float(np.quantile(distance, 0.95)),
-        placed_median_m=float(np.median(placed)),
         coverage=float(show.sum() / max(have.sum(), 1e-12)),
         seen=float(have.sum() / area.sum()),
     )

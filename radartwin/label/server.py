@@ -45,7 +45,7 @@ class Server:
     concurrency: int = 4
     pause_s: float = 1.0
     key: str | None = None
-    name: str = "server"
+    name = "server"
 
     def __post_init__(self) -> None:
         self._endpoint = Endpoint(self.url, self.model, self.timeout_s, self.requests, self.pause_s, KEY_VARIABLE, MAX_TOKENS, self.key)

@@ -98,7 +98,7 @@ MINC: dict[str, Row] = {
         "0.9 to 2 mm on foam lie 1.6 to 8.0 dB away, and further from each other: half a wave inside is 1.2 mm", "leather"),
     "metal": Row("metal", False, "P.2040-4 metal, 1 to 100 GHz", "painted or not: paint of 0.1 mm changes nothing", "metal"),
     "mirror": Row(Layered([("glass", 0.004)], backing="metal"), False, "EN 1036: silvered float glass of 4 mm", "", "mirror"),
-    "other": Row("concrete", True, "unknown material: the P.2040-4 row with the least mean distance to the ROOM categories (2.5 dB)",
+    "other": Row("concrete", True, "unknown material: the P.2040-4 row with the least mean distance to the categories of a room (2.5 dB)",
         "computed by the test of this row; people, plants, food, water and sky do not count", "painted"),
     "painted": Row(_BOARD_ON_STUDS, False, f"plasterboard wall, {_BUILDING}",
         "plaster on masonry lies 0.4 dB away, bare painted concrete 2.9 dB, ceiling board 5.7 dB: uncertain unless named",
@@ -123,8 +123,6 @@ MINC: dict[str, Row] = {
 }  # fmt: skip
 
 CATEGORIES = tuple(MINC)
-NOT_OF_A_ROOM = ("foliage", "food", "hair", "other", "skin", "sky", "water")
-ROOM = tuple(category for category in CATEGORIES if category not in NOT_OF_A_ROOM)
 
 
 def row(category: str) -> Row:

@@ -34,7 +34,6 @@ from radartwin.radar.covariance import Covariance, uniform_step
 from radartwin.radar.peak_cells import parabola
 from radartwin.radar.processing import azimuth_row, decibels, response, row_places, unit_vectors
 
-Complex = NDArray[np.inexact]
 Real = NDArray[np.float64]
 
 TARGETS_PER_CELL = 2

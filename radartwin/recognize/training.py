@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,19 +27,19 @@ Term = Callable[[np.random.Generator, Callable[[Any], Any]], Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Trained:
+class Trained(Generic[E]):
     """A trained encoder and the number of epochs of its training."""
 
-    encoder: Encoder
+    encoder: E
     epochs: int
 
 
-def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained:
+def fit(split: Split, anchors: Mapping[str, NDArray], settings: Settings = DEFAULTS, seed: int = 0) -> Trained[Encoder]:
     """Train the two-layer encoder on the training rows of `split`. Arguments and errors are those of `fit_network`."""
-    return Trained(*fit_network(TWO_LAYERS, split, anchors, settings, seed))
+    return fit_network(TWO_LAYERS, split, anchors, settings, seed)
 
 
-def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray], settings: Settings, seed: int) -> tuple[E, int]:
+def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray], settings: Settings, seed: int) -> Trained[E]:
     """Train a network on the training rows of `split`. All features of the training rows must have comparable scales.
 
     If the training rows include simulated rows, the network is trained twice. The first training holds out one simulated recording per
@@ -52,7 +52,6 @@ def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray
         anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
         settings: settings of the training.
         seed: seed of all random numbers in the training.
-    Returns: the trained encoder, and the number of epochs of its training.
     Raises:
         InputError: a class has no text embedding, or `settings.paired` is above 0 without labelled measured recordings.
     """
@@ -68,7 +67,7 @@ def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray
         losses = train(network, rows.take(~mask), rows.take(mask), anchors, settings, seed, settings.epochs)[1]
         epochs = int(np.argmin(losses)) + 1
     weights, _ = train(network, rows, None, anchors, settings, seed, epochs)
-    return network.encoder(weights), epochs
+    return Trained(network.encoder(weights), epochs)
 
 
 def held_out(simulated: Samples, seed: int) -> frozenset[str]:

@@ -30,7 +30,7 @@ class StudioLog:
         lanes: number of LVDS lanes; None if the log does not state it.
         received, lost, out_of_sequence: numbers of packets; the .bin file contains zeros for lost packets.
         lost_bytes: number of bytes in the .bin file that are zero because packets were lost.
-        started, ended: local time of the recording computer, ISO 8601 without time zone; None for an interrupted capture.
+        started: local time of the recording computer at the start, ISO 8601 without time zone; None if the log does not state it.
     """
 
     lanes: int | None
@@ -39,7 +39,6 @@ class StudioLog:
     lost_bytes: int
     out_of_sequence: int
     started: str | None
-    ended: str | None
 
     def frames(self, frame_bytes: int) -> int:
         """Return the number of whole frames in the .bin file.
@@ -78,7 +77,6 @@ def read_log(path: str | Path) -> StudioLog:
         lost_bytes=_number(path, values, "number of zero filled bytes", 0) or 0,
         out_of_sequence=_number(path, values, "out of sequence count", 0) or 0,
         started=_time(path, values.get("capture start time")),
-        ended=_time(path, values.get("capture end time")),
     )
 
 

@@ -14,7 +14,7 @@ simulation it is compared with.
 
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -65,9 +65,6 @@ class Gaps:
     object_material: float = 1.0
     person: float = 1.0
     antenna: float = 1.0
-
-
-OFF = Gaps(**{one.name: 0.0 for one in fields(Gaps)})
 
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = (), target: bool = False) -> Scene:

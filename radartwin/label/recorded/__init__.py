@@ -38,7 +38,7 @@ class Recorded:
 
     records: Sequence[Record]
     model: str | None = None
-    name: str = "recorded"
+    name = "recorded"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
         """Yield each answered question with a record: the record of the same question, else that of the most overlapping surface.

@@ -61,8 +61,8 @@ class Convolution:
         if split.train.values.shape[1] != int(np.prod(self.shape)):
             raise InputError(f"convolution: rows of {split.train.values.shape[1]} values are not pictures of shape {self.shape}")
         limits = {name: min(getattr(settings, name), getattr(self, name)) for name in ("batch", "epochs", "patience")}
-        encoder, epochs = fit_network(_Branches(self.shape), split, anchors, replace(settings, **limits), seed)
-        return text_classifier(encoder, split, anchors, epochs, settings)
+        trained = fit_network(_Branches(self.shape), split, anchors, replace(settings, **limits), seed)
+        return text_classifier(trained.encoder, split, anchors, trained.epochs, settings)
 
 
 @dataclass(frozen=True, eq=False)
