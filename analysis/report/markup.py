@@ -18,6 +18,7 @@ from analysis.report.gallery import Compared
 from analysis.report.origin import Origin, Run
 from analysis.report.rooms import Shown
 from analysis.tables import caption
+from radartwin.io.one_line import plural
 from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
@@ -184,7 +185,3 @@ def _run(run: Run) -> str:
 
 def _seconds(seconds: float) -> str:
     return f"{seconds:,.0f} core-seconds" if seconds >= 10 else f"{seconds:.1f} core-seconds"
-
-
-def plural(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -29,7 +29,7 @@ from radartwin.features import envelope, track
 from radartwin.features.processed import Processed
 from radartwin.features.profile import gate_energies, multipath_share, profile_correlation
 from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
+from radartwin.plotting.style import PAGE_WIDTH_IN, figure, pixel_edges
 from radartwin.radar.processing import doppler_fft, range_fft, steering
 from radartwin.radar.recording import Recording
 from radartwin.runs.experiment import Result, Table
@@ -209,7 +209,7 @@ def draw(views: dict[str, View], title: str, domain: str) -> Figure:
         top = 10 * np.log10(max(one.maps[panel].max() for one in views.values()))
         for axes, (side, one) in zip(panels[:, column], views.items(), strict=True):
             level = 10 * np.log10(np.maximum(one.maps[panel], 10 ** ((top - SPAN_DB) / 10)))
-            extent = (*_edges(one.across[panel]), *_edges(one.range_m))
+            extent = (*pixel_edges(one.across[panel]), *pixel_edges(one.range_m))
             range_map(axes, level, extent, top, SPAN_DB)
             _mark(axes, *one.truth[panel])
             if not column:
@@ -242,9 +242,3 @@ def _mark(axes: Any, across: Real, range_m: Real) -> None:
         axes.axhline(range_m[0], **dashed)
     else:
         axes.plot(across, range_m, "o", mfc="none", mec="white", ms=9, mew=1.0)
-
-
-def _edges(axis: Real) -> tuple[float, float]:
-    """Return the outer edges of the first and the last pixel along an axis, given the pixel centres."""
-    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
-    return float(axis[0] - half), float(axis[-1] + half)

@@ -1,4 +1,4 @@
-"""Print messages and warnings in one line each."""
+"""Write messages and warnings in one line each, and counts with their nouns."""
 
 from __future__ import annotations
 
@@ -13,6 +13,15 @@ def one_line(message: object) -> str:
     contain.
     """
     return "".join(sign if sign.isprintable() else "?" for sign in " ".join(hidden(str(message)).split()))
+
+
+def plural(count: int, noun: str) -> str:
+    """Return a count with its noun, which is plural unless the count is 1.
+
+    >>> plural(1, "frame"), plural(2, "frame")
+    ('1 frame', '2 frames')
+    """
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:

@@ -7,12 +7,13 @@ global state of pyplot. The function `figure` creates a figure, and `save` write
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 COLUMN_WIDTH_IN, PAGE_WIDTH_IN = 3.33, 7.0  # acmart sigconf, one and two columns
@@ -56,6 +57,16 @@ def figure(
     with matplotlib.rc_context(style()):
         drawing = Figure(figsize=(width_in, height_in))
         return drawing, drawing.subplots(rows, columns, **subplots)
+
+
+def pixel_edges(axis: Sequence[float] | NDArray) -> tuple[float, float]:
+    """Return the outer edges of the first and of the last picture pixel along an evenly spaced axis (N,) of pixel centres.
+
+    >>> pixel_edges([0.0, 1.0, 2.0])
+    (-0.5, 2.5)
+    """
+    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
+    return float(axis[0] - half), float(axis[-1] + half)
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:

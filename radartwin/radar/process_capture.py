@@ -113,14 +113,14 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
             origin="lower",
             aspect="auto",
             interpolation="nearest",
-            extent=(*_edges(across), *_edges(maps.range_m)),
+            extent=(*style.pixel_edges(across), *style.pixel_edges(maps.range_m)),
             vmin=top - _DYNAMIC_RANGE_DB,
             vmax=top,
             cmap=style.SEQUENTIAL,
         )
         if marks is not None and len(peaks):
             axes.plot(marks, peaks.range_m, "o", mfc="none", mec="white", ms=6, mew=0.9, alpha=0.8)
-        axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=_edges(across), ylim=_edges(maps.range_m))
+        axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=style.pixel_edges(across), ylim=style.pixel_edges(maps.range_m))
         figure.colorbar(image, ax=axes, label=f"power ({unit})")
     return figure
 
@@ -132,9 +132,3 @@ def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float
         return np.full(power.shape, -_DYNAMIC_RANGE_DB), 0.0
     top = 10 * np.log10(strongest)
     return 10 * np.log10(np.maximum(power, strongest * 10 ** (-_DYNAMIC_RANGE_DB / 10))), float(top)
-
-
-def _edges(axis: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the outer edges of the first and of the last picture pixel along an evenly spaced axis."""
-    half = (axis[1] - axis[0]) / 2 if len(axis) > 1 else 0.5
-    return float(axis[0] - half), float(axis[-1] + half)

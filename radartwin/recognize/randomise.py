@@ -26,12 +26,11 @@ Sources:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -41,7 +40,7 @@ from radartwin.materials import Layered, layered, varied
 from radartwin.radar.chirp import Radar
 from radartwin.radar.if_filter import IfFilter
 from radartwin.recognize.augment import noisy
-from radartwin.scene.objects.vessels import smoothed
+from radartwin.scene.objects.vessels import deformed
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
 from radartwin.simulation.simulate import simulate
@@ -128,7 +127,7 @@ def target(surfaces: Sequence[Surface], strengths: Randomisation, seed: int | Se
             backing = stack.backing if stack.layers else _varied(stack.backing, real, loss)
             surface = surface.replaced(material=backing if simple and not layers else Layered(layers, backing=backing))
         if strengths.mesh:
-            surface = surface.replaced(mesh=_deformed(surface.mesh, moved), role=surface.kind)
+            surface = surface.replaced(mesh=deformed(surface.mesh, moved), role=surface.kind)
         out.append(surface)
     return out
 
@@ -223,13 +222,6 @@ def _with_channels(processed: Processed, channels: NDArray[np.complex64], noise_
     power = (processed.power * (after / np.maximum(before, np.finfo(np.float32).tiny))).astype(np.float32)
     noise = None if processed.noise is None else (processed.noise * noise_gain).astype(np.float32)
     return replace(processed, channels=channels, power=power, doppler=None, noise=noise)
-
-
-def _deformed(mesh: trimesh.Trimesh, move: Callable[[NDArray], NDArray]) -> trimesh.Trimesh:
-    """Move the vertices of a mesh. Smooth parts stay smooth and flat plates flat."""
-    merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    merged.merge_vertices()
-    return smoothed(trimesh.Trimesh(move(merged.vertices), merged.faces, process=False))
 
 
 def _varied(name: str, real: float, loss: float) -> str:

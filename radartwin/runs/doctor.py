@@ -15,6 +15,7 @@ from typing import Literal
 from radartwin.constants import __version__
 from radartwin.errors import OutputError
 from radartwin.io import files
+from radartwin.io.one_line import plural
 from radartwin.runs.checkout import commit
 from radartwin.store.clean import CACHE, cache_bytes
 
@@ -60,18 +61,14 @@ def doctor_data(folder: Path) -> int:
     radar = f"; radar {report.radar.name}" if report.radar else ""
     licence = f", {report.card.licence}" if report.card and report.card.licence else ""
     name = report.card.name if report.card and report.card.name else str(folder)
-    size = f"{_count(len(report.rows), 'recording')}, {_count(report.frames, 'frame')}, {report.bytes / 1e6:.1f} MB"
+    size = f"{plural(len(report.rows), 'recording')}, {plural(report.frames, 'frame')}, {report.bytes / 1e6:.1f} MB"
     print(f"{name}: {size}{radar}{licence}")
     for column in ("object", "distance_m", "room", "motion", "split"):
         counts = report.counts(column)
         if any(counts.keys()):
             print(f"{column:12s}{', '.join(f'{key or None} {count}'.lower() for key, count in counts.items())}")
-    print(f"doctor: {_count(len(report.problems), 'problem')}; see above" if report.problems else "doctor: the set can be used")
+    print(f"doctor: {plural(len(report.problems), 'problem')}; see above" if report.problems else "doctor: the set can be used")
     return 2 if report.problems else 0
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def examine(output: Path) -> Iterator[Finding]:

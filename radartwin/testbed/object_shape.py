@@ -91,7 +91,7 @@ def as_made(entry: Entry, strength: float, rng: np.random.Generator) -> list[Sur
     if entry.outline_m is not None:
         surfaces = [surfaces[0].replaced(mesh=shapes.revolution(vessels.divided(entry.outline_m, RING_M), vessels.AROUND))]
     deform = _field(form, surfaces, strength, rng)
-    return [s.replaced(mesh=_deformed(s.mesh, deform)) for s in surfaces]
+    return [s.replaced(mesh=vessels.deformed(s.mesh, deform)) for s in surfaces]
 
 
 def _form(entry: Entry) -> Form:
@@ -140,12 +140,6 @@ def _turn(angle: np.ndarray) -> np.ndarray:
 def _between(share: np.ndarray, low: float, high: float) -> np.ndarray:
     """Return 1 where `share`, the relative height, is between `low` and `high`, and 0 elsewhere, with transitions of the width 0.04."""
     return np.clip((share - low) / 0.04 + 0.5, 0, 1) * np.clip((high - share) / 0.04 + 0.5, 0, 1)
-
-
-def _deformed(mesh: trimesh.Trimesh, move: Callable[[np.ndarray], np.ndarray]) -> trimesh.Trimesh:
-    merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    merged.merge_vertices()
-    return vessels.smoothed(trimesh.Trimesh(move(merged.vertices), merged.faces, process=False))
 
 
 def _moved_tips(mesh: trimesh.Trimesh, strength: float, rng: np.random.Generator) -> trimesh.Trimesh:

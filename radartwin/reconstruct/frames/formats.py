@@ -16,12 +16,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.errors import InputError, MissingError, PoseError, ScanError
+from radartwin.errors import InputError, MissingError, ScanError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside
 from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_up
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled, scan_digest
 from radartwin.reconstruct.frames.pictures import check_depth, picture_size, read_colour, read_depth, read_picture
+from radartwin.scene.trajectories.track import from_quaternions, pose_matrices
 
 ARKIT_PICTURE = (1920, 1440)  # size (width, height) in pixels of the picture to which the exported intrinsics refer
 ARKIT_UNIT_M = POSE_FILE_UNIT_M = 0.001
@@ -83,7 +84,7 @@ def load_pose_file(
     if len(counted) != len(rows) or (colours and len(colours) != len(rows)):
         raise ScanError(f"{folder}: {len(rows)} poses, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame")
     names = [p.stem for p in counted]
-    poses = camera_to_world(_from_quaternions(rows), convention)
+    poses = camera_to_world(_poses(rows, folder / "pose.txt"), convention)
     pictures = _Pictures(names, depths, colours, unit_m, colour_only)
     return _one_camera(folder, pictures, poses, intrinsics, up, folder / "pose.txt")
 
@@ -106,7 +107,7 @@ def load_tum(folder: Path, intrinsics: Sequence[float] | None, unit_m: float, up
         raise ScanError(f"{folder}: no picture has a pose within {TUM_MAX_S} s in groundtruth.txt; use files of one clock")
     names = [f"{times[i]:.6f}" for i in chosen]
     depths = [depth_files[i] for i in chosen] if not colour_only else []
-    world = camera_to_world(_from_quaternions(np.array(poses)), convention)
+    world = camera_to_world(_poses(np.array(poses), folder / "groundtruth.txt"), convention)
     pictures = _Pictures(names, depths, colours, unit_m, colour_only)
     return _one_camera(folder, pictures, world, intrinsics, up, folder / "groundtruth.txt")
 
@@ -206,18 +207,9 @@ def _pictures(folder: Path, names: Sequence[str]) -> list[Path]:
     return []
 
 
-def _from_quaternions(rows: np.ndarray) -> np.ndarray:
-    """Convert rows (N, 7) of position and quaternion, tx ty tz qx qy qz qw, to poses (N, 4, 4)."""
-    from scipy.spatial.transform import Rotation
-
-    lengths = np.linalg.norm(rows[:, 3:], axis=1)
-    if (bad := ~(np.abs(lengths - 1) < 0.01)).any():
-        row = int(np.argmax(bad))
-        raise PoseError(f"pose {row + 1}: the quaternion has length {lengths[row]:.3g}, not 1; the order is tx ty tz qx qy qz qw")
-    poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses[:, :3, :3] = Rotation.from_quat(rows[:, 3:]).as_matrix()
-    poses[:, :3, 3] = rows[:, :3]
-    return poses
+def _poses(rows: np.ndarray, file: Path) -> np.ndarray:
+    """Convert rows (N, 7) of position and quaternion, tx ty tz qx qy qz qw, to poses (N, 4, 4). `file` is named in error messages."""
+    return pose_matrices(rows[:, :3], from_quaternions(rows[:, 3:], lambda k: f"{file}: pose {k + 1}"))
 
 
 def _upward(poses: np.ndarray, folder: Path) -> str:

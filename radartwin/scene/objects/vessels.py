@@ -7,10 +7,11 @@ of 30 degrees or more.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from radartwin.errors import MeshError
 from radartwin.scene.objects.shapes import SMOOTH_RAD, revolution
@@ -41,6 +42,13 @@ def smoothed(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Average the vertex normals of a mesh across edges of less than 30 degrees, and duplicate the vertices along sharper edges."""
     out = trimesh.graph.smooth_shade(mesh, angle=float(SMOOTH_RAD), facet_minarea=None)
     return trimesh.Trimesh(out.vertices, out.faces, vertex_normals=out.vertex_normals, process=False)
+
+
+def deformed(mesh: trimesh.Trimesh, move: Callable[[NDArray], NDArray]) -> trimesh.Trimesh:
+    """Move the vertices of a mesh by a function of their positions (N, 3) in metres. Smooth parts stay smooth and flat plates flat."""
+    merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    merged.merge_vertices()
+    return smoothed(trimesh.Trimesh(move(merged.vertices), merged.faces, process=False))
 
 
 def divided(outline_m: Outline, step_m: float) -> list[tuple[float, float]]:
