@@ -6,24 +6,32 @@ import functools
 import importlib
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from types import ModuleType
 
 from radartwin.errors import MissingError
+from radartwin.io.one_line import one_line
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @functools.cache
 def commit() -> tuple[str, bool]:
-    """Return the commit of this package's checkout, and whether files differ from the commit; ("none", False) outside a checkout."""
+    """Return the commit of this package's checkout, and whether files differ from the commit.
+
+    Outside a checkout, return ("none", False). If git fails, for example because the repository belongs to another user, warn with git's
+    message and return ("unknown", False).
+    """
     if not (ROOT / ".git").exists():
         return "none", False
     questions = ("rev-parse", "HEAD"), ("status", "--porcelain", "--untracked-files=no")
     try:
-        head, changed = (subprocess.check_output(["git", "-C", str(ROOT), *words], stderr=subprocess.DEVNULL) for words in questions)
-    except (OSError, subprocess.CalledProcessError):
-        return "none", False
+        head, changed = (subprocess.check_output(["git", "-C", str(ROOT), *words], stderr=subprocess.PIPE) for words in questions)
+    except (OSError, subprocess.CalledProcessError) as error:
+        reason = error.stderr.decode(errors="replace") if isinstance(error, subprocess.CalledProcessError) else str(error)
+        warnings.warn(f"git cannot read the commit of {ROOT}, so results name no commit: {one_line(reason)}", stacklevel=2)
+        return "unknown", False
     return head.decode().strip(), bool(changed)
 
 

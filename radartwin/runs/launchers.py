@@ -11,14 +11,17 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
 from radartwin.config.compose import launcher, path_override
 from radartwin.io import files
+from radartwin.io.one_line import one_line
 from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
 
 POLL_S = 0.2
 ALONE_TRIES = 2  # number of times that a crashed job is run alone; another program may kill it once, but hardly twice in a row
+ERROR_LENGTH = 300  # largest number of characters of a launcher's error in the reason of a failed job
 
 
 class Launcher:
@@ -52,18 +55,22 @@ class Launcher:
                     self._alone(number, waiting.pop(number))
 
     def _alone(self, number: int, overrides: Sequence[str]) -> None:
+        error = None
         for _ in range(ALONE_TRIES):
-            self._launch({number: overrides})
+            error = self._launch({number: overrides})
             if Outcome.read(self._place(number)):
                 return
-        reason = f"its process was killed {ALONE_TRIES + 1} times (memory ran out, or another program ended it)"
+        if error is None or (isinstance(error, BrokenExecutor) and "terminated" in str(error)):
+            reason = f"its process was killed {ALONE_TRIES + 1} times (memory ran out, or another program ended it)"
+        else:
+            reason = f"the launcher failed {ALONE_TRIES + 1} times: {type(error).__name__}: {one_line(error)[:ERROR_LENGTH]}"
         log = self._place(number) / LOG
         Outcome(job_name(overrides), FAILED, reason, log=str(log) if log.exists() else "").write(self._place(number))
 
-    def _launch(self, jobs: Mapping[int, Sequence[str]]) -> None:
+    def _launch(self, jobs: Mapping[int, Sequence[str]]) -> Exception | None:
         """Call Hydra's launcher once.
 
-        An error of the launcher after jobs have started is ignored, because `run` starts these jobs again.
+        Return an error that the launcher raised after jobs had started, because `run` starts these jobs again. None means no error.
         """
         for number in jobs:
             files.make_folder(self._place(number))
@@ -71,9 +78,11 @@ class Launcher:
         placed = [[*overrides, f"hydra.sweep.subdir='{number}'"] for number, overrides in jobs.items()]
         try:
             self._plugin.launch(placed, initial_job_idx=0)
-        except Exception:
+        except Exception as error:
             if not any((self._place(number) / STARTED).exists() for number in jobs):
                 raise
+            return error
+        return None
 
     def _unsettled(self, jobs: Mapping[int, Sequence[str]]) -> dict[int, Sequence[str]]:
         return {number: overrides for number, overrides in jobs.items() if Outcome.read(self._place(number)) is None}
