@@ -149,7 +149,7 @@ def _room(room: Shown, parts: str) -> str:
     return (
         f'<figure class="room"><a href="{page}"><img loading="lazy" decoding="async" src="{picture}" '
         f'alt="the {name} from one corner" width="{room.pixels}" height="{room.pixels}"></a>\n'
-        f'<figcaption>{name}, {size} m, {room.surfaces} surfaces · <a href="{page}" data-here>turn it</a></figcaption></figure>'
+        f'<figcaption>{name}, {size} m, {plural(room.surfaces, "surface")} · <a href="{page}" data-here>turn it</a></figcaption></figure>'
     )
 
 

@@ -19,6 +19,7 @@ from radartwin.config.study import RecordingsConfig
 from radartwin.constants import __version__
 from radartwin.errors import InputError
 from radartwin.io import files
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row
@@ -79,5 +80,5 @@ def export_verb(overrides: Sequence[str], config_dirs: Sequence[Path], out: Path
     campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress, config.measured.draw or 0)
     before = len(RecordingSet.load(out)) if (out / "card.yaml").is_file() else 0
     target = export(campaign, out)
-    print(f"{out}: {len(target) - before} recordings added, {len(target)} in all")
+    print(f"{out}: {plural(len(target) - before, 'recording')} added, {len(target)} in all")
     return 0

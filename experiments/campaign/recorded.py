@@ -18,6 +18,7 @@ from radartwin.config.scene import ROOMS
 from radartwin.config.study import RecordingsConfig
 from radartwin.errors import InputError
 from radartwin.features.envelope import frames_per_revolution
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -54,7 +55,8 @@ class Recorded:
                 assert row.distance_m is not None
                 self._rows[Case(row.object, row.room, row.motion, row.distance_m, row.repetition)] = row  # type: ignore[arg-type]
         if left:
-            progress.say(f"{folder}: left out {', '.join(f'{number} recordings of {reason}' for reason, number in left.items())}")
+            parts = (f"{plural(number, 'recording')} of {reason}" for reason, number in left.items())
+            progress.say(f"{folder}: left out {', '.join(parts)}")
         if not self._rows:
             raise InputError(f"{folder}: no recording of a known object on a turntable, rail or rover in a known room; check {INDEX}")
         radar, twin = self._set.radar, build_radar(config.radar)

@@ -31,6 +31,7 @@ from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.processed import MAX_RANGE_M
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
@@ -94,8 +95,8 @@ def make(campaign: Campaign, progress: Progress) -> list[Made]:
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
     progress.say(
-        f"campaign: {len(wanted)} recordings, {len(missing)} of them to be simulated: {frames:,} frames from {traced:,} traced poses, "
-        f"about {size / 1e9:.2g} GB"
+        f"campaign: {plural(len(wanted), 'recording')}, {len(missing)} of them to be simulated: {frames:,} frames from {traced:,} traced "
+        f"poses, about {size / 1e9:.2g} GB"
     )
     campaign.prepare(missing, fresh=True)
     made = [_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")]

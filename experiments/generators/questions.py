@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from radartwin.errors import LabelError
+from radartwin.io.one_line import plural
 from radartwin.label.labelling import load, prepare
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question
@@ -84,11 +85,13 @@ def main() -> None:
         parser.error("--answers needs --model NAME and --about TEXT")
     questions = asked(options.room, options.data)
     if options.answers:
-        print(f"{replace_answers(options.room, questions, options.answers, options.model, options.about)}: {len(questions)} answers")
+        print(
+            f"{replace_answers(options.room, questions, options.answers, options.model, options.about)}: {plural(len(questions), 'answer')}"
+        )
         return
     export(questions, options.out)
     share = exact(options.room, questions)
-    print(f"{options.out}: {len(questions)} questions; {share:.1%} of their area has a recorded answer with the same digest")
+    print(f"{options.out}: {plural(len(questions), 'question')}; {share:.1%} of their area has a recorded answer with the same digest")
 
 
 if __name__ == "__main__":

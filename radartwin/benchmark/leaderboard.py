@@ -21,6 +21,7 @@ from radartwin.benchmark.signal_error import Errors, compare
 from radartwin.compiled import cores
 from radartwin.errors import InputError
 from radartwin.io import files
+from radartwin.io.one_line import plural
 from radartwin.simulation.backends.backend import names as simulator_names
 
 FOLDER, NAME = "benchmark", "leaderboard.csv"
@@ -79,7 +80,7 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
 
 def machine() -> str:
     """Return the processor, the operating system, and the load of other programs, which makes the times longer."""
-    load = f", load {os.getloadavg()[0]:.0f} on {cores()} cores" if hasattr(os, "getloadavg") else ""
+    load = f", load {os.getloadavg()[0]:.0f} on {plural(cores(), 'core')}" if hasattr(os, "getloadavg") else ""
     return f"{processor()}, {platform.system()}{load}"
 
 

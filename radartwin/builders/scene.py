@@ -17,6 +17,7 @@ import numpy as np
 from radartwin.config.materials import MaterialsConfig, UniformMaterials
 from radartwin.config.scene import ROOMS, ScanScene, SceneConfig
 from radartwin.errors import ConfigError
+from radartwin.io.one_line import plural
 from radartwin.label.labels import belongs_to_room
 from radartwin.label.sources import material_source
 from radartwin.scene import objects, rooms
@@ -137,7 +138,7 @@ def materials_line(provenance: dict[str, Any]) -> str:
         return ""
     listed = [f"{label} on {count}" for label, count in list(counts.items())[:LISTED]]
     listed += [f"others on {sum(list(counts.values())[LISTED:])}"] if len(counts) > LISTED else []
-    text = f"materials of the room's {sum(counts.values())} surfaces: {', '.join(listed)}"
+    text = f"materials of the room's {plural(sum(counts.values()), 'surface')}: {', '.join(listed)}"
     if materials["source"] == "scene":
         return f"{text}; as labelled in {scene['path']} by {', '.join(materials['said_by'])}"
     unused = f"; the labels in {scene['path']} are not used" if "manifest_sha256" in scene and materials["source"] != "vlm" else ""

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from radartwin.errors import InputError
+from radartwin.io.one_line import plural
 
 
 def export_timeline(options: argparse.Namespace) -> int:
@@ -33,7 +34,7 @@ def export_timeline(options: argparse.Namespace) -> int:
     print("topic messages")
     for topic, count in sorted(counts.items()):
         print(topic, count)
-    print(f"{options.mcap}: {recording.num_frames} frames, {sum(counts.values())} messages", file=sys.stderr)
+    print(f"{options.mcap}: {plural(recording.num_frames, 'frame')}, {plural(sum(counts.values()), 'message')}", file=sys.stderr)
     return 0
 
 

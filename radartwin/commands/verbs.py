@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from radartwin.errors import ConfigError, OutputError
+from radartwin.io.one_line import plural
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -60,7 +61,7 @@ def simulate(options: argparse.Namespace) -> int:
         _note(line)
     if not any(recording.iq[block].any() for block in recording.frame_blocks()):
         _note("warning: nothing returns an echo to the radar; check trajectory.position_m, heading_deg and height_m")
-    print(f"{', '.join(map(str, recording_files(path)))}: {recording.iq.shape[0]} frames")
+    print(f"{', '.join(map(str, recording_files(path)))}: {plural(recording.iq.shape[0], 'frame')}")
     return 0
 
 
@@ -83,7 +84,7 @@ def process(options: argparse.Namespace) -> int:
         print(*(cell.rjust(len(name)) for cell, name in zip(cells, digits, strict=True)))
     if len(peaks) and peaks["doppler_mps"].isna().to_numpy().all():
         _note("a frame has one chirp, from which no speed can be measured; doppler_mps is empty")
-    print(f"{len(peaks)} peaks; pictures, {PEAKS_FILE} and {POINTS_FILE} in {out}", file=sys.stderr)
+    print(f"{plural(len(peaks), 'peak')}; pictures, {PEAKS_FILE} and {POINTS_FILE} in {out}", file=sys.stderr)
     return 0
 
 
@@ -105,7 +106,7 @@ def import_captures(options: argparse.Namespace) -> int:
         progress=progress,
         say=progress.say,
     )
-    print(f"{options.out}: {len(added)} recording{'' if len(added) == 1 else 's'} added, {len(target)} in all")
+    print(f"{options.out}: {plural(len(added), 'recording')} added, {len(target)} in all")
     return 0
 
 
@@ -128,7 +129,7 @@ def reconstruct(options: argparse.Namespace) -> int:
     how = ScanOptions(options.up, options.unit, options.object, options.depth_model, options.intrinsics, options.depth_unit, options.poses)
     scene = reconstruct(options.scan, options.out, options=how, material=options.material, progress=Progress())
     print("\n".join(summary(scene)))
-    print(f"{options.out}: {len(scene)} surfaces")
+    print(f"{options.out}: {plural(len(scene), 'surface')}")
     return 0
 
 

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from radartwin.errors import ConfigError, MissingError, SceneError
 from radartwin.io.files import check_folder, lock
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.label.journal import Journal, Record
 from radartwin.label.labels import Label, belongs_to_room, labelled, write_labels
@@ -110,7 +111,10 @@ def label_folder(folder: Path, options: LabelOptions, progress: Progress | None 
     if options.export is not None:
         export(task.questions, options.export)
         unseen = len(task.surfaces) - len(task.questions)
-        return [f"{options.export}: {len(task.questions)} questions" + (f"; no view shows {unseen} surfaces" if unseen else "")]
+        return [
+            f"{options.export}: {plural(len(task.questions), 'question')}"
+            + (f"; no view shows {plural(unseen, 'surface')}" if unseen else "")
+        ]
     if provider is None:
         assert options.answers is not None
         records = import_answers(task, options.answers, str(options.model))
@@ -152,7 +156,7 @@ def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | 
     """Prepare the material questions about all surfaces of a scene that need a material label."""
     photos = load_photos(folder)
     surfaces = tuple(index for index, surface in enumerate(scene) if belongs_to_room(surface))
-    with (progress or Progress(quiet=True)).task(f"views of {len(surfaces)} surfaces", len(surfaces)) as advance:
+    with (progress or Progress(quiet=True)).task(f"views of {plural(len(surfaces), 'surface')}", len(surfaces)) as advance:
         return LabelTask(folder, scene, surfaces, tuple(questions(scene, photos, views=views, only=surfaces, step=advance)))
 
 
@@ -224,5 +228,5 @@ def summary(scene: Scene) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     stand_ins, missing, invalid = (sum(bool(s.provenance.get(key)) for s in scene) for key in ("stand_in", "missing", "invalid"))
-    total = f"{len(scene)} surfaces labelled, {stand_ins} with a substitute, {missing} without an answer, {invalid} with an invalid answer"
-    return [*lines, total]
+    total = f"{plural(len(scene), 'surface')} labelled, {stand_ins} with a substitute, {missing} without an answer, "
+    return [*lines, f"{total}{invalid} with an invalid answer"]

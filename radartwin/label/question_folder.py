@@ -15,6 +15,7 @@ from typing import Any
 from radartwin.errors import LabelError
 from radartwin.io import untrusted_json
 from radartwin.io.files import write_atomically
+from radartwin.io.one_line import plural
 from radartwin.label.answers import Kind, read_answer, schema
 from radartwin.label.journal import Record
 from radartwin.label.questions import Question, prompt, prompt_digest
@@ -81,7 +82,9 @@ def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[
             records[question] = (number, record)
     if problems:
         more = f"; and {len(problems) - SHOWN_PROBLEMS} more" if len(problems) > SHOWN_PROBLEMS else ""
-        raise LabelError(f"{path}: no answer is imported; correct {len(problems)} lines: {'; '.join(problems[:SHOWN_PROBLEMS])}{more}")
+        raise LabelError(
+            f"{path}: no answer is imported; correct {plural(len(problems), 'line')}: {'; '.join(problems[:SHOWN_PROBLEMS])}{more}"
+        )
     return [record for _, record in records.values()]
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from radartwin.errors import MissingError, OutputError, PoseError, RecordingError
 from radartwin.io import files, scratch
+from radartwin.io.one_line import plural
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
@@ -169,7 +170,7 @@ class Recording:
         frames = described.get("frames", len(counts))
         if frames != len(counts):
             raise RecordingError(
-                f"{bin_path}: it holds {len(counts)} frames but {json_path.name} says {frames}; copy both files of one recording"
+                f"{bin_path}: it holds {plural(len(counts), 'frame')} but {json_path.name} says {frames}; copy both files of one recording"
             )
         poses = described.get("sensor_poses")
         try:

@@ -19,6 +19,7 @@ from trimesh.exchange.ply import export_ply
 
 from radartwin.errors import OutputError, ScanError
 from radartwin.io import files
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.label.photos import FOLDER, INDEX, save_photos
 from radartwin.materials import Layered, check_name
@@ -165,7 +166,7 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
     if options.depth_model is not None:
         model = DepthModel.load(options.depth_model)
         frames, scale = with_depth(frames, model), model.scale
-    with progress.task(f"fusing {len(frames)} frames") as advance:
+    with progress.task(f"fusing {plural(len(frames), 'frame')}") as advance:
         mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
     if options.depth_unit_m is None:
         check_size(report.extents_m, str(path), "--depth-unit", {})
@@ -230,9 +231,9 @@ def summary(scene: Scene, rows: int = 30) -> list[str]:
         elif facts.get("planar"):
             shape = "a plane"
         else:
-            shape = f"{facts['planes']} planes" if facts.get("planes") else "not flat"
+            shape = plural(facts["planes"], "plane") if facts.get("planes") else "not flat"
         lines.append(f"{surface.name[:16]:16} {surface.mesh.area:8.2f} {len(surface.mesh.faces):6d} {surface.kind:>7}  {shape}")
     if len(order) > rows:
-        lines.append(f"and {len(order) - rows} smaller surfaces, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")
+        lines.append(f"and {plural(len(order) - rows, 'smaller surface')}, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")
     spans = (f"{axis} from {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", *scene.bounds, strict=True))
     return [*lines, f"the scene extends over {', '.join(spans)} m; trajectory.position_m is in these coordinates"]

@@ -18,6 +18,7 @@ import numpy as np
 
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io.files import inside
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, description_beside, from_counts, load_capture
@@ -248,7 +249,7 @@ def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dic
     recording.provenance["frames"] = expected
     if more := {source: count for source, count in expected.items() if count > recording.num_frames}:
         missing = ", ".join(f"{count} {source}" for source, count in more.items())
-        notes.append(f"frames are missing: the capture holds {recording.num_frames} frames, {missing}")
+        notes.append(f"frames are missing: the capture holds {plural(recording.num_frames, 'frame')}, {missing}")
     return columns, notes
 
 

@@ -126,7 +126,7 @@ def _devices() -> Iterator[Finding]:
 
 def _cpus() -> Finding:
     pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
-    return Finding("machine", "ok", f"{os.cpu_count()} cores, {pages:.0f} GB memory")
+    return Finding("machine", "ok", f"{plural(os.cpu_count() or 1, 'core')}, {pages:.0f} GB memory")
 
 
 def _disk(output: Path) -> Finding:
@@ -163,4 +163,4 @@ def _tracking(output: Path) -> Finding:
             runs = connection.execute("SELECT count(*) FROM runs").fetchone()[0]
     except sqlite3.Error as error:
         return Finding("tracking", "note", f"{database}: {error}", f"move {database} away; the next run creates it again")
-    return Finding("tracking", "ok", f"{database}, {runs} runs")
+    return Finding("tracking", "ok", f"{database}, {plural(runs, 'run')}")

@@ -19,6 +19,7 @@ from radartwin import plugins
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import ExperimentConfig
+from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.runs.artifacts import Record
 from radartwin.runs.experiment import VERDICTS, Result, load, module_name, read, save
@@ -121,7 +122,7 @@ def summary(result: Result) -> str:
     """Format the number of table rows with each verdict, and the metrics, as lines for a terminal."""
     verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in VERDICTS)
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
-    return "\n".join([f"{result.table}: {len(result.rows)} rows ({verdicts}); run {result.run_key[:8]}", *numbers])
+    return "\n".join([f"{result.table}: {plural(len(result.rows), 'row')} ({verdicts}); run {result.run_key[:8]}", *numbers])
 
 
 def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:

@@ -18,6 +18,7 @@ from radartwin.config.compose import Composer, parse_overrides
 from radartwin.config.config import Config
 from radartwin.errors import BackendError, ConfigError, UserError
 from radartwin.io import files
+from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, Outcome
 from radartwin.runs.run import extend_path
 from radartwin.runs.sweep import Sweep, composed, split
@@ -67,7 +68,7 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
             for trial in trials:
                 _report(study, trial, running.outcomes[trial.number], goal.metric)
     status = running.close()
-    print(f"search: {len(_finished(study))} trials in {place}; {_best(study, goal)}")
+    print(f"search: {plural(len(_finished(study)), 'trial')} in {place}; {_best(study, goal)}")
     return status
 
 

@@ -17,6 +17,7 @@ from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
 from hydra_plugins.hydra_submitit_launcher.submitit_launcher import SlurmLauncher
 
 from radartwin.errors import BackendError
+from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, LOG, Outcome, job_name
 
 POLL_S = float(os.environ.get("RADARTWIN_SLURM_POLL", "5"))
@@ -55,7 +56,7 @@ class SlurmSweep(SlurmLauncher):
             reason = " ".join(str(error).split())[-300:]
             raise BackendError(f"hydra/launcher=slurm: {reason}; run it where sbatch works, or choose another launcher") from error
         ids = [job.job_id for job in submitted]
-        print(f"slurm: {len(ids)} jobs submitted as {_array(ids)}; scancel {_array(ids)} stops them", flush=True)
+        print(f"slurm: {plural(len(ids), 'job')} submitted as {_array(ids)}; scancel {_array(ids)} stops them", flush=True)
         self._wait(dict(zip(ids, job_overrides, strict=True)))
         return []
 

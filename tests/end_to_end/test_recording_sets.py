@@ -25,7 +25,7 @@ def test_imported_mmwave_studio_capture_is_valid_and_has_the_same_peaks(shared_d
     assert done.returncode == 0, done.stderr
     assert "room: 1 recording added, 1 in all" in done.stdout
     # The capture has one of the hundred frames that description and log give: 143473 packets of 1456 bytes.
-    assert "frames are missing: the capture holds 1 frames, 100 configured, 100 logged" in done.stderr
+    assert "frames are missing: the capture holds 1 frame, 100 configured, 100 logged" in done.stderr
     name = "iwr6843_frame_adc_data"
     assert (tmp_path / f"room/recordings/{name}.bin").read_bytes() == (shared_data / ROOM / f"{name}.bin").read_bytes()
     doctor = inside("doctor", "--data", "room")

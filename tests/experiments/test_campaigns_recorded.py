@@ -134,7 +134,7 @@ def test_recordings_that_the_twin_cannot_simulate_are_left_out_and_counted(
     assert [case.name for case in campaign.cases("measured")] == [row.recording]
     assert campaign.cases("twin") == [replace(case, repetition=0) for case in campaign.cases("measured")]
     printed = capsys.readouterr().err
-    for words in ("1 recordings of object vase", "1 recordings of room cellar", "1 recordings of motion static"):
+    for words in ("1 recording of object vase", "1 recording of room cellar", "1 recording of motion static"):
         assert words in printed
 
 

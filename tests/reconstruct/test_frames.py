@@ -129,7 +129,7 @@ def test_wrong_folders_frames_and_options_are_refused(tmp_path, own):
         (ScanError, "no frames found", lambda: load_frames(tmp_path / "empty")),
         (ScanError, "no frames", lambda: Frames.of([])),
         (ScanError, "same name", lambda: Frames.of([wall("a"), wall("a")])),
-        (ScanError, "2 frames and 1 poses", lambda: load_frames(own).with_poses(np.eye(4)[None])),
+        (ScanError, "2 frames and 1 pose;", lambda: load_frames(own).with_poses(np.eye(4)[None])),
         (ScanError, "--up up is unknown; choose x, y, z", lambda: load_frames(own, up="up")),
         (ScanError, "--poses sideways is unknown; choose opencv, opengl", lambda: load_frames(own, poses="sideways")),
         (ScanError, "--depth-unit 0: give metres", lambda: load_frames(arkit(tmp_path / "c"), depth_unit_m=0.0)),
@@ -168,7 +168,7 @@ def test_empty_missing_and_damaged_pictures_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "count", "intrinsics", "error", "message"),
     [
-        (["0 0 0 0 0 0 1"], 2, (40, 40, 15.5, 11.5), ScanError, "1 poses, 2 depth and 2 colour"),
+        (["0 0 0 0 0 0 1"], 2, (40, 40, 15.5, 11.5), ScanError, "1 pose, 2 depth and 2 colour"),
         (["0 0 0 0 0 1"], None, (40, 40, 15.5, 11.5), ScanError, "line 1: 6 words"),
         (["0 0 0 0 0 0 2"], None, (40, 40, 15.5, 11.5), PoseError, "length 2"),
         (["0 0 0 0 0 0 1"], None, None, ScanError, "give --intrinsics FX FY CX CY"),

@@ -20,6 +20,7 @@ from radartwin.builders.simulator import simulated_parts, simulator_options
 from radartwin.commands.demo.page import Picture, write_page
 from radartwin.config.compose import compose, path_override
 from radartwin.io import files
+from radartwin.io.one_line import plural
 from radartwin.label.labelling import LabelOptions, label_folder
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import power_maps
@@ -72,7 +73,7 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
             files.write_atomically(scan, gzip.decompress(SCAN.read_bytes()))
             result.append(str(scan))
         with steps.step("reconstruct the scan as planes and objects") as result:
-            result.append(f"{len(reconstruct(scan, scene_folder))} surfaces")
+            result.append(plural(len(reconstruct(scan, scene_folder)), "surface"))
         with steps.step("label the materials with the recorded answers of a vision-language model") as result:
             result.append(label_folder(scene_folder, LabelOptions())[-1].split(",")[0])
         with steps.step("simulate a radar recording (a first run compiles the simulator: about a minute)") as result:
@@ -81,7 +82,7 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
             compiled()
             setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
             simulated = simulate_setup(setup, config, config.scene.target, noise=True, out=recording)
-            result.append(f"{len(simulated.iq)} frames")
+            result.append(plural(len(simulated.iq), "frame"))
     with steps.step("detect the peaks and find the surface of each peak") as result:
         table = process_capture(recording, folder / "processed")
         columns = {name: table[name].to_numpy() for name in table}
@@ -92,7 +93,7 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
         tracer = simulator_options(config.simulator)["simulator"]
         paths = tracer.paths(scene, setup.radar, pose[None])  # the simulation left these paths in the memory of this process
         origins = echo_origins(scene, paths, setup.radar, pose, peaks.range_m, peaks.azimuth_rad)
-        result.append(f"{len(peaks)} peaks")
+        result.append(plural(len(peaks), "peak"))
     with steps.step("write the page") as result:
         room = view(Scene.load(scene_folder), scene_folder / "view.html", pose, title="The scan, coloured by material")
         picture = Picture(power_maps(simulated.iq, simulated.radar), peaks, origins)

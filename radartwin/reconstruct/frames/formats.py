@@ -19,6 +19,7 @@ import numpy as np
 from radartwin.errors import InputError, MissingError, ScanError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside
+from radartwin.io.one_line import plural
 from radartwin.reconstruct.axes import CAMERA_FLIP, TO_Z_UP, camera_to_world, z_up
 from radartwin.reconstruct.frames.frames import Frame, Frames, rescaled, scan_digest
 from radartwin.reconstruct.frames.pictures import check_depth, picture_size, read_colour, read_depth, read_picture
@@ -82,7 +83,9 @@ def load_pose_file(
     colours = _pictures(folder, ("color", "colour", "rgb"))
     counted = colours if colour_only else depths
     if len(counted) != len(rows) or (colours and len(colours) != len(rows)):
-        raise ScanError(f"{folder}: {len(rows)} poses, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame")
+        raise ScanError(
+            f"{folder}: {plural(len(rows), 'pose')}, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame"
+        )
     names = [p.stem for p in counted]
     poses = camera_to_world(_poses(rows, folder / "pose.txt"), convention)
     pictures = _Pictures(names, depths, colours, unit_m, colour_only)

@@ -16,6 +16,7 @@ from typing import overload
 import numpy as np
 
 from radartwin.errors import MissingError, PoseError, ScanError
+from radartwin.io.one_line import plural
 
 RIGID_TOLERANCE = 1e-3  # largest deviation of R^T R from the identity; ARKit poses and text files with six digits deviate by less than 1e-5
 
@@ -72,7 +73,9 @@ class Frames(Sequence[Frame]):
         if len(set(self.names)) < len(self.names):
             raise ScanError(f"{source}: two frames have the same name; give each frame its own name")
         if len(poses) != len(self.names):
-            raise ScanError(f"{source}: {len(self.names)} frames and {len(poses)} poses; give one pose per frame, in the same order")
+            raise ScanError(
+                f"{source}: {plural(len(self.names), 'frame')} and {plural(len(poses), 'pose')}; give one pose per frame, in the same order"
+            )
         self.poses = check_poses(np.asarray(poses, dtype=np.float64), source, self.names)
 
     @classmethod

@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import ScanError
+from radartwin.io.one_line import plural
 from radartwin.reconstruct.frames.frames import Frames
 from radartwin.reconstruct.fusion.alignment import AlignmentReport, align
 from radartwin.reconstruct.fusion.marching import extract
@@ -99,8 +100,8 @@ class FusionReport:
             f"depth pixels lie {1000 * self.residual_rms_m:.1f} mm rms ({1000 * self.residual_median_m:.1f} mm median) from the surface; "
             f"{100 * self.explained:.1f} % lie within {1000 * self.truncation_m:.0f} mm; {100 * self.coloured:.0f} % of the vertices have "
             "colour",
-            f"{self.holes.count} holes, {self.holes.area_m2:.2f} m2 in all, the largest {self.holes.largest_m2:.2f} m2; "
-            f"{self.holes.boundary_m:.1f} m of boundary; {self.small_parts} floating parts removed",
+            f"{plural(self.holes.count, 'hole')}, {self.holes.area_m2:.2f} m2 in all, the largest {self.holes.largest_m2:.2f} m2; "
+            f"{self.holes.boundary_m:.1f} m of boundary; {plural(self.small_parts, 'floating part')} removed",
         ]
         if self.alignment is not None and self.alignment.pairs:
             a = self.alignment

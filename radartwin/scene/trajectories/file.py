@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from radartwin.errors import MissingError, PoseError
+from radartwin.io.one_line import plural
 from radartwin.scene.trajectories.ros import read_bag
 from radartwin.scene.trajectories.track import Axes, Track, check_samples, from_quaternions, pose_matrices
 
@@ -68,7 +69,7 @@ def parse_track(text: str, source: str, csv: bool) -> Track:
         except ValueError:
             raise PoseError(f"{source}, line {number}: {len(names)} numbers are expected ({' '.join(names)}), not {line[:80]!r}") from None
     if len(rows) < 2:
-        raise PoseError(f"{source} holds {len(rows)} poses; a trajectory needs at least two")
+        raise PoseError(f"{source} holds {plural(len(rows), 'pose')}; a trajectory needs at least two")
 
     def place(k: int) -> str:
         return f"{source}, line {lines[k][0]}"

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import BackendError, PoseError
+from radartwin.io.one_line import plural
 from radartwin.scene.trajectories.track import Track, from_quaternions, pose_matrices
 
 ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
@@ -73,7 +74,7 @@ def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
 
 def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
     if len(messages) < 2:
-        raise PoseError(f"{source} holds {len(messages)} poses; a trajectory needs at least two")
+        raise PoseError(f"{source} holds {plural(len(messages), 'pose')}; a trajectory needs at least two")
     poses = [m.pose.pose if kind == ODOMETRY else m.pose for m in messages]
     matrices = _matrices(((p.position, p.orientation) for p in poses), source)
     track = Track(np.array([_seconds(m) for m in messages]), matrices, source)

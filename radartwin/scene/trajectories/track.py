@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from radartwin.errors import PoseError
+from radartwin.io.one_line import plural
 from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
 
 Axes = Literal["sensor", "optical"]
@@ -40,7 +41,7 @@ class Track:
     def __post_init__(self) -> None:
         times, poses = np.asarray(self.times_s, dtype=np.float64), np.asarray(self.poses, dtype=np.float64)
         if len(times) < 2 or poses.shape != (len(times), 4, 4):
-            raise PoseError(f"{self.source}: {len(times)} poses; a trajectory needs at least two")
+            raise PoseError(f"{self.source}: {plural(len(times), 'pose')}; a trajectory needs at least two")
         check_samples(times, poses.reshape(len(times), 16), lambda k: f"{self.source}: pose {k}")
         steps = np.diff(times)
         if steps.max() > MAX_STEP_S:
@@ -91,7 +92,7 @@ class Track:
             raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; correct rate or start")
         covered = int(np.floor((self.duration_s - start_s) * rate_hz + 1e-6)) + 1
         if frames is not None and not 1 <= frames <= covered:
-            raise PoseError(f"{self.source} holds {covered} frames at {rate_hz:g} Hz, not {frames}; request fewer frames")
+            raise PoseError(f"{self.source} holds {plural(covered, 'frame')} at {rate_hz:g} Hz, not {frames}; request fewer frames")
         count = covered if frames is None else frames
         return self.at(np.minimum(self.times_s[0] + start_s + np.arange(count) / rate_hz, self.times_s[-1]))
 

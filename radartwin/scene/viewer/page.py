@@ -19,6 +19,7 @@ import trimesh
 
 from radartwin.errors import OutputError, PoseError, SceneError
 from radartwin.io.files import write_atomically
+from radartwin.io.one_line import plural
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
@@ -204,7 +205,7 @@ def _title(scene: Scene) -> str:
 def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
     faces, size = sum(len(s.mesh.faces) for s in scene), np.ptp(scene.bounds, axis=0)
     dimensions = " × ".join(f"{x:.2f}" for x in size)
-    note = f"{len(scene)} surfaces, {faces:,} triangles, {dimensions} m"
+    note = f"{plural(len(scene), 'surface')}, {faces:,} triangles, {dimensions} m"
     if cell:
         shown = sum(len(m.faces) for m in meshes)
         note += f" · reduced for this page to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all triangles"
