@@ -29,7 +29,7 @@ from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import default_materials
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
-from radartwin.errors import ConfigError, UserError
+from radartwin.errors import ConfigError, InputError
 from radartwin.features import sets
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -154,7 +154,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
         quick = {"ripple": False} if module is turntable_shape else {}
         try:
             result = module.score(replace(_own(module), **same), campaign, progress, **quick)
-        except UserError as error:  # the campaign lacks the motion, or has too few objects
+        except (ConfigError, InputError) as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():

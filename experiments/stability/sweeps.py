@@ -19,7 +19,6 @@ import trimesh
 
 from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours, quiet
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
-from experiments.validation.baselines import speed_read_mps
 from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
 from experiments.validation.oracles.nearfield import corner_quadrature
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
@@ -30,7 +29,8 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation.backends.backend import backend
+from radartwin.simulation.backends import rfgenesis
+from radartwin.simulation.backends.backend import Backend, backend
 from radartwin.simulation.simulate import simulate
 
 RADAR = traced.MONOSTATIC
@@ -213,6 +213,18 @@ def _far(method: Method, value: float) -> float:
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])
+
+
+def speed_read_mps(simulator: Backend, radar: Radar, speed_mps: float) -> float:
+    """Return the Doppler speed in m/s of a receding plate, computed from a transmitter's chirps and the wavelength of 77 GHz."""
+    poses = np.array([trajectory.pose([2 + speed_mps * frame / radar.frame_rate_hz, 0.0, 0.0]) for frame in range(3)])
+    scene = Scene([Surface(objects.plate(0.1, 0.1), "metal", "plate")])
+    iq = simulate(scene, radar, np.eye(4)[None], motion={"plate": poses}, simulator=simulator).iq[1, :, 0, 0]
+    spectrum = np.fft.fft(iq * np.hanning(radar.num_samples), axis=1)
+    chirps = spectrum[:, np.abs(spectrum).sum(axis=0).argmax()]
+    doppler = np.abs(np.fft.fft(chirps * np.hanning(len(chirps)), 64 * len(chirps)))
+    cycles = float(np.fft.fftfreq(len(doppler))[doppler.argmax()])
+    return cycles * rfgenesis.LOSS_WAVELENGTH_M / 2 / radar.loop_interval_s
 
 
 def _speed(method: Method, value: float) -> float:

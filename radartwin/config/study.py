@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
@@ -277,6 +277,8 @@ class TrackingConfig:
 class ExperimentConfig:
     """The result table to compute, which the runner calls an experiment."""
 
+    READ_BY: ClassVar[dict[str, str]] = {"distances_m": "environment", "pairs": "gallery", "part": "campaign_part"}
+
     name: str | None = None
     module: str | None = None  # name of the Python module of an experiment outside the folder experiments/
     distances_m: list[float] = positive([])
@@ -286,6 +288,10 @@ class ExperimentConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, "experiment")
+        ours = (self.module or "").startswith("experiments.")  # the module of a user may read every option
+        for key, reader in self.READ_BY.items():
+            if ours and getattr(self, key) and self.name != reader:
+                raise ConfigError(f"experiment.{key} is not read by experiment={self.name}, only by experiment={reader}; leave it out")
         if self.part >= self.parts:
             raise ConfigError(
                 f"experiment.part={self.part} does not exist; parts are 0 to {self.parts - 1} (experiment.parts={self.parts})"

@@ -62,6 +62,10 @@ MISTAKES = {
     "shots without few_shot": (["supervision.shots=3"], ("supervision.shots=3", "few_shot")),
     "few_shot without shots": (["supervision=few_shot", "supervision.shots=0"], ("supervision.shots", "at least 1")),
     "server without tracking": (["tracking=off", "tracking.uri=http://localhost:5000"], ("tracking=off", "mlflow")),
+    "distances of another table": (
+        ["experiment=turntable_shape", "experiment.distances_m=[1]"],
+        ("experiment.distances_m", "turntable_shape", "environment"),
+    ),
     "drive through the target": (["trajectory=depth", "trajectory.distance_m=0.5"], ("trajectory.length_m", "0.5")),
 }
 

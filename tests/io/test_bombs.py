@@ -18,7 +18,7 @@ from foreign import THREE, photo_index, textured
 from PIL import Image
 
 from radartwin.errors import InputError, MeshError, RecordingError, ScanError, UserError
-from radartwin.io import files, untrusted_json
+from radartwin.io import files, untrusted_json, untrusted_yaml
 from radartwin.label.journal import Journal
 from radartwin.label.photos import load_photos
 from radartwin.radar.captures import load_capture
@@ -172,6 +172,14 @@ def test_yaml_with_aliases_or_python_objects_is_refused(read: Callable[[Path], o
         file.write_bytes(unsafe)
         with pytest.raises(UserError):
             read(file)
+
+
+@pytest.mark.parametrize("read", [Layout.load, read_mapping, read_objects, Radar.from_file])
+def test_yaml_of_excessive_size_is_refused(read: Callable[[Path], object], tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text("objects: [" + "0, " * (untrusted_yaml.MAX_CHARACTERS // 3) + "0]\n")
+    with pytest.raises(UserError, match=r"a\.yaml.*more than [\d,]+ characters"):
+        read(file)
 
 
 def test_an_archive_that_unpacks_to_a_multiple_of_its_size_is_refused(tmp_path: Path) -> None:
