@@ -102,7 +102,7 @@ def options(setting: str) -> str:
 def _needed(complexity: Sequence[Row]) -> str:
     return _lines(
         (
-            row["case"], row["features"], row["model"], f"{row['between']:.2g}", f"{row['value']:.2g} x",
+            row["case"], row["features"], row["model"], f"{row['between']:.2f}", f"{row['value']:.2g} x",
             "yes" if row["without layers"] > 1 else "no",
         )
         for row in complexity if row["metric"] == complexity_rows.SAVED
