@@ -24,7 +24,7 @@ def tubes(count: int, start: int):
     met = (whole, real, real, real)
     return Tubes(
         whole, whole, vector, vector, vector, vector, vector, vector, real, real, mi.Bool(numbers % 2 == 0), vector, vector, [met, met],
-        whole, mi.Float64(numbers), mi.Float64(numbers), mi.UInt64(numbers),
+        whole, mi.Float64(numbers), mi.Float64(numbers),
     )  # fmt: skip
 
 

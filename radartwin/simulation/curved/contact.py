@@ -11,7 +11,7 @@ import mitsuba as mi
 
 from radartwin.simulation.curved.device import Device, vectors
 from radartwin.simulation.curved.flight import Tubes
-from radartwin.simulation.curved.hits import LABEL_BITS, Occluder
+from radartwin.simulation.curved.hits import Occluder
 
 COS_GRAZING = 1e-3  # tubes with a smaller cosine of incidence are ignored, because they cannot resolve the echo of a smooth surface
 FLAT = 1e-10  # a facet counts as flat if the sum of the squared differences of its unit vertex normals is below this limit
@@ -140,8 +140,6 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
     tubes.length = tubes.length + distance
     if first:
         tubes.first = tubes.length
-    if device.labels is not None:
-        tubes.sequence = (tubes.sequence << LABEL_BITS) + dr.gather(mi.UInt64, device.labels, contact.face, active)
     return contact, active & (contact.cosine > COS_GRAZING)
 
 

@@ -31,7 +31,6 @@ class Device:
     surface: Any  # (F,) number of the surface of each facet
     cluster: Any  # (F,) number of the object cluster of each facet; None without clusters
     first_cluster: Any  # number of the object cluster of the first hit; None without clusters
-    labels: Any  # (F,) label of each facet plus 1; None without labels
     lift: Any  # rays start this many metres above a surface, well above the float32 resolution of the surface's coordinates
     curved: bool  # whether the geometry has curved facets
     patch: Any  # (F,) number of the smooth surface patch of each facet plus 1
@@ -43,7 +42,6 @@ class Device:
         return Device(
             geometry.scene(), dr.opaque(mi.Bool, options.hats), upload(mi.Float, geometry.corners), upload(mi.Float, geometry.normals),
             upload(mi.UInt32, geometry.surface), *(clusters or (None, None)),
-            None if options.labels is None else upload(mi.UInt64, options.labels + 1),
             dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7)), geometry.curved, upload(mi.UInt32, geometry.patch + 1),
         )  # fmt: skip
 

@@ -102,7 +102,6 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     zero, length = mi.Vector3f(0.0), mi.Float64(0.0)
     tubes = Tubes(
         index, pose, origin, direction, zero, zero, zero, zero, length, None, None, zero, zero, [], mi.UInt32(0), length, length,
-        mi.UInt64(0),
     )  # fmt: skip
     alive, sequence, curved, spreading = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
     for bounce in range(2 if walls else options.max_bounces):

@@ -98,7 +98,6 @@ class Tubes:
     caustics: Any  # number of caustics that the tube has passed, each of which turns the phase of the field by 90 degrees
     length: Any  # float64 path length from the source over all hits to the current position, in metres
     first: Any  # float64 path length from the source to the first hit, in metres
-    sequence: Any  # packed labels of the facets that the tube has met, see `hits.unpack_labels`
     face: Any = None  # index of the triangle that the tube meets next, set by `contact.cast`
     inner_u: Any = None  # first barycentric coordinate of the next hit, set by `contact.cast`
     inner_v: Any = None  # second barycentric coordinate of the next hit, set by `contact.cast`
@@ -214,8 +213,8 @@ def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: Pieces |
     if grid.plane:
         direction_du, direction_dv = mi.Vector3f(nothing), mi.Vector3f(nothing)
     hat_share, in_box = (None, None) if pieces is None else (pieces.hat_share, pieces.in_box)
-    zero, sequence = mi.Float64(none), mi.UInt64(none)
+    zero = mi.Float64(none)
     return Tubes(
         index, pose, origin, direction, position_du, position_dv, direction_du, direction_dv, weight, hat_share, in_box,
-        mi.Vector3f(direction), field, [], none, zero, mi.Float64(zero), sequence,
+        mi.Vector3f(direction), field, [], none, zero, mi.Float64(zero),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Define the input and output of the ray-tube tracer: antennas, trace options, hits, and face labels packed into one number per hit."""
+"""Define the input and output of the ray-tube tracer: antennas, trace options and hits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -6,21 +6,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from radartwin.simulation.geometry import Geometry
-
-LABEL_BITS = 12  # number of bits for the face label of one bounce, so that the labels of five bounces fit in 64 bits
-
-
-def unpack_labels(sequence: int, bounces: int) -> tuple[int, ...]:
-    """Return the labels of the faces that a path met, in the order of its bounces.
-
-    Args:
-        sequence: packed labels. Each bounce has LABEL_BITS bits that hold 1 + label; the last bounce has the lowest bits.
-        bounces: number of bounces of the path.
-
-    >>> unpack_labels((3 << LABEL_BITS) + 8, 2)
-    (2, 7)
-    """
-    return tuple(((sequence >> (LABEL_BITS * (bounces - 1 - i))) & (1 << LABEL_BITS) - 1) - 1 for i in range(bounces))
 
 
 @dataclass(frozen=True)
@@ -50,7 +35,6 @@ class TraceOptions:
     # contribute, so that two grids of different tube density never count the same path twice.
     cluster: np.ndarray | None = None
     first_cluster: int = 0  # number of the object cluster that the first hit of a tube must belong to
-    labels: np.ndarray | None = None  # (faces,) face labels below 4095, which `Hits.sequence` then records; None records no labels
     occluder: Occluder | None = None  # surfaces that may block the line from the sensor to the first hit or from the last hit to the sensor
     # The tracer drops hits whose amplitude is below this factor times the strongest amplitude of the same pose in the same block of tubes
     # (`division.blocks`).
@@ -76,7 +60,6 @@ class Hits:
     departure: np.ndarray  # (N, 3) unit vectors from the transmitter towards the first hit of the path
     arrival: np.ndarray  # (N, 3) unit vectors from the receiver towards the last hit of the path
     first_m: np.ndarray  # (N,) float64 distance from the transmitter to the first hit of the path, in metres
-    sequence: np.ndarray  # (N,) uint64 packed labels of the faces that the path met, see `unpack_labels`
 
     def where(self, keep: np.ndarray) -> "Hits":
         """Return the hits that the mask or the index array `keep` selects."""
@@ -96,5 +79,4 @@ class Hits:
     def none(nodes: int) -> "Hits":
         """Return a `Hits` object without hits, whose amplitude array has `nodes` frequency nodes."""
         index, length, vectors = np.zeros(0, int), np.zeros(0), np.zeros((0, 3))
-        amplitude, sequence = np.zeros((0, nodes), complex), np.zeros(0, np.uint64)
-        return Hits(index, index, amplitude, length, length, vectors, vectors, length, sequence)
+        return Hits(index, index, np.zeros((0, nodes), complex), length, length, vectors, vectors, length)

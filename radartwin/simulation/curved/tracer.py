@@ -59,7 +59,7 @@ class Setting:
         """Compute the echo of the tubes. Returns the arrays that `Tracer._hits` reads."""
         echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
         return [
-            tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first, tubes.sequence,
+            tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first,
             echo, tubes.encounters, walls,
             contact.facet_point + contact.flat_normal * self.device.lift, reception.across,
         ]  # fmt: skip
@@ -153,11 +153,11 @@ class Tracer:
             A list of hits, which may be empty, and a list of (tubes, (bounce, crossed)) for the tubes that must still be traced.
         """
         options = self.options
-        source, sequence = tubes.origin, tubes.sequence
+        source = tubes.origin
         contact, near, met, active = self._meet(tubes, source, bounce, active)
         straight, onwards = [], []
         if self.panes and crossed < CROSSINGS:
-            copies, passing = self.panes.behind(tubes, contact, sequence, met)
+            copies, passing = self.panes.behind(tubes, contact, met)
             straight = [(copies, contacts.cast(self.device, copies, False, passing))]
         # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
         clear = self.monostatic and bounce == 1 and crossed == 0
@@ -252,12 +252,11 @@ class Tracer:
         if len(coefficients.few) < len(coefficients.every):
             before, after = before.where(keep), after.where(keep)
             amplitude = coefficients.amplitudes(coefficients.every, before, after, echo[2:, keep], echo[:2, keep], np.zeros(len(keep)))
-        length, length_out, departure, outgoing, first, sequence = read
+        length, length_out, departure, outgoing, first = read
         # A scene has millions of hits, so that each array is copied once, for the strong hits only.
         return Hits(
             np.take(pose, keep).astype(int), np.full(len(keep), bounce), amplitude, np.take(length.numpy(), keep),
             np.take(length_out.numpy(), keep), _vectors(departure, keep), -_vectors(outgoing, keep), np.take(first.numpy(), keep),
-            np.take(sequence.numpy(), keep),
         )  # fmt: skip
 
 

@@ -69,19 +69,16 @@ class Panes:
         self.device = device
         self.faces = upload(mi.Bool, faces)
 
-    def behind(self, tubes: Tubes, contact: Contact, sequence: Any, active: Any) -> tuple[Tubes, Any]:
-        """Return a copy of each tube that continues straight through its pane, and a mask of the tubes that meet a pane.
-
-        Args:
-            tubes: tubes at their contacts, before reflection.
-            sequence: packed labels of the tubes before this contact.
+    def behind(self, tubes: Tubes, contact: Contact, active: Any) -> tuple[Tubes, Any]:
+        """Return a copy of each tube that continues straight through its pane, and a mask of the tubes that meet a pane. The tubes are at
+        their contacts, before reflection.
         """
         active = active & dr.gather(mi.Bool, self.faces, contact.face, active)
         across, met = encounter(self.device, contact, tubes.direction, tubes.across, True, active)
         origin = contact.facet_point - contact.flat_normal * self.device.lift
         length = tubes.length + mi.Float64(dr.dot(origin - contact.point, tubes.direction))
         encounters = [*tubes.encounters, met]
-        return replace(tubes, origin=origin, length=length, sequence=sequence, across=across, encounters=encounters), active
+        return replace(tubes, origin=origin, length=length, across=across, encounters=encounters), active
 
     def free(self, line: Line, plane: bool) -> Iterator[tuple[Any, list[Encounter]]]:
         """Follow lines to the receiver through panes.

@@ -215,8 +215,7 @@ def paths(
         return Hits.none(q)
     columns = [np.concatenate(c) for c in zip(*(one for _, one in sorted(found, key=lambda item: item[0])), strict=True)]
     pair, amplitude, length, departure, arrival, bounces = columns
-    none = np.zeros(len(pair), np.uint64)
-    return Hits(pair, bounces, amplitude, length[:, 0], length[:, 1], departure, arrival, length[:, 2], none)
+    return Hits(pair, bounces, amplitude, length[:, 0], length[:, 1], departure, arrival, length[:, 2])
 
 
 @compiled
