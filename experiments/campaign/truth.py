@@ -8,7 +8,6 @@ Noise, leakage and ADC effects are added when the recording is read; the name of
 from __future__ import annotations
 
 import functools
-from collections import OrderedDict
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +31,7 @@ from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.drives import Drives
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
+from radartwin.store.recent import Recent
 from radartwin.testbed import bystander, drift, fixtures, testbed
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.object_shape import as_made
@@ -296,19 +296,21 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
         shifted = drift.shifted(around, small, state, creeps, root)
         return Drives(shifted, short, sensor, settings, similar=_drives(case, place, root)).room_samples(sensor)[0, 0]
 
+    def room_states() -> np.ndarray:
+        tally.count(tally.SETUPS)
+        return drift.traced(room, creeps)
+
     def running(state: float) -> np.ndarray:
         warm = drift.shifted(below, RUNNING, state, creeps, root)
         parts = [part for one in warm for part in _drives(case, place, root).moving([one], sensor, np.eye(4)[None], False)]
         return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
 
     key = f"{case.room} {root} {place.gaps} {settings} {short}"
-    states = tally.cached(_creeping, key, lambda: drift.traced(room, creeps), 1)
+    states = _creeping.get(key, 1, room_states)
     key = f"{key} {stand_top(nominal).tobytes().hex()}"
-    if key not in _running:
-        _running.clear()
-        _running[key] = drift.traced(running, creeps)
+    stand_states = _running.get(key, 1, lambda: drift.traced(running, creeps))
     times = np.arange(nominal.frames) / nominal.frame_rate_hz
-    return drift.Drift(states + _running[key], drift.course(times, creeps, seed))
+    return drift.Drift(states + stand_states, drift.course(times, creeps, seed))
 
 
 def _person(case: Case, place: _Place, seed: int, root: int) -> bystander.Echo | None:
@@ -346,9 +348,9 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
     ).iq  # fmt: skip
 
 
-_creeping: OrderedDict[str, np.ndarray] = OrderedDict()
-_running: dict[str, np.ndarray] = {}  # by key of the last stand: the signals of its motor and gear in the states of their drift
-_tracks: OrderedDict[str, Drives] = OrderedDict()
+_creeping: Recent[np.ndarray] = Recent(1)  # the signals of the last room in the states of its drift
+_running: Recent[np.ndarray] = Recent(1)  # the signals of the last stand's motor and gear in the states of their drift
+_tracks: Recent[Drives] = Recent(CACHED_TRACKS)
 
 
 def _drives(case: Case, place: _Place, root: int) -> Drives:
@@ -359,7 +361,8 @@ def _drives(case: Case, place: _Place, root: int) -> Drives:
     key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
 
     def build() -> Drives:
+        tally.count(tally.SETUPS)
         around = list(_around(case, place.log, place.gaps, root))
         return Drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
 
-    return tally.cached(_tracks, key, build, CACHED_TRACKS)
+    return _tracks.get(key, 1, build)

@@ -7,7 +7,6 @@ simulation exactly as in the log of the recording.
 from __future__ import annotations
 
 import functools
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
@@ -37,6 +36,7 @@ from radartwin.simulation.signal.synthesis import received, thermal_noise
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import spec_digest
 from radartwin.store.products import Store
+from radartwin.store.recent import Recent
 
 CACHED_TRACKS = 2
 
@@ -134,7 +134,7 @@ def _families(config: Config, case: Case) -> tuple[str, ...]:
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 
-_tracks: OrderedDict[str, Drives] = OrderedDict()
+_tracks: Recent[Drives] = Recent(CACHED_TRACKS)
 
 
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Drives:
@@ -144,4 +144,9 @@ def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, kno
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
-    return tally.cached(_tracks, key, lambda: Drives(list(room), radar, nominal.sensor_poses, settings), CACHED_TRACKS)
+
+    def build() -> Drives:
+        tally.count(tally.SETUPS)
+        return Drives(list(room), radar, nominal.sensor_poses, settings)
+
+    return _tracks.get(key, 1, build)

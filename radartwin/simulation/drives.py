@@ -11,7 +11,6 @@ are not moved but traced at every pose, because the phase between edge waves and
 paths: 0.23 of the signal).
 """
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,6 +29,7 @@ from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import received
+from radartwin.store.recent import Recent
 
 SPACING_M = 0.04  # distance between places along a track
 OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
@@ -209,7 +209,7 @@ class Drives:
         self._latest: tuple[bytes, list[Paths], list[np.ndarray]] = (b"", [], [])
         self._sampled: tuple[tuple[bytes, str], np.ndarray] = ((b"", ""), np.zeros(0))
         self._of_place: dict[int, list[Paths]] = {}  # the paths of the clutter at the places that are traced
-        self._resting: OrderedDict[tuple, tuple[Sequence[Surface], list[Paths]]] = OrderedDict()
+        self._resting: Recent[tuple[Sequence[Surface], list[Paths]]] = Recent(RESTING)  # with surfaces, so that their ids stay in use
 
     def room(self, poses: np.ndarray) -> list[Paths]:
         """Return the paths of the room without the object, for a drive through `poses` (F, 4, 4)."""
@@ -336,16 +336,13 @@ class Drives:
         return shadows_of_mover(*self._walls(sensor), body, sensor, there, self._still.room.wavenumber)
 
     def at_rest(self, surfaces: Sequence[Surface], sensor: np.ndarray, coupled: bool) -> list[Paths]:
-        """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the last RESTING objects are cached.
+        """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the RESTING objects that were used last
+        are cached.
 
         Two calls share paths only if they pass the same `Surface` objects.
         """
         key = tuple(map(id, surfaces)), sensor.tobytes(), coupled
-        if key not in self._resting:
-            self._resting[key] = surfaces, self.moving(surfaces, sensor, np.eye(4)[None], coupled)
-            while len(self._resting) > RESTING:
-                self._resting.popitem(last=False)
-        return self._resting[key][1]
+        return self._resting.get(key, 1, lambda: (surfaces, self.moving(surfaces, sensor, np.eye(4)[None], coupled)))[1]
 
     def _moving(
         self, backend: MitsubaBackend, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool,

@@ -7,7 +7,6 @@ field is not. For example, the two orders of reflection at two walls that meet f
 around the object, and on a finer grid where the field is not linear between the corners.
 """
 
-from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -26,6 +25,7 @@ from radartwin.simulation.flat.shadows import REACH, Outlines, factor
 from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward, vector
 from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
 from radartwin.simulation.reflection_table import lagrange_basis
+from radartwin.store.recent import Recent
 
 DIRECT = 0
 LONGEST = 2  # largest number of reflections of a leg
@@ -36,7 +36,7 @@ ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last fa
 ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
 UNDISTURBED = 1e-3  # a direct leg whose field changes by at most this needs no weight
 KEPT = 64  # number of cache entries, each for a few places
-_kept: "OrderedDict[tuple, tuple[FlatRoom, Legs]]" = OrderedDict()  # an entry also holds the room, so that no other room gets its id
+_kept: "Recent[tuple[FlatRoom, Legs]]" = Recent(KEPT)  # an entry also holds the room, so that no other room gets its id
 
 
 @dataclass(frozen=True)
@@ -212,12 +212,11 @@ def find(
 def found_once(room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
     """Call `find`, with a cache of the last KEPT calls."""
     key = (id(room), places.tobytes(), axes.tobytes(), radius, frequencies_hz.tobytes(), *how)
-    if key not in _kept:
-        _kept[key] = (room, find(room, places, axes, radius, frequencies_hz, *how))  # pyright: ignore[reportArgumentType]
-        while len(_kept) > KEPT:
-            _kept.popitem(last=False)
-    _kept.move_to_end(key)
-    return _kept[key][1]
+
+    def make() -> tuple[FlatRoom, Legs]:
+        return room, find(room, places, axes, radius, frequencies_hz, *how)  # pyright: ignore[reportArgumentType]
+
+    return _kept.get(key, 1, make)[1]
 
 
 def _chains(
