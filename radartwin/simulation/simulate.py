@@ -94,10 +94,9 @@ def simulate(
     """
     check_whole("seed", seed, 0)
     check_option("elements", elements, ELEMENTS)
-    settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
-    tracer = resolve(simulator, settings)
+    tracer = resolve(simulator, TraceSettings(max_bounces, rays, rays_per_wavelength2, variant))
     folder = None if out is None else files.make_folder(recording_files(out)[0].parent)
-    kept, sensor, moving, tracer = _checked(scene, radar, sensor_poses, motion, settings, tracer)
+    kept, sensor, moving = _checked(scene, radar, sensor_poses, motion, tracer)
     noises = (_generator(seed, b"oscillator noise"), _generator(seed, b"receiver noise")) if noise else None
     shape = (len(sensor), *frame_shape(radar))
     blocks = _blocks(kept, radar, sensor, moving, tracer, elements, noises)
@@ -133,7 +132,7 @@ def _blocks(
     """Yield the samples (F, C, T, R, N) of consecutive blocks of frames.
 
     Args:
-        scene, radar, sensor, moving, tracer: the results of `_checked`.
+        scene, radar, sensor, moving: checked by `_checked`. tracer: simulator that traces the paths.
         elements: as in `simulate`.
         noises: random generators of oscillator noise and receiver noise; None leaves out noise.
     """
@@ -170,19 +169,18 @@ def trace_paths(
     sensor_poses: np.ndarray,
     motion: Mapping[str, np.ndarray] | None,
     settings: TraceSettings,
-    tracer: Backend | None = None,
 ) -> tuple[list[Paths], np.ndarray]:
-    """Check the arguments of `simulate` and trace the propagation paths.
+    """Check the arguments of `simulate` and trace the propagation paths on Mitsuba.
 
     Args:
         scene, radar, sensor_poses, motion: as in `simulate`.
-        settings: settings of the tracer on Mitsuba.
-        tracer: simulator that traces the paths; None traces with Mitsuba and `settings`.
+        settings: settings of the tracer.
     Returns:
         A list of `Paths` objects, whose signals add up, and the sensor poses (F, 4, 4). Each `Paths` object has F poses, or one pose that
         is valid for all frames.
     """
-    scene, sensor, moving, tracer = _checked(scene, radar, sensor_poses, motion, settings, tracer)
+    tracer = MitsubaBackend(settings)
+    scene, sensor, moving = _checked(scene, radar, sensor_poses, motion, tracer)
     return tracer.paths(scene, radar, sensor, moving), sensor
 
 
@@ -191,20 +189,20 @@ def _checked(
     radar: Radar,
     sensor_poses: np.ndarray,
     motion: Mapping[str, np.ndarray] | None,
-    settings: TraceSettings,
-    tracer: Backend | None,
-) -> tuple[Scene, np.ndarray, dict[str, np.ndarray], Backend]:
-    """Check the arguments of `trace_paths`, and return the scene without tiny surfaces, the sensor poses (F, 4, 4), the poses (F, 4, 4) of
-    moving surfaces by name, and the simulator.
+    tracer: Backend,
+) -> tuple[Scene, np.ndarray, dict[str, np.ndarray]]:
+    """Check the arguments of `simulate` and the settings of a tracer on Mitsuba. Return the scene without tiny surfaces, the sensor poses
+    (F, 4, 4), and the poses (F, 4, 4) of moving surfaces by name.
     """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):
             raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
-    settings = tracer.settings if isinstance(tracer, MitsubaBackend) else settings
-    check_whole("max_bounces", settings.max_bounces, 1)
-    if settings.rays is not None:
-        check_whole("rays", settings.rays, 1, MAX_RAYS)
-    check_positive("rays_per_wavelength2", settings.rays_per_wavelength2, MAX_DENSITY)
+    if isinstance(tracer, MitsubaBackend):
+        settings = tracer.settings
+        check_whole("max_bounces", settings.max_bounces, 1)
+        if settings.rays is not None:
+            check_whole("rays", settings.rays, 1, MAX_RAYS)
+        check_positive("rays_per_wavelength2", settings.rays_per_wavelength2, MAX_DENSITY)
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)
@@ -215,4 +213,4 @@ def _checked(
         Scene(s for s in scene.surfaces if s.name == name).check_sensor(relative)
     scene = Scene(s for s in scene.surfaces if (s.mesh.area_faces > MIN_AREA_M2).any())
     moving = {name: poses for name, poses in moving.items() if name in scene.names}
-    return scene, sensor, moving, tracer or MitsubaBackend(settings)
+    return scene, sensor, moving

@@ -55,7 +55,6 @@ class SionnaSettings:
         separation_m: distance of the receiver from the transmitter while Sionna searches for paths, 0 to 1 m. The simulator computes
             lengths and angles of the paths for receiver and transmitter at one point.
         variant: Mitsuba variant: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
-        seed: random seed of Sionna's diffuse rays.
     """
 
     max_bounces: int = 4
@@ -64,13 +63,11 @@ class SionnaSettings:
     diffraction: bool = False
     separation_m: float = 0.0
     variant: str = "auto"
-    seed: int = 0
 
     def __post_init__(self) -> None:
         check_whole("sionna: max_bounces", self.max_bounces, 1, 32)
         if self.rays is not None:
             check_whole("sionna: rays", self.rays, 1, MAX_RAYS)
-        check_whole("sionna: seed", self.seed, 0, 2**32 - 1)
         check_flag("sionna: diffuse", self.diffuse)
         check_flag("sionna: diffraction", self.diffraction)
         if not 0 <= self.separation_m <= 1:
@@ -135,7 +132,6 @@ class SionnaBackend:
             "scattering": (scattering(scene.surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(row)))[mesh.surface],
             "sensor": sensor_poses, "offset_m": self._offset, "max_bounces": self.settings.max_bounces,
             "samples": self.settings.rays or RAYS, "diffuse": diffuse, "diffraction": self.settings.diffraction,
-            "seed": self.settings.seed,
         })  # fmt: skip
         return answer | {"frequencies_hz": frequencies}
 

@@ -13,6 +13,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation import variant
 
 NAME = "scene"
+SEED = 0  # random seed of Sionna's diffuse rays
 
 
 def answer(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -50,8 +51,7 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
             reflection tables te and tm (D, C, Q) have one row per material; row (T,) is the table row of each face. scattering (T,) is
             Sionna's scattering coefficient of each face. frequencies_hz (Q,) are the frequency nodes. sensor (F, 4, 4) are the sensor
             poses, and offset_m (3,) is the position of the receiver in the sensor frame in metres. max_bounces is the largest number of
-            reflections, samples the number of rays, diffuse whether to add diffuse reflection, diffraction whether to add diffraction, and
-            seed the random seed.
+            reflections, samples the number of rays, diffuse whether to add diffuse reflection, and diffraction whether to add diffraction.
     Returns:
         Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), `vertex`
         (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; `scattered` (N,), which
@@ -74,7 +74,7 @@ def trace(message: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         paths = solver(
             scene, max_depth=int(message["max_bounces"]), samples_per_src=int(message["samples"]), los=False, specular_reflection=True,
             diffuse_reflection=bool(message["diffuse"]), refraction=diffraction, diffraction=diffraction, edge_diffraction=diffraction,
-            synthetic_array=True, seed=int(message["seed"]),
+            synthetic_array=True, seed=SEED,
         )  # fmt: skip
         if paths._paths_buffer.buffer_size:
             found.append(_found(pose, scene, solver, paths, material, message))
