@@ -337,7 +337,7 @@ def _block(
         some = np.flatnonzero(~examined & (weight > share * total[pose]))
         examined[some] = True
         sensor, direction = poses[pose[some], :3], np.einsum("nij,nj->ni", poses[pose[some], :3, :3], towards[some])
-        start = scatterers.points[point[some]] + (visibility.lift(geometry) * above[some])[:, None] * scatterers.normals[point[some]]
+        start = scatterers.points[point[some]] + (geometry.lift_m * above[some])[:, None] * scatterers.normals[point[some]]
         free = visibility.visible(geometry, start.T, -direction.T, distance[some])
         passed[some[free]] = 1
         if tree is not None:

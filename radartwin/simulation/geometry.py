@@ -52,6 +52,11 @@ class Geometry:
         """Return the largest absolute coordinate in metres, which determines the float32 resolution of a hit."""
         return float(np.abs(self.corners).max(initial=1e-3))
 
+    @property
+    def lift_m(self) -> float:
+        """Return a height in metres above a surface at which float32 rays can start without hitting this surface."""
+        return max(2e-6 * self.extent_m, 1e-7)
+
     @functools.cached_property
     def curved(self) -> bool:
         """Return whether any facet belongs to a curved surface, that is, whether its three vertex normals differ."""

@@ -40,11 +40,6 @@ def visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distan
     return ~geometry.scene().ray_test(ray).numpy()
 
 
-def lift(geometry: Geometry) -> float:
-    """Return a height in metres above a surface at which float32 rays can start without hitting this surface."""
-    return max(2e-6 * geometry.extent_m, 1e-7)
-
-
 def hidden(paths: Paths, sensor: np.ndarray, obstacles: Sequence[Occluder]) -> np.ndarray:
     """Return a mask (N,) of the single-bounce paths whose line from sensor to point an obstacle blocks.
 

@@ -31,7 +31,7 @@ class Device:
     surface: Any  # (F,) number of the surface of each facet
     cluster: Any  # (F,) number of the object cluster of each facet; None without clusters
     first_cluster: Any  # number of the object cluster of the first hit; None without clusters
-    lift: Any  # rays start this many metres above a surface, well above the float32 resolution of the surface's coordinates
+    lift: Any  # rays start this many metres above a surface, as `Geometry.lift_m`
     curved: bool  # whether the geometry has curved facets
     patch: Any  # (F,) number of the smooth surface patch of each facet plus 1
 
@@ -42,7 +42,7 @@ class Device:
         return Device(
             geometry.scene(), dr.opaque(mi.Bool, options.hats), upload(mi.Float, geometry.corners), upload(mi.Float, geometry.normals),
             upload(mi.UInt32, geometry.surface), *(clusters or (None, None)),
-            dr.opaque(mi.Float, max(2e-6 * geometry.extent_m, 1e-7)), geometry.curved, upload(mi.UInt32, geometry.patch + 1),
+            dr.opaque(mi.Float, geometry.lift_m), geometry.curved, upload(mi.UInt32, geometry.patch + 1),
         )  # fmt: skip
 
     def in_cluster(self, face: Any, active: Any) -> Any:
