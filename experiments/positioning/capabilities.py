@@ -7,7 +7,6 @@ A check returns two values: the content of the system's cell in the table, and w
 from __future__ import annotations
 
 import tempfile
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import Backend, backend
+from radartwin.simulation.backends.sionna_limits import quiet
 from radartwin.simulation.paths import Paths
 
 Check = Callable[[], tuple[str, bool]]
@@ -37,8 +37,7 @@ def _box(material: str = "concrete") -> Scene:
 
 def _traced(simulator: Backend, scene: Scene) -> list[Paths]:
     place = trajectory.look_at(np.array([1.23, 1.1, 1.05]), np.array([4.0, 1.4, 1.2]))
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "sionna:")
+    with quiet():
         return simulator.paths(scene, RADAR, place[None])
 
 

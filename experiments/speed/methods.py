@@ -8,7 +8,6 @@ because all sums take the same time.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.sionna import RAYS, SionnaBackend
+from radartwin.simulation.backends.sionna_limits import quiet
 from radartwin.simulation.curved import tube_grid
 from radartwin.simulation.paths import Paths
 
@@ -169,11 +169,3 @@ def rays_of(simulator: Any) -> int | None:
     if isinstance(simulator, SionnaBackend):
         return simulator.settings.rays or RAYS
     return None if isinstance(simulator, MitsubaBackend) else 0
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Suppress Sionna's warnings about paths that Sionna cannot return, because the tables show such paths and tests check the warnings."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "sionna:")
-        yield

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours, quiet
+from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
 from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
 from experiments.validation.oracles.nearfield import corner_quadrature
@@ -31,6 +31,7 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import Backend, backend
+from radartwin.simulation.backends.sionna_limits import quiet
 from radartwin.simulation.simulate import simulate
 
 RADAR = traced.MONOSTATIC

@@ -16,7 +16,6 @@ within DYNAMIC_DB of the strongest path.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -39,6 +38,7 @@ from radartwin.simulation import geometry, reflection_table
 from radartwin.simulation.backends import sionna
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
+from radartwin.simulation.backends.sionna_limits import quiet
 from radartwin.simulation.backends.static_scene import small_faces
 from radartwin.simulation.paths import Paths
 from radartwin.store.products import Store
@@ -145,8 +145,7 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
     small = _small(scene, mesh, answer["face"])
     if not apart:
         return together(_of_answer(answer, small, pose))
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "sionna:")  # no warnings, because the table shows which paths Sionna RT misses
+    with quiet():  # the table shows which paths Sionna RT misses
         (paths,) = backend.paths(scene, RADAR, pose[None])
     return together(_of_paths(paths, small))
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 import time
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -25,6 +24,7 @@ from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.backend import names as simulator_names
 from radartwin.simulation.backends.rfgenesis_signal import direct_frame
+from radartwin.simulation.backends.sionna_limits import quiet
 from radartwin.simulation.simulate import simulate
 
 ARRAY = Radar.iwr1843()
@@ -66,8 +66,7 @@ class Method:
         sensor, motion = scenario.poses(frames)
         sensor = sensor.copy()
         sensor[:, 1, 3] += aside_m
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "sionna:")  # the leaderboard shows the errors that these warnings announce
+        with quiet():  # the leaderboard shows the errors that Sionna's warnings announce
             simulator = backend(self.backend, **self.settings)
             return simulate(scenario.scene, radar, sensor, motion=motion, simulator=simulator).iq
 

@@ -1,4 +1,4 @@
-"""Warn about surfaces of a scene whose echoes Sionna RT computes wrongly.
+"""Warn about surfaces of a scene whose echoes Sionna RT computes wrongly, or suppress these warnings.
 
 - Sionna treats each facet as an infinite mirror. A real flat face of area A at distance d returns at most 2 A/(lambda d) times the field of
   an infinite mirror, where lambda is the wavelength. If this ratio is below one, Sionna's echo of the face is too strong.
@@ -7,7 +7,9 @@
   the sum grows with the number of paths.
 """
 
+import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -41,6 +43,14 @@ def warnings_for(
         )
     if diffuse and found["scattered"].any():
         yield "sionna: diffuse paths add coherently, so that their level grows with `rays` and is not the diffuse power"
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Suppress the warnings of `warnings_for`, for callers whose results show the wrong and missing echoes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "sionna:")
+        yield
 
 
 def _silent(surfaces: Sequence[Surface], mesh: Mesh, face: np.ndarray) -> list[str]:
