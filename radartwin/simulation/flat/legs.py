@@ -159,7 +159,7 @@ def find(
     """
     sensor, centre = places[:, :3], places[:, 3:]
     direct = np.linalg.norm(centre - sensor, axis=1)
-    chains, place, which = _chains(room, sensor, centre, radius, min(LONGEST, longest), least)
+    chains, place, which = _chains(room, sensor, centre, radius, min(LONGEST, longest))
     order = np.count_nonzero(chains >= 0, axis=1)
     maps = np.array([_map(room.faces, chain[:m]) for chain, m in zip(chains, order, strict=True)])
     # the direct leg is first, because its number of reflections is zero
@@ -220,7 +220,7 @@ def found_once(room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: flo
 
 
 def _chains(
-    room: FlatRoom, sensor: np.ndarray, centre: np.ndarray, radius: float, longest: int, least: float
+    room: FlatRoom, sensor: np.ndarray, centre: np.ndarray, radius: float, longest: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return sequences of faces (K, longest), -1 beyond the last, and the pairs (N,), (N,) of a place and a sequence to evaluate.
 

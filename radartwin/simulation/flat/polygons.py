@@ -230,7 +230,7 @@ def _all(
         ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n])
         if not _reflections(faces, parts, te, tm, wavenumbers, ends, most, out):
             return False
-        if fringes and not _fringes(faces, parts, tree, te, tm, wavenumbers, ends, out):
+        if fringes and not _fringes(faces, tree, te, tm, wavenumbers, ends, out):
             return False
         pair[first : out.used[0]] = n
         first = out.used[0]
@@ -264,11 +264,11 @@ def _middle(polygon: np.ndarray, count: int) -> np.ndarray:
 
 @compiled
 def _subtract(
-    faces: Faces, parts: _Parts, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray, number: int,
+    faces: Faces, parts: _Parts, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray,
     spare: np.ndarray,
 ) -> int:  # fmt: skip
-    """Subtract from convex pieces of face `p` the shadows of all other faces, seen from an apex; returns the number of pieces, or -1 if
-    `pieces` is too short.
+    """Subtract from a convex piece of face `p`, the first of `pieces`, the shadows of all other faces, seen from an apex. Write the
+    remaining convex pieces to `pieces`. Returns the number of pieces, or -1 if `pieces` is too short.
 
     Args:
         last: face behind which the apex is an image, or -1; only parts of faces on the `facing` (+-1) side of this face cast shadows.
@@ -278,6 +278,7 @@ def _subtract(
     up = 1.0 if height > 0 else -1.0
     nx, ny, nz = up * faces.normal[p, 0], up * faces.normal[p, 1], up * faces.normal[p, 2]
     level = up * faces.offset[p]
+    number = 1
     for q in range(len(parts.face)):
         f = parts.face[q]
         if f in (p, last) or number == 0:
@@ -386,7 +387,7 @@ def _reflections(
                 continue
             _copy(spare[0], size, pieces[0])
             counts[0] = size
-            number = _subtract(faces, parts, p, apex, last, facing, pieces, counts, 1, spare)
+            number = _subtract(faces, parts, p, apex, last, facing, pieces, counts, spare)
             if number < 0:
                 return False
             before[m] = p
@@ -406,7 +407,7 @@ def _reflections(
                 sizes[0] = counts[j]
                 shown = 1
                 if m or not ends.together:
-                    shown = _subtract(faces, parts, p, ends.receiver, NO_FACE, 1.0, seen, sizes, 1, spare)
+                    shown = _subtract(faces, parts, p, ends.receiver, NO_FACE, 1.0, seen, sizes, spare)
                     if shown < 0:
                         return False
                 for i in range(shown):
@@ -489,12 +490,12 @@ def _moments(alpha: float) -> tuple[complex, complex, complex]:
 
 
 @innermost
-def _piece(f0: complex, f1: complex, f2: complex, p0: float, p1: float, p2: float) -> complex:
-    """Return the integral of f exp(j (p - p1)) for t from -1 to 1, from the values of f and p at -1, 0 and 1.
+def _piece(f0: complex, f1: complex, f2: complex, p0: float, p2: float) -> complex:
+    """Return the integral of f exp(j p) for t from -1 to 1, from the values of f at -1, 0 and 1 and of p at -1 and 1; p is 0 at 0.
 
     f is a parabola. The quadratic part of the phase is expanded to first order about its mean.
     """
-    alpha, beta = 0.5 * (p2 - p0), 0.5 * (p0 + p2) - p1
+    alpha, beta = 0.5 * (p2 - p0), 0.5 * (p0 + p2)
     zero, one, two = _moments(alpha)
     slope, bend = 0.5 * (f2 - f0), 0.5 * (f0 + f2) - f1
     mean = complex(math.cos(beta / 3), math.sin(beta / 3))
@@ -690,7 +691,7 @@ def _polygon(
                 for q in range(nodes):
                     own[q] = scale[q] * _piece(
                         b0 * _parabola(known, smooth, t0 / size, q), b1 * _parabola(known, smooth, t1 / size, q),
-                        b2 * _parabola(known, smooth, t2 / size, q), wavenumbers[q] * e0, 0.0, wavenumbers[q] * e2,
+                        b2 * _parabola(known, smooth, t2 / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
                     )  # fmt: skip
             if np.abs(own).max() > 0 and not _add(faces, ends, chain, apex, x1, own, len(chain), out):
                 return False
@@ -757,9 +758,7 @@ def _fringe(faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, e: int, x
 
 
 @compiled
-def _fringes(
-    faces: Faces, parts: _Parts, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, out: _Out
-) -> bool:
+def _fringes(faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, out: _Out) -> bool:
     """Write the paths of fringe currents along all edges that source and receiver see; returns False if `out` is too short."""
     nodes = len(wavenumbers)
     wavenumber = wavenumbers[nodes // 2]
@@ -798,7 +797,7 @@ def _fringes(
             for q in range(nodes):
                 own[q] = spread * 0.5 / wavenumbers[q] * _piece(
                     _parabola(known, smooth, (t1 - half) / size, q), _parabola(known, smooth, t1 / size, q),
-                    _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, 0.0, wavenumbers[q] * e2,
+                    _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
                 )  # fmt: skip
             if np.abs(own).max() > 0 and not _add(faces, ends, none, ends.source, x1, own, ONE_BOUNCE, out):
                 return False
