@@ -38,6 +38,7 @@ CASES = (*METAL, *FILLED, *DRIVE)
 ROOM_BINS = 12  # 0.5 m on each side of the target; further away the Hann window suppresses the target's echo by 70 dB
 FRAMES, EVERY = 24, 5  # 24 frames per revolution, and every fifth frame of a drive, in all profiles
 LOWEST_DB = -200.0  # level that stands for zero power
+SPAN_DB = 60.0  # range profiles are compared over bins down to this level below the strongest bin
 
 
 def alone(config: Config, gap: str | None = None, strength: float = 1.0, turns: int = 1) -> Config:
@@ -157,9 +158,9 @@ def change_db(one: Reading, base: Reading, chosen: NDArray[np.bool_]) -> float:
     return decibels(float(difference / np.sum(np.abs(base.channels) ** 2, where=where, dtype=np.float64)))
 
 
-def profile_difference_db(one: Reading, base: Reading, span_db: float = 60.0) -> float:
-    """Return the rms difference of the two mean range profiles in decibels, over bins within `span_db` of the strongest bin of `base`."""
-    strong = base.profile >= base.profile.max() * 10 ** (-span_db / 10)
+def profile_difference_db(one: Reading, base: Reading) -> float:
+    """Return the rms difference of the two mean range profiles in decibels, over bins within SPAN_DB of the strongest bin of `base`."""
+    strong = base.profile >= base.profile.max() * 10 ** (-SPAN_DB / 10)
     return float(np.sqrt(np.mean((10 * np.log10(one.profile[strong] / base.profile[strong])) ** 2)))
 
 

@@ -18,6 +18,7 @@ from radartwin.features.processed import Processed
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
 
 MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
+PROFILES = 50  # number of range profiles of a range-time signature
 Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # returns feature names and values
 
 
@@ -97,19 +98,19 @@ def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features
     return _read(source, domain, cases, lambda processed, log: sets.frames(processed, log, features), materials)
 
 
-def signatures(source: RecordingSource, domain: str, cases: Sequence[Case], rows: int = 50) -> Readings:
+def signatures(source: RecordingSource, domain: str, cases: Sequence[Case]) -> Readings:
     """Read the range-time signature of each recording as one feature row.
 
-    A signature holds levels in dB from 0.3 to 5.5 m in range, interpolated in time to `rows` profiles.
+    A signature holds levels in dB from 0.3 to 5.5 m in range, interpolated in time to PROFILES profiles.
     """
 
     def signature(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
         names, level = sets.frames(processed, log, "raw")
-        times = np.linspace(0, len(level) - 1, rows)
+        times = np.linspace(0, len(level) - 1, PROFILES)
         before = np.minimum(times.astype(int), len(level) - 1)
         after, share = np.minimum(before + 1, len(level) - 1), (times - before)[:, None]
         picture = (1 - share) * level[before] + share * level[after]
-        return [f"{row} {name}" for row in range(rows) for name in names], picture.ravel()
+        return [f"{row} {name}" for row in range(PROFILES) for name in names], picture.ravel()
 
     return _read(source, domain, cases, signature)
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 FACES = 500_000
+SEED = 0  # of the random colours and of the depth noise
 NOISE_M = 0.005  # standard deviation of each vertex coordinate, as in the fused mesh of a phone LiDAR
 CHILD = """
 import json, resource, sys, time
@@ -31,7 +32,7 @@ print(json.dumps({"seconds": time.perf_counter() - began, "core_seconds": usage.
 """
 
 
-def write_scan(path: Path, faces: int, seed: int = 0) -> int:
+def write_scan(path: Path, faces: int) -> int:
     """Write a furnished laboratory as a coloured mesh of about `faces` equal triangles, and return the actual number of triangles."""
     import trimesh
 
@@ -40,12 +41,12 @@ def write_scan(path: Path, faces: int, seed: int = 0) -> int:
     pieces = [s.mesh for s in rooms.lab()]
     area = sum(float(m.area) for m in pieces)
     edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / faces))  # the split edges are between half the allowed length and that length
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     fine, colours = [], []
     for k, piece in enumerate(pieces):
         bare = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
         fine.append(bare.subdivide_to_size(edge, max_iter=20))
-        colours.append(np.tile(np.random.default_rng([seed, k]).integers(60, 220, 3), (len(fine[-1].vertices), 1)))
+        colours.append(np.tile(np.random.default_rng([SEED, k]).integers(60, 220, 3), (len(fine[-1].vertices), 1)))
     whole: Any = trimesh.util.concatenate(fine)
     shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)
     noisy = whole.vertices + NOISE_M * rng.standard_normal(whole.vertices.shape)

@@ -36,6 +36,7 @@ from radartwin.simulation.simulate import simulate
 
 RADAR = Radar.iwr1843()
 TURN, DRIVE = 250, 50  # number of frames of a revolution, and of a drive
+CANONICAL_M, NEAR_M = 1.0, 0.5  # distance of the targets in the test problems `canonical` and `near`
 NODES = 9  # number of frequencies at which an echo is integrated; between them, a polynomial interpolates it without the path's phase
 OFFICE, OFFICE_SENSOR = rooms.ROOMS["office"][1], np.array(rooms.ROOMS["office"][2])
 EVERY = fullwave.EVERY
@@ -117,33 +118,33 @@ def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndar
 
 
 @cache
-def canonical(frames: int, scored: int, distance_m: float = 1.0) -> Problem:
+def canonical(frames: int, scored: int) -> Problem:
     """Return the test problem of four metal targets.
 
     The plate and the trihedral turn on a turntable. The echoes of the sphere and the cylinder are the same in every frame.
     """
     parts = []
     for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
-        parts.append(_corner_part(name, mesh, turntable_poses(distance_m, frames, start_deg), scored))
+        parts.append(_corner_part(name, mesh, turntable_poses(CANONICAL_M, frames, start_deg), scored))
     for name, mesh, echo in (
-        ("sphere", objects.sphere(0.033, 4), lambda f: sphere_echo(0.033, distance_m, f)),
-        ("cylinder", objects.cylinder(0.033, 0.12, 64), lambda f: cylinder_echo(0.033, 0.12, distance_m, f)),
+        ("sphere", objects.sphere(0.033, 4), lambda f: sphere_echo(0.033, CANONICAL_M, f)),
+        ("cylinder", objects.cylinder(0.033, 0.12, 64), lambda f: cylinder_echo(0.033, 0.12, CANONICAL_M, f)),
     ):
-        poses = turntable_poses(distance_m, frames, 0.0)
+        poses = turntable_poses(CANONICAL_M, frames, 0.0)
 
         def same(echo: Callable[[np.ndarray], np.ndarray] = echo) -> np.ndarray:
-            return np.repeat(swept(echo, distance_m)[None], scored, axis=0)
+            return np.repeat(swept(echo, CANONICAL_M)[None], scored, axis=0)
 
         parts.append(Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, same))
     truth = "near-field quadrature (plate, trihedral); series (sphere, cylinder)"
-    return Problem("canonical", f"canonical targets at {distance_m:g} m", truth, parts, TURN, True, False)
+    return Problem("canonical", f"canonical targets at {CANONICAL_M:g} m", truth, parts, TURN, True, False)
 
 
 @cache
-def near(frames: int, scored: int, distance_m: float = 0.5) -> Problem:
+def near(frames: int, scored: int) -> Problem:
     """Return the test problem of a large metal trihedral in the near field of the radar."""
-    part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), turntable_poses(distance_m, frames, 5.0), scored)
-    title = f"15 cm reflector in the near field, {distance_m:g} m"
+    part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), turntable_poses(NEAR_M, frames, 5.0), scored)
+    title = f"15 cm reflector in the near field, {NEAR_M:g} m"
     return Problem("near", title, "near-field quadrature", [part], TURN, True, False)
 
 

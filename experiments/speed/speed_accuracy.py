@@ -111,7 +111,7 @@ def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], kno
                 "claim": "", "run_keys": "", "metric": "seconds a frame over those of the default", "paper": None, "value": ratios[1],
                 "low": ratios[0], "high": ratios[2], "n": len(one["seconds"]), "domain": known[name].truth, "verdict": "untestable",
             })  # fmt: skip
-        rows += _claims(name, mine, default, machine, known[name])
+        rows += _claims(mine, default, machine, known[name])
     return rows
 
 
@@ -180,7 +180,7 @@ def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
 
 
 def _claims(
-    name: str, mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
+    mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
 ) -> list[dict[str, Any]]:
     """Return the rows of two claims about a test problem.
 

@@ -90,12 +90,12 @@ def off(method: Method, iq: np.ndarray, truth: complex | float) -> float:
     return float(min(abs(level_db(iq) + gain_db(method) - 20 * np.log10(abs(truth))), DYNAMIC_DB))
 
 
-def alone(
-    mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside_m: float = 0.0, material: Any = "metal"
-) -> tuple[Any, ...]:
-    """Return (scene, sensor poses, motion) of a single object. `turn_deg` turns the object from facing the radar, `aside_m` shifts it."""
+def alone(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside_m: float = 0.0) -> tuple[Any, ...]:
+    """Return (scene, sensor poses, motion) of a single metal object. `turn_deg` turns the object from facing the radar, and `aside_m`
+    shifts it.
+    """
     pose = trajectory.turntable([distance_m, aside_m, 0], 1, 10.0, 25.0, np.pi + np.radians(turn_deg))
-    return Scene([Surface(mesh, material, "target", role="object")]), None, {"target": pose}
+    return Scene([Surface(mesh, "metal", "target", role="object")]), None, {"target": pose}
 
 
 def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:

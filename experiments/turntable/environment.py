@@ -125,7 +125,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
             claim = BEYOND if distance == PAPER_DISTANCE_M and side == "measured" else NONE
             case = {"distance_m": distance, "case": label, "scale": "power"}
             rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim, SHARE)
-    _add_gain_changes(rows, recordings, labels, gains)
+    _add_gain_changes(rows, recordings, gains)
     figures: dict[str, Callable[[], Figure]] = {
         "environment_range_time": lambda: _range_time_figure(
             {side: recordings[side, last][0] for side in SHOWN if side in labels}, last, labels
@@ -229,7 +229,7 @@ def _add_correlations(
                     gains[scale, distance] = gain
 
 
-def _add_gain_changes(rows: RowList, recordings: Recordings, labels: dict[str, str], gains: Mapping[tuple[str, float], np.ndarray]) -> None:
+def _add_gain_changes(rows: RowList, recordings: Recordings, gains: Mapping[tuple[str, float], np.ndarray]) -> None:
     """Add the correlation gain due to the room at the largest distance minus that at the smallest distance, if the distances differ."""
     distances = [distance for _, distance in gains]
     if not gains or min(distances) == max(distances):

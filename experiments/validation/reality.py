@@ -85,6 +85,7 @@ WALK_DOPPLER_BIN_MPS = 0.081
 SPACING_M = 0.04  # spacing of the points whose distance to a mesh is measured
 SCALE_LIMIT = 0.01
 NEAR_M = 0.05  # points farther from the other mesh do not count in the fit of the scale
+ROUNDS = 20  # steps of this fit
 
 
 @dataclass(frozen=True)
@@ -272,7 +273,7 @@ def _distances(mesh: trimesh.Trimesh, others: Sequence[trimesh.Trimesh]) -> np.n
     return Nearest(others)(covered(np.asarray(mesh.triangles), SPACING_M)[0])[0]
 
 
-def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh, rounds: int = 20) -> float:
+def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     """Return the factor that scales a mesh to another mesh, fitted together with rotation and translation to point-to-plane distances.
 
     Noise of the points makes this factor too small. The factor from the other mesh to the first is too small by the same amount. The square
@@ -282,7 +283,7 @@ def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh, rounds: int = 20
 
     points, near, scale = covered(np.asarray(mesh.triangles), SPACING_M)[0], Nearest([other]), 1.0
     centre = points.mean(axis=0)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         distance, face = near(points)
         used = distance < NEAR_M
         normal, local = np.asarray(other.face_normals)[face[used]], points[used] - centre

@@ -80,17 +80,17 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
     return Spectra(maps.range_m, maps.azimuth_rad, profile_db, map_db)
 
 
-def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray, count: int = SHOWN_PATHS) -> list[LivePath]:
-    """Return the strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
+def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray) -> list[LivePath]:
+    """Return the SHOWN_PATHS strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
 
     Paths of the room are listed separately, but a path and its reverse, which have equal lengths, levels and corners, are listed once. The
     paths of an object with equal bounces and nearly equal ranges are summed.
     """
-    found = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose, count)]
+    found = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose)]
     for names, parts in traced.groups.items():
         found += [path for part in parts for path in _object_paths(part, radar, sensor_pose, names[0])]
     found.sort(key=lambda path: -path.level_db)
-    return found[:count]
+    return found[:SHOWN_PATHS]
 
 
 def surfaces_at(path: LivePath, scene: Scene) -> list[str]:
@@ -112,9 +112,9 @@ def surfaces_at(path: LivePath, scene: Scene) -> list[str]:
     return out
 
 
-def _room_paths(part: Paths, radar: Radar, pose: np.ndarray, count: int) -> list[LivePath]:
+def _room_paths(part: Paths, radar: Radar, pose: np.ndarray) -> list[LivePath]:
     levels = np.abs(_field(part, radar))
-    order = np.argsort(-levels, kind="stable")[: 2 * count]
+    order = np.argsort(-levels, kind="stable")[: 2 * SHOWN_PATHS]
     seen, out = set[tuple](), []
     for n in order:
         if part.points is None:

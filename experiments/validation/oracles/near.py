@@ -11,7 +11,7 @@ import radartwin as rt
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.case import SPEED_OF_LIGHT, WAVELENGTH_M, Case, Finding, db, reference_rows, worst
 from experiments.validation.oracles.nearfield import chain_quadrature, corner_quadrature, panel_quadrature
-from experiments.validation.oracles.targets import AHEAD, corner_faces, level
+from experiments.validation.oracles.targets import AHEAD, DENSITY, corner_faces, level
 from radartwin.scene import objects
 
 DISTANCES_M = (0.5, 1.0, 2.0)
@@ -38,10 +38,10 @@ MESHES = {
 }
 
 
-def curve(name: str, size_m: float, distances_m: np.ndarray, density: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
+def curve(name: str, size_m: float, distances_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the effective cross-sections in dBsm at each distance, as (values by quadrature, values of the ray tracer)."""
     mesh = MESHES[name][1][size_m]
-    ours = [level(mesh, AHEAD, density, distance=float(d)) for d in distances_m]
+    ours = [level(mesh, AHEAD, DENSITY, distance=float(d)) for d in distances_m]
     return np.array([corner_level(mesh, float(d)) for d in distances_m]), np.array(ours)
 
 
@@ -62,7 +62,7 @@ def _table(full: bool) -> Finding:
         "cyl3.3x12": (objects.cylinder(0.033, 0.12), -1.1527),
     }  # fmt: skip
     return worst([
-        (far + float(rows[distance][name]), level(mesh, AHEAD, 4.0, distance=distance))
+        (far + float(rows[distance][name]), level(mesh, AHEAD, DENSITY, distance=distance))
         for name, (mesh, far) in meshes.items() for distance in DISTANCES_M
     ])  # fmt: skip
 
@@ -71,8 +71,8 @@ def _range_law(full: bool) -> Finding:
     """Compare received power times R^4 at distances R of 10 to 80 m with the value at 5 m, for a 3 cm plate and dihedral."""
     pairs = []
     for mesh in (objects.plate(0.03, 0.03), objects.dihedral(0.03, 0.03)):
-        first = level(mesh, AHEAD, 4.0, distance=5.0)
-        pairs += [(first, level(mesh, AHEAD, 4.0, distance=d)) for d in ((10.0, 20.0, 40.0, 80.0) if full else (10.0, 40.0))]
+        first = level(mesh, AHEAD, DENSITY, distance=5.0)
+        pairs += [(first, level(mesh, AHEAD, DENSITY, distance=d)) for d in ((10.0, 20.0, 40.0, 80.0) if full else (10.0, 40.0))]
     return worst(pairs)
 
 

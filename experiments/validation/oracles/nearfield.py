@@ -22,7 +22,7 @@ CYCLES_PER_CELL = 2.0  # largest phase per cell: 6 points per cycle, relative er
 TOUCHING_M = 1e-12  # a sensor within this distance of a panel's plane counts as lying in the plane
 SAME_M = 1e-9  # corners within this distance are merged
 EMPTY_M2 = 1e-14  # pieces with less area are dropped
-Z_AXIS = (0.0, 0.0, 1.0)
+AXIS = np.array([0.0, 0.0, 1.0])  # polarisation vector of both antennas; it has no effect if both antennas share a position
 
 
 def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None) -> complex:
@@ -36,9 +36,7 @@ def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *
     return chain_quadrature([corners], sensor, wavelength, receiver=receiver)
 
 
-def chain_quadrature(
-    panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None, axis: ArrayLike = Z_AXIS
-) -> complex:
+def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None) -> complex:
     """Return the received amplitude of the path that hits `panels` in the given order. No panel casts a shadow on the path.
 
     All panels except the last reflect like mirrors and must be convex. Rays from the sensor's image in a mirror panel that pass through
@@ -48,7 +46,6 @@ def chain_quadrature(
         panels: corners of each panel, (n, 3) metres, in order around a simple polygon in one plane.
         sensor: (3,) position of the transmitter's phase centre in metres, and of the receiver if `receiver` is None.
         receiver: (3,) position of the receiver in metres; None if transmitter and receiver share a position.
-        axis: (3,) polarisation vector of both antennas; it has no effect if both antennas share a position.
     Returns:
         Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides of a panel.
     Raises:
@@ -83,16 +80,16 @@ def chain_quadrature(
         raise ValueError("the sensor, or its image, lies in the plane of a panel")
     if side * other < 0:
         return 0j
-    axis, wavenumber = np.array(axis, float), 2 * np.pi / wavelength
+    wavenumber = 2 * np.pi / wavelength
     total = 0j
     for triangle in pieces:
         rule = _rule(triangle, source, target, wavelength)
         if rule is not None:
             u, weight_u, v, weight_v = rule
-            path = _Path(source, target, np.sign(side) * normal, axis, mirror.T.copy(), turn, wavenumber)
+            path = _Path(source, target, np.sign(side) * normal, AXIS, mirror.T.copy(), turn, wavenumber)
             total += _integrate(triangle, u, weight_u, v, weight_v, path)
     if not np.isfinite(total):
-        raise ValueError("a ray runs along the antenna's axis, where its polarisation has no direction; choose another axis")
+        raise ValueError("a ray runs along AXIS, where its polarisation has no direction; move the sensor or the receiver")
     return complex(1j / (4 * np.pi) * total)
 
 

@@ -23,7 +23,7 @@ from experiments.validation.oracles.case import SPEED_OF_LIGHT
 PER_WAVELENGTH = 12  # midpoints per wavelength of the quadrature
 FREQUENCIES_HZ = np.linspace(77.0e9, 80.4e9, 4)
 TURN_DEG = 1.44  # turn of the benchmark's turntable per frame
-FRAMES = 11
+FRAMES = 11  # number of frames of each shape
 
 
 def optics(strips: np.ndarray, frequency_hz: float) -> complex:
@@ -98,9 +98,9 @@ def error(shapes: Sequence[np.ndarray]) -> float:
     return float(np.linalg.norm(pairs[:, 0] - pairs[:, 1]) / np.linalg.norm(pairs[:, 1]))
 
 
-def cases(frames: int = FRAMES) -> dict[str, list[np.ndarray]]:
+def cases() -> dict[str, list[np.ndarray]]:
     """Return the shapes in the frames of the benchmark: a plate and a trihedral of 10 cm at 1 m, and a trihedral of 15 cm at 0.5 m."""
-    turns = TURN_DEG * np.arange(frames)
+    turns = TURN_DEG * np.arange(FRAMES)
     return {
         "plate": [strip(0.1, 1.0, turn) for turn in turns],
         "trihedral": [corner(0.1, 1.0, 5.0 + turn) for turn in turns],

@@ -18,6 +18,7 @@ from radartwin.scene import objects
 FAR_M = 2e4  # distance for the quadrature of corners: the wavefront is flat to 1e-3 wavelengths, and double precision resolves the phase
 SIDELOBE = 4.493409457909064  # first maximum of |sin x/x| after zero
 AHEAD = (1.0, 0.0, 0.0)
+DENSITY = 4.0  # rays per square wavelength, unless a case compares several densities
 
 
 def plate_rcs(side_m: float, angle_rad: float = 0.0) -> float:
@@ -159,10 +160,10 @@ def spread(target: Target, full: bool) -> Finding:
     return worst(pairs)
 
 
-def pattern(azimuth_deg: np.ndarray, density: float = 4.0) -> tuple[np.ndarray, np.ndarray]:
+def pattern(azimuth_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the cross-sections of the 10 cm trihedral in dBsm at each azimuth, as (values by quadrature, values of the ray tracer)."""
     mesh = objects.trihedral(0.1)
-    ours = [level(mesh, (np.cos(a), np.sin(a), 0.0), density) for a in np.radians(azimuth_deg)]
+    ours = [level(mesh, (np.cos(a), np.sin(a), 0.0), DENSITY) for a in np.radians(azimuth_deg)]
     return np.array([db(trihedral_rcs(0.1, float(a))) for a in azimuth_deg]), np.array(ours)
 
 
@@ -186,7 +187,7 @@ def _closed_forms(full: bool) -> Finding:
         "sphere5cm": objects.sphere(0.05),
     }  # fmt: skip
     rows = reference_rows("analytic_rcs_77GHz.csv")
-    return worst([(float(row["dBsm"]), level(meshes[row["target"]], AHEAD, 4.0)) for row in rows if row["target"] in meshes])
+    return worst([(float(row["dBsm"]), level(meshes[row["target"]], AHEAD, DENSITY)) for row in rows if row["target"] in meshes])
 
 
 def _mie_table(full: bool) -> Finding:
@@ -194,13 +195,13 @@ def _mie_table(full: bool) -> Finding:
     physical optics itself is wrong for them.
     """
     rows = [row for row in reference_rows("mie_pec_sphere_77GHz.csv") if float(row["a_mm"]) >= 5]
-    return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, 4.0)) for r in rows])
+    return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, DENSITY)) for r in rows])
 
 
 def _coarse_cylinder(full: bool) -> Finding:
     mesh, reference = objects.cylinder(0.033, 0.12, 16), db(cylinder_rcs(0.033, 0.12))
     aspects = np.linspace(0, np.pi / 8, 24 if full else 7, endpoint=False) + 0.01
-    return rms([level(mesh, (np.cos(a), np.sin(a), 0.0), 4.0) - reference for a in aspects])
+    return rms([level(mesh, (np.cos(a), np.sin(a), 0.0), DENSITY) - reference for a in aspects])
 
 
 def _coarse_sphere(full: bool) -> Finding:
@@ -208,7 +209,7 @@ def _coarse_sphere(full: bool) -> Finding:
     rng = np.random.default_rng(3)
     for radius in (0.033, 0.05):
         mesh, reference = objects.sphere(radius, 3), db(mie_rcs(radius))
-        errors += [level(mesh, direction, 4.0) - reference for direction in rng.normal(size=(24 if full else 4, 3))]
+        errors += [level(mesh, direction, DENSITY) - reference for direction in rng.normal(size=(24 if full else 4, 3))]
     return rms(errors)
 
 
