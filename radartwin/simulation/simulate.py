@@ -94,7 +94,9 @@ def simulate(
     """
     check_whole("seed", seed, 0)
     check_option("elements", elements, ELEMENTS)
-    tracer = resolve(simulator, TraceSettings(max_bounces, rays, rays_per_wavelength2, variant))
+    settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
+    _check_settings(settings)
+    tracer = resolve(simulator, settings)
     folder = None if out is None else files.make_folder(recording_files(out)[0].parent)
     kept, sensor, moving = _checked(scene, radar, sensor_poses, motion, tracer)
     noises = (_generator(seed, b"oscillator noise"), _generator(seed, b"receiver noise")) if noise else None
@@ -184,6 +186,14 @@ def trace_paths(
     return tracer.paths(scene, radar, sensor, moving), sensor
 
 
+def _check_settings(settings: TraceSettings) -> None:
+    """Raise InputError for settings of the tracer that are out of range."""
+    check_whole("max_bounces", settings.max_bounces, 1)
+    if settings.rays is not None:
+        check_whole("rays", settings.rays, 1, MAX_RAYS)
+    check_positive("rays_per_wavelength2", settings.rays_per_wavelength2, MAX_DENSITY)
+
+
 def _checked(
     scene: Scene,
     radar: Radar,
@@ -198,11 +208,7 @@ def _checked(
         if not isinstance(value, kind):
             raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
     if isinstance(tracer, MitsubaBackend):
-        settings = tracer.settings
-        check_whole("max_bounces", settings.max_bounces, 1)
-        if settings.rays is not None:
-            check_whole("rays", settings.rays, 1, MAX_RAYS)
-        check_positive("rays_per_wavelength2", settings.rays_per_wavelength2, MAX_DENSITY)
+        _check_settings(tracer.settings)
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)
