@@ -20,6 +20,11 @@ TOO_WIDE = "the interval is too wide to show no effect"
 LEVEL = 0.05  # largest corrected p value at which a claim holds
 
 
+def verdict(holds: bool | None) -> str:
+    """Return "holds", "fails", or "untestable" for None."""
+    return "untestable" if holds is None else "holds" if holds else "fails"
+
+
 @dataclass(frozen=True)
 class Claim:
     """A claim of the paper about one table row, with the condition that our result must meet so that the claim holds.
@@ -63,7 +68,7 @@ class Claim:
             return "untestable", f"p is {found.least_p:.2g} or more for so few items"
         true = (self.above == -math.inf or self.above < found.low) and (self.below == math.inf or found.high < self.below)
         true &= self.p_below is None or found.p < self.p_below
-        return "holds" if true else "fails", ""
+        return verdict(true), ""
 
     def _judge_no_effect(self, found: Estimate) -> tuple[str, str]:
         """Judge a claim of no effect. The claim holds if the whole interval is within the margin around the stated value, and fails if the

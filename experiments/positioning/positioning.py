@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from experiments import claims
 from experiments.positioning import capabilities
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -103,7 +104,7 @@ def row(system: str) -> dict[str, Any]:
         "checked here": "; ".join(notes), "metric": "share of checked cells that are as the paper says", "run_keys": "",
         "paper": f"{sum(cells[axis].startswith('yes') for axis in TICKS)} of {len(TICKS)} marks", "value": share, "low": share,
         "high": share, "n": len(agree), "domain": DOMAINS.get(system, "capability check") if agree else "paper",
-        "verdict": "untestable" if not agree else "holds" if all(agree) else "fails",
+        "verdict": claims.verdict(all(agree) if agree else None),
     }  # fmt: skip
 
 

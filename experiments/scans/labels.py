@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import claims
 from experiments.scans import virtual_scan
 from experiments.scans.scan import by_area
 from radartwin.config.config import Config
@@ -130,6 +131,6 @@ def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: 
     mean = by_area(gain, areas, config.profile.resamples, config.seed)
     return {
         "room": room, "source": source, "category": "all", "area_m2": round(float(areas.sum()), 2), "metric": "gain over uniform dB",
-        "run_keys": key[:8], "paper": "", "n": mean.n, "domain": "virtual scan", "verdict": "holds" if mean.value > 0 else "fails",
+        "run_keys": key[:8], "paper": "", "n": mean.n, "domain": "virtual scan", "verdict": claims.verdict(mean.low > 0),
         "note": f"{source} beats uniform plasterboard in mean dB", "value": mean.value, "low": mean.low, "high": mean.high,
     }  # fmt: skip

@@ -137,7 +137,7 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
             "front of features": one in by_features,
             "front of recognition": one in by_recognition, "claim": claim, "run_keys": claims.told(one["keys"]), "metric": metric,
             "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n, "domain": domain,
-            "verdict": "untestable" if holds is None else "holds" if holds else "fails",
+            "verdict": claims.verdict(holds),
         })  # fmt: skip
 
     scores = {"features": lambda one: one["feature_error"], "recognition": lambda one: one["recognition_error"]}
@@ -193,7 +193,7 @@ def _claims(
         rows.append({
             **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, **UNSCORED,
             "claim": claim, "run_keys": "", "metric": metric, "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n,
-            "domain": problem.truth, "verdict": "holds" if holds else "fails",
+            "domain": problem.truth, "verdict": claims.verdict(holds),
         })  # fmt: skip
 
     for error, words in ERRORS.items():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import claims
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from radartwin.config.config import Config
@@ -97,7 +98,7 @@ def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) ->
             "why": sweep.why if mine else "", "claim": CLAIM if mine else "", "run_keys": "",
             "metric": f"values before the error passes {LIMIT_DB:g} dB", "paper": None, "value": float(count), "low": float(count),
             "high": float(count), "n": len(errors), "domain": DOMAIN,
-            "verdict": "untestable" if not mine else "holds" if count == best and count else "fails",
+            "verdict": claims.verdict(count == best > 0 if mine else None),
         })  # fmt: skip
     return rows
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import statistics
+from experiments import claims, statistics
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import PathSet, partners, together
@@ -226,7 +226,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
         n = len(samples)
         found = statistics.mean(samples, config.profile.resamples, config.seed) if n else None
         low, value, high = (found.low, found.value, found.high) if found else (None, None, None)
-        verdict = "untestable" if holds is None or low is None or high is None else "holds" if holds(low, high) else "fails"
+        verdict = claims.verdict(None if holds is None or low is None or high is None else holds(low, high))
         return {
             "room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else "", "metric": metric, "run_keys": "",
             "paper": None, "value": value, "low": low, "high": high, "n": n, "domain": "simulation", "verdict": verdict,

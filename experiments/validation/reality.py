@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
+from experiments import claims
 from experiments.scans import scan
 from experiments.statistics import Estimate, exact, resampled
 from experiments.validation.oracles.case import REFERENCE
@@ -139,11 +140,11 @@ def rows_of(measurement: Measurement, compare: Callable[[Config], Iterator[Compa
 
 def _row(measurement: Measurement, compared: Compared) -> dict[str, Any]:
     value, low, high = (one if np.isfinite(one) else None for one in (compared.found.value, compared.found.low, compared.found.high))
-    verdict = "untestable" if value is None or compared.limit is None else "holds" if (high or value) <= compared.limit else "fails"
+    holds = None if value is None or compared.limit is None else (value if high is None else high) <= compared.limit
     return {
         "measurement": measurement.name, "method": compared.method, "claim": compared.claim, "limit": compared.limit, "note": compared.note,
         "source": measurement.source, "licence": measurement.licence, "run_keys": "", "metric": compared.quantity, "paper": None,
-        "value": value, "low": low, "high": high, "n": compared.found.n, "domain": DOMAIN, "verdict": verdict,
+        "value": value, "low": low, "high": high, "n": compared.found.n, "domain": DOMAIN, "verdict": claims.verdict(holds),
     }  # fmt: skip
 
 

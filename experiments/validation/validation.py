@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import claims
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
 from experiments.validation.oracles.case import Case, Untestable, reference_rows
@@ -84,7 +85,7 @@ def row(case: Case, full: bool) -> dict[str, Any]:
     error = found.error if math.isfinite(found.error) else 1e9
     return {
         **shared, "oracle": case.oracle, "reference": found.reference, "ours": found.ours, "error": error, **score,
-        "value": error, "n": found.n, "domain": DOMAIN, "verdict": "holds" if found.error <= case.limit else "fails",
+        "value": error, "n": found.n, "domain": DOMAIN, "verdict": claims.verdict(found.error <= case.limit),
         "seconds": round(time.perf_counter() - started, 2),
     }  # fmt: skip
 

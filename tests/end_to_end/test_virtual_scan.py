@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from experiments.scans.accuracy import accuracy
-from experiments.scans.scan import TARGETS, case_rows, scores
+from experiments.scans.scan import FEWEST, TARGETS, case_rows, scores
 from experiments.scans.virtual_scan import scanned
 from experiments.speed.bench_scan import measure
 from radartwin.reconstruct.frames.folder import save_frames
@@ -43,7 +43,8 @@ def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp
     assert min(rows["area_recall"]["value"], rows["area_precision"]["value"]) >= BY_AREA
     for metric in ("median_mm", "p95_mm", "coverage", "glass_recall"):
         if metric in rows:
-            assert rows[metric]["verdict"] == "holds", metric
+            few = metric == "glass_recall" and rows[metric]["n"] < FEWEST
+            assert rows[metric]["verdict"] == ("untestable" if few else "holds"), metric
     if strength <= 1:
         assert rows["shell_single"]["verdict"] == "holds"
     assert set(rows) >= set(TARGETS) - {"glass_recall"}

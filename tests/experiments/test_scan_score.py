@@ -7,7 +7,9 @@ import pytest
 import trimesh
 
 from experiments.scans.accuracy import sighted
+from experiments.scans.scan import _row
 from experiments.scans.segment_score import score_scene
+from experiments.statistics import Estimate
 from radartwin.errors import SceneError
 from radartwin.scene import objects
 from radartwin.scene.rooms import rectangle
@@ -127,3 +129,8 @@ def test_pixels_see_the_front_of_a_thin_plate_only():
 def test_empty_truth_is_refused():
     with pytest.raises(SceneError, match="no truth to score against"):
         score_scene(room(), Scene([]))
+
+
+@pytest.mark.parametrize(("low", "n", "verdict"), [(0.91, 17, "holds"), (0.88, 17, "fails"), (0.91, 2, "untestable")])
+def test_a_scan_claim_is_judged_by_its_whole_interval(low: float, n: int, verdict: str) -> None:
+    assert _row("lab", 1.0, "recall", "", Estimate(0.95, low, 0.99, n), 1, "")["verdict"] == verdict
