@@ -21,8 +21,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
 SMALL = {
     "run": [
-        "experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1",
-        "profile.campaign.draws=1",
+        "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1", "profile.campaign.draws=1",
         "profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "measured.gap.geometry=0",
     ],
     "simulate": ["trajectory.frames=2", "simulator.rays=20000"],
@@ -91,7 +90,8 @@ def followed(page: list[Block], folder: Path, model: ChatServer | None = None) -
             (folder / "answers.jsonl").write_text("\n".join(lines))
         if words[0] == "run" and not any(word.startswith("materials=") for word in words):
             words = [*words, "materials.missing=plasterboard"]  # the true room of geometry=0 has a surface that the labelled scan lacks
-        return [*words, *SMALL.get(words[0], []), *(CAMPAIGN if "experiment=campaign" in words else [])]
+        more = {"experiment=campaign": CAMPAIGN, "experiment=environment": ["experiment.distances_m=[1.0]"]}
+        return [*words, *SMALL.get(words[0], []), *(override for word in words for override in more.get(word, []))]
 
     return follow(page, folder, small)
 

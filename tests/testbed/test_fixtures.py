@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
+from no_gaps import OFF
 from scipy.spatial import KDTree
 
 import radartwin as rt
@@ -59,10 +60,10 @@ def test_rover_is_below_and_behind_its_radar():
 
 def test_clutter_gap_adds_the_equipment():
     scene = rt.Scene(rooms.support(TOP)) + fixtures.radar_rig(BENCH.sensor_pose) + fixtures.target_rig(BENCH.sensor_pose, TOP)
-    assert set(testbed.truth(scene, testbed.OFF, 0).names) == {"turntable", "stand"}
-    whole = testbed.truth(scene, dataclasses.replace(testbed.OFF, clutter=1.0), 0)
+    assert set(testbed.truth(scene, OFF, 0).names) == {"turntable", "stand"}
+    whole = testbed.truth(scene, dataclasses.replace(OFF, clutter=1.0), 0)
     assert whole.names == scene.names
-    half = [len(testbed.truth(scene, dataclasses.replace(testbed.OFF, clutter=0.5), s)) - 2 for s in range(200)]
+    half = [len(testbed.truth(scene, dataclasses.replace(OFF, clutter=0.5), s)) - 2 for s in range(200)]
     assert np.mean(half) == pytest.approx((len(scene) - 2) / 2, rel=0.1)
 
 

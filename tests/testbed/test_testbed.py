@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from no_gaps import OFF
 
 import radartwin as rt
 from radartwin.materials import Layered
@@ -13,7 +14,7 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import STUD_WALL
 from radartwin.scene.trajectories import trajectory
-from radartwin.testbed.testbed import OFF, Gaps, actual, received, truth
+from radartwin.testbed.testbed import Gaps, actual, received, truth
 from radartwin.testbed.variation import HEADSPACE, ROUGHNESS_M, ROUGHNESS_OTHER_M
 
 RADAR = rt.Radar.iwr1843()
