@@ -37,8 +37,9 @@ TABLE = Table(
     "everywhere, and at random. The model saw the exported pictures and the prompt only. Labels are compared with the true "
     "materials by area. A label is within 1 dB if the mean reflection of its material, over angles and the frequency sweep, is "
     "within 1 dB of the true material's. The gain of a source is the decrease of the mean reflection error in dB relative to "
-    "plasterboard everywhere; it is judged for each room. The diffuse distance compares the diffuse echoes of the labelled and the "
-    "true roughness at normal incidence. Intervals of shares are Wilson intervals at the effective number of "
+    "plasterboard everywhere. It is judged for each room: the claim holds if the whole interval is above zero. The diffuse distance "
+    "compares the diffuse echoes of the labelled and the true roughness at normal incidence. Intervals of shares are Wilson intervals "
+    "at the effective number of "
     "surfaces; intervals of the gain are bootstraps over surfaces.",
 )
 

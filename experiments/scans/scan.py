@@ -36,8 +36,9 @@ TABLE = Table(
     title="From a scan to surfaces",
     caption="A virtual phone with LiDAR moves through each procedural room. Its frames are fused, segmented and outlined like those of "
     "a user, and scored against the true room. The strength scales every error of the phone. The project chose the targets, and "
-    "checks them at every strength. A claim holds if the whole interval keeps the limit. n counts scans, or true surfaces of which the "
-    "phone saw at least 0.25 m2, including surfaces without a segment. Intervals are bootstraps over the scans or surfaces.",
+    "checks them at every strength. A claim holds if the whole interval keeps the limit; the score of a single scan has no interval. "
+    "n counts scans, or true surfaces of which the phone saw at least 0.25 m2, including surfaces without a segment. Intervals are "
+    "bootstraps over the scans or surfaces.",
 )
 
 ROOTS = ["experiments.scans.scan"]
@@ -123,29 +124,29 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
     """Return the rows of one room and strength of scanner errors.
 
-    Scores that describe a whole scan are averaged over scans. Scores that describe single surfaces are averaged over the surfaces of all
-    scans.
+    Scores that describe a whole scan are averaged over scans. Scores that describe single surfaces are averaged over the scans of each
+    surface, and then over the surfaces.
     """
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]
     split = [s for s in surfaces if s["segment"] != "-"]
-    shell = [s for s in surfaces if SHELL.fullmatch(s["name"])]
+    shell = [{**s, "single": float(s["iou"] > SHELL_IOU)} for s in surfaces if SHELL.fullmatch(s["name"])]
     large = [s for s in surfaces if s["area_m2"] >= LARGE_M2]
     samples = {
-        "shell_single": [float(s["iou"] > SHELL_IOU) for s in shell], "precision": [s["precision"] for s in split],
-        "recall": [s["recall"] for s in surfaces], "glass_recall": [s["through"] for s in clear],
+        "shell_single": _of_surfaces(shell, "single"), "precision": _of_surfaces(split, "precision"),
+        "recall": _of_surfaces(surfaces, "recall"), "glass_recall": _of_surfaces(clear, "through"),
     }  # fmt: skip
     weighted = {"area_precision": (split, "precision"), "area_recall": (surfaces, "recall")}
     rows = []
     for metric, (claim, _, _) in TARGETS.items():
         said = claim
         if metric in samples:
-            if not samples[metric]:
+            if not len(samples[metric]):
                 continue  # a room without glass has no glass to find
             found = statistics.mean(samples[metric], resamples, seed, SHARE)
         elif metric in weighted:
             group, name = weighted[metric]
-            found = by_area(np.array([s[name] for s in group]), np.array([s["area_m2"] for s in group]), resamples, seed)
+            found = by_area(_of_surfaces(group, name), _of_surfaces(group, "area_m2"), resamples, seed)
         elif metric == "worst_recall":
             worst = min(large, key=lambda s: s["recall"])
             found = statistics.Estimate(worst["recall"], worst["recall"], worst["recall"], len(large))
@@ -154,6 +155,12 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
             found = statistics.mean([scan[metric] for scan in scans], resamples, seed)
         rows.append(_row(room, strength, metric, said, found, len(scans), key))
     return rows
+
+
+def _of_surfaces(scores: Sequence[dict[str, Any]], name: str) -> np.ndarray:
+    """Return the score `name` of each surface, as a mean over the scans of the surface."""
+    surfaces = dict.fromkeys(s["name"] for s in scores)
+    return np.array([np.mean([s[name] for s in scores if s["name"] == surface]) for surface in surfaces])
 
 
 def by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:

@@ -277,7 +277,10 @@ class TrackingConfig:
 class ExperimentConfig:
     """The result table to compute, which the runner calls an experiment."""
 
-    READ_BY: ClassVar[dict[str, str]] = {"distances_m": "environment", "pairs": "gallery", "part": "campaign_part"}
+    READ_BY: ClassVar[dict[str, str]] = {
+        "distances_m": "experiments.turntable.environment", "pairs": "experiments.campaign.gallery",
+        "part": "experiments.campaign.part",
+    }  # fmt: skip
 
     name: str | None = None
     module: str | None = None  # name of the Python module of an experiment outside the folder experiments/
@@ -290,8 +293,9 @@ class ExperimentConfig:
         check_fields(self, "experiment")
         ours = (self.module or "").startswith("experiments.")  # the module of a user may read every option
         for key, reader in self.READ_BY.items():
-            if ours and getattr(self, key) and self.name != reader:
-                raise ConfigError(f"experiment.{key} is not read by experiment={self.name}, only by experiment={reader}; leave it out")
+            if ours and getattr(self, key) not in ([], 0, None) and self.module != reader:
+                name = reader.rsplit(".", 1)[1]
+                raise ConfigError(f"experiment.{key} is not read by experiment={self.name}, only by experiment={name}; leave it out")
         if self.part >= self.parts:
             raise ConfigError(
                 f"experiment.part={self.part} does not exist; parts are 0 to {self.parts - 1} (experiment.parts={self.parts})"

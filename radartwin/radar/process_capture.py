@@ -56,7 +56,8 @@ def process_capture(
         doppler_mps is NaN if a frame has a single chirp, and azimuth_deg is NaN if the radar has a single channel. power_db is relative to
         the transmitted power, or relative to one squared ADC count in a capture of another tool.
     Raises:
-        UserError: the errors of `load_capture`, or OutputError if the function cannot write to `out`; `out` then has no new file.
+        UserError: the errors of `load_capture`, or OutputError if the function cannot write to `out`; `out` then has no new file,
+            unless the last step, the renaming of the files, fails.
     """
     recording = load_capture(path, radar, iq_swapped=iq_swapped)
     radar = recording.radar

@@ -21,7 +21,7 @@ def commit() -> tuple[str, bool]:
     """Return the commit of this package's checkout, and whether files differ from the commit.
 
     Outside a checkout, return ("none", False). If git fails, for example because the repository belongs to another user, warn with git's
-    message and return ("unknown", False).
+    message and return ("unknown", True), because changes cannot be excluded.
     """
     if not (ROOT / ".git").exists():
         return "none", False
@@ -30,8 +30,8 @@ def commit() -> tuple[str, bool]:
         head, changed = (subprocess.check_output(["git", "-C", str(ROOT), *words], stderr=subprocess.PIPE) for words in questions)
     except (OSError, subprocess.CalledProcessError) as error:
         reason = error.stderr.decode(errors="replace") if isinstance(error, subprocess.CalledProcessError) else str(error)
-        warnings.warn(f"git cannot read the commit of {ROOT}, so results name no commit: {one_line(reason)}", stacklevel=2)
-        return "unknown", False
+        warnings.warn(f"git cannot read the commit of {ROOT}, so results name an unknown commit: {one_line(reason)}", stacklevel=2)
+        return "unknown", True
     return head.decode().strip(), bool(changed)
 
 

@@ -87,8 +87,8 @@ def shipped(room: str) -> tuple[Record, ...]:
     path = SHIPPED / room / ANSWERS
     if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != DIGESTS[room]:
         raise LabelError(
-            f"{path} is not the file that ships with this version; install radartwin again, or record new answers: "
-            f"python -m experiments.generators.questions {room} --answers FILE"
+            f"{path} is not the file that ships with this version; install radartwin again, or record new answers in a checkout: "
+            f"python -m experiments.generators.questions {room} --answers FILE --model NAME --about TEXT"
         )
     return tuple(load_records(path))
 
