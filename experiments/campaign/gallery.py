@@ -39,6 +39,7 @@ from radartwin.store.products import Store
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+READS = ("pairs",)  # options experiment.NAME of this experiment
 TABLE = Table(
     name="gallery",
     title="Measured and simulated recordings side by side",

@@ -20,6 +20,7 @@ from radartwin.runs.experiment import Result
 from radartwin.store.products import Store
 
 NAME = "campaign_part"
+READS = ("part", "parts")  # options experiment.NAME of this experiment
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -53,15 +53,19 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
 def exact(room: str, questions: Sequence[Question]) -> float:
     """Return the share of the questions, weighted by surface area, whose text and pictures equal those of the recorded answers."""
     keys = {record.key for record in shipped(room)}
-    return sum(q.place.area_m2 for q in questions if q.key in keys) / sum(q.place.area_m2 for q in questions)
+    return _share(questions, {question.id for question in questions if question.key in keys})
 
 
 def answered(room: str, questions: Sequence[Question]) -> float:
     """Return the share of the questions, weighted by surface area, for which there is a recorded answer: to the same question, or about the
     surface at the same place.
     """
-    found = {question.id for question, _ in Recorded(shipped(room)).answers(questions)}
-    return sum(q.place.area_m2 for q in questions if q.id in found) / sum(q.place.area_m2 for q in questions)
+    return _share(questions, {question.id for question, _ in Recorded(shipped(room)).answers(questions)})
+
+
+def _share(questions: Sequence[Question], chosen: set[str]) -> float:
+    """Return the share of the surface area of all questions that belongs to the questions with the ids `chosen`."""
+    return sum(q.place.area_m2 for q in questions if q.id in chosen) / sum(q.place.area_m2 for q in questions)
 
 
 def replace_answers(room: str, questions: Sequence[Question], answers: Path, model: str, about: str, to: Path = SHIPPED) -> Path:

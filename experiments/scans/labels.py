@@ -39,8 +39,7 @@ TABLE = Table(
     "within 1 dB of the true material's. The gain of a source is the decrease of the mean reflection error in dB relative to "
     "plasterboard everywhere. It is judged for each room: the claim holds if the whole interval is above zero. The diffuse distance "
     "compares the diffuse echoes of the labelled and the true roughness at normal incidence. Intervals of shares are Wilson intervals "
-    "at the effective number of "
-    "surfaces; intervals of the gain are bootstraps over surfaces.",
+    "at the effective number of surfaces; intervals of the gain are bootstraps over surfaces.",
 )
 
 SOURCES: dict[str, dict[str, Any]] = {

@@ -62,8 +62,7 @@ TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "boundary_p95_mm": ("95 % of the edges of segments are within this distance of a true edge", None, False),
     "false_panes_m2": ("area of completed panes where the room has no glass (m2)", None, False),
 }
-OVER_SURFACES = ("shell_single", "precision", "recall", "glass_recall")  # metrics that are means of shares over surfaces
-FEWEST = 3  # smallest number of surfaces for a verdict
+FEWEST = 3  # smallest number of surfaces for a verdict on a mean over surfaces
 SHARE = (0.0, 1.0)  # smallest and largest share
 LARGE_M2 = 1.0
 SEEDS = {("lab", 1.0): 3}  # (room, strength) -> number of scans in the paper profile; other cases have one scan
@@ -153,7 +152,8 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
             said = f"{claim}: {worst['name']}, {worst['area_m2']:.1f} m2"
         else:
             found = statistics.mean([scan[metric] for scan in scans], resamples, seed)
-        rows.append(_row(room, strength, metric, said, found, len(scans), key))
+        judged = metric not in samples or found.n >= FEWEST
+        rows.append(_row(room, strength, metric, said, found, len(scans), key, judged))
     return rows
 
 
@@ -172,13 +172,13 @@ def by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) ->
     return statistics.Estimate(value, min(float(low), value), max(float(high), value), len(values))
 
 
-def _row(room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str) -> dict[str, Any]:
-    """Return one table row. A metric with a limit gets a verdict at every strength, unless it is a mean over fewer than FEWEST surfaces.
-    The claim holds if the whole interval keeps the limit.
-    """
+def _row(
+    room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str, judged: bool
+) -> dict[str, Any]:
+    """Return one table row. If `judged`, a metric with a limit gets a verdict: the claim holds if the whole interval keeps the limit."""
     _, limit, least = TARGETS[metric]
     holds = None
-    if limit is not None and (found.n >= FEWEST or metric not in OVER_SURFACES):
+    if judged and limit is not None:
         holds = found.low >= limit if least else found.high <= limit
     return {
         "room": room, "strength": strength, "claim": claim, "limit": "" if limit is None else f"{'>=' if least else '<='} {limit:g}",

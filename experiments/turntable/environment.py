@@ -35,6 +35,7 @@ from radartwin.store.products import Store
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+READS = ("distances_m",)  # options experiment.NAME of this experiment
 TABLE = Table(
     name="environment",
     title="Effect of the room on the signal",

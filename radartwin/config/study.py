@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
@@ -275,12 +275,9 @@ class TrackingConfig:
 
 @dataclass
 class ExperimentConfig:
-    """The result table to compute, which the runner calls an experiment."""
-
-    READ_BY: ClassVar[dict[str, str]] = {
-        "distances_m": "experiments.turntable.environment", "pairs": "experiments.campaign.gallery",
-        "part": "experiments.campaign.part",
-    }  # fmt: skip
+    """The result table to compute, which the runner calls an experiment. The module of an experiment names the options that it reads in
+    READS, except `name` and `module`.
+    """
 
     name: str | None = None
     module: str | None = None  # name of the Python module of an experiment outside the folder experiments/
@@ -291,11 +288,6 @@ class ExperimentConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, "experiment")
-        ours = (self.module or "").startswith("experiments.")  # the module of a user may read every option
-        for key, reader in self.READ_BY.items():
-            if ours and getattr(self, key) not in ([], 0, None) and self.module != reader:
-                name = reader.rsplit(".", 1)[1]
-                raise ConfigError(f"experiment.{key} is not read by experiment={self.name}, only by experiment={name}; leave it out")
         if self.part >= self.parts:
             raise ConfigError(
                 f"experiment.part={self.part} does not exist; parts are 0 to {self.parts - 1} (experiment.parts={self.parts})"

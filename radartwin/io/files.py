@@ -110,7 +110,8 @@ def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
     except UserError:
         raise
     except OSError as error:
-        raise OutputError(f"{paths[0]}: cannot write ({error.strerror or error}); free some space or choose another folder") from error
+        where = paths[0].parent if together else paths[0]
+        raise OutputError(f"{where}: cannot write ({error.strerror or error}); free some space or choose another folder") from error
     finally:
         for written in temporary.values():
             with contextlib.suppress(OSError):

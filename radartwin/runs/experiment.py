@@ -10,7 +10,7 @@ import importlib
 import math
 import numbers
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
@@ -92,7 +92,8 @@ def load(experiment: ExperimentConfig) -> ModuleType:
     """Import and return the module of the configured experiment.
 
     Raises:
-        ConfigError: the module does not exist, or has no function `run`.
+        ConfigError: the module does not exist, or has no function `run`, or belongs to this project and does not read an option that the
+            configuration sets.
     """
     name = module_name(experiment)
     checkout.add_to_path()
@@ -107,6 +108,11 @@ def load(experiment: ExperimentConfig) -> ModuleType:
         raise ConfigError(f"experiment '{experiment.name or name}': there is no module {name}; {hint}") from None
     if not callable(getattr(module, "run", None)):
         raise ConfigError(f"experiment module {name} has no function run(config, store, progress)")
+    if top == "experiments":  # the module of a user may read every option
+        default, read = ExperimentConfig(), {"name", "module", *getattr(module, "READS", ())}
+        for option in fields(experiment):
+            if option.name not in read and getattr(experiment, option.name) != getattr(default, option.name):
+                raise ConfigError(f"experiment.{option.name} is not read by experiment={experiment.name}; leave it out")
     return module
 
 

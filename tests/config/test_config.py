@@ -62,10 +62,6 @@ MISTAKES = {
     "shots without few_shot": (["supervision.shots=3"], ("supervision.shots=3", "few_shot")),
     "few_shot without shots": (["supervision=few_shot", "supervision.shots=0"], ("supervision.shots", "at least 1")),
     "server without tracking": (["tracking=off", "tracking.uri=http://localhost:5000"], ("tracking=off", "mlflow")),
-    "distances of another table": (
-        ["experiment=turntable_shape", "experiment.distances_m=[1]"],
-        ("experiment.distances_m", "turntable_shape", "environment"),
-    ),
     "drive through the target": (["trajectory=depth", "trajectory.distance_m=0.5"], ("trajectory.length_m", "0.5")),
 }
 
@@ -98,6 +94,18 @@ def test_board_has_its_element_pattern_by_default() -> None:
 def test_experiment_name_must_be_a_module_name(key: str) -> None:
     with pytest.raises(ConfigError, match="is not the name of a module"):
         load(compose([f"experiment.{key}"]).experiment)
+
+
+@pytest.mark.parametrize("option", ["distances_m=[1]", "pairs=[mug/lab/turntable/1]", "part=1", "parts=2"])
+def test_option_that_the_experiment_does_not_read_is_refused(option: str) -> None:
+    more = ["experiment.parts=2"] if option == "part=1" else []
+    with pytest.raises(ConfigError, match=r"experiment\.part|experiment\.(distances_m|pairs) is not read by experiment=turntable_shape"):
+        load(compose(["experiment=turntable_shape", f"experiment.{option}", *more]).experiment)
+
+
+def test_options_that_an_experiment_reads_are_accepted() -> None:
+    for name, option in (("environment", "distances_m=[1]"), ("gallery", "pairs=[mug/lab/turntable/1]"), ("campaign_part", "parts=2")):
+        load(compose([f"experiment={name}", f"experiment.{option}"]).experiment)
 
 
 NEEDS = {"scene=scan", "materials=scene", "radar=file", "trajectory=file", "measured=recordings"}

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from experiments.scans.accuracy import sighted
-from experiments.scans.scan import _row
+from experiments.scans.scan import TARGETS, _row, case_rows
 from experiments.scans.segment_score import score_scene
 from experiments.statistics import Estimate
 from radartwin.errors import SceneError
@@ -131,6 +131,19 @@ def test_empty_truth_is_refused():
         score_scene(room(), Scene([]))
 
 
-@pytest.mark.parametrize(("low", "n", "verdict"), [(0.91, 17, "holds"), (0.88, 17, "fails"), (0.91, 2, "untestable")])
-def test_a_scan_claim_is_judged_by_its_whole_interval(low: float, n: int, verdict: str) -> None:
-    assert _row("lab", 1.0, "recall", "", Estimate(0.95, low, 0.99, n), 1, "")["verdict"] == verdict
+def test_a_scan_claim_is_judged_by_its_whole_interval() -> None:
+    for low, judged, verdict in ((0.91, True, "holds"), (0.88, True, "fails"), (0.91, False, "untestable")):
+        assert _row("lab", 1.0, "recall", "", Estimate(0.95, low, 0.99, 17), 1, "", judged)["verdict"] == verdict
+
+
+def test_a_surface_of_several_scans_counts_once() -> None:
+    """Two panes in three scans are two surfaces, too few for a verdict; three walls are enough."""
+    wall = {"segment": "s", "iou": 0.9, "precision": 0.95, "recall": 0.95, "area_m2": 10.0}
+    scan_wide = {metric: 1.0 for metric in TARGETS}
+    scans = [
+        {"surfaces": [{"name": f"wall_{n}", **wall} for n in "abc"], "clear": [{"name": n, "through": 0.9} for n in "xy"], **scan_wide}
+        for _ in range(3)
+    ]
+    rows = {row["metric"]: row for row in case_rows("lab", 1.0, scans, 100, 0, "")}
+    assert (rows["glass_recall"]["n"], rows["glass_recall"]["verdict"]) == (2, "untestable")
+    assert (rows["recall"]["n"], rows["recall"]["verdict"]) == (3, "holds")

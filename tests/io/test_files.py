@@ -38,7 +38,7 @@ def test_files_replaced_together_are_all_old_or_all_new(tmp_path: Path) -> None:
 
     with pytest.raises(OutputError) as caught:
         fill_the_disk()
-    assert str(caught.value) == f"{paths[0]}: cannot write (No space left on device); free some space or choose another folder"
+    assert str(caught.value) == f"{tmp_path}: cannot write (No space left on device); free some space or choose another folder"
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {path.name: "new" for path in paths}
 
 
