@@ -4,20 +4,16 @@ Repeated drives along one nominal drive differ by centimetres, which changes the
 share traced paths unchanged, but they share two results. First, the sequences of faces and edges that give strong paths are searched once
 for the track. The paths of these sequences are then computed exactly at every pose of every drive. Second, the paths of clutter (the small
 or curved static objects of the room), and the paths between an object and the room, are traced only at sensor positions with a spacing of 4
-cm along the track (places). For each other sensor pose, the paths of the nearest place are moved to this pose. The move keeps the
-amplitudes. The new lengths, directions and rates of change are exact for the first and last points of the path. If the radar cannot resolve
-several moved paths, or several paths of an object, they become one path (`merging`). Paths of the flat room and direct echoes of a target
-are not moved but traced at every pose, because the phase between edge waves and specular echo changes within millimetres (error of moved
-paths: 0.23 of the signal).
+cm along the track, and moved to the other poses (`places`). Paths of the flat room and direct echoes of a target are not moved but traced
+at every pose, because the phase between edge waves and specular echo changes within millimetres (error of moved paths: 0.23 of the signal).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 
 import numpy as np
 
-from radartwin.compiled import compiled, shared_out
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
@@ -28,69 +24,17 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.places import OVER_ROOM, SPACING_M, TURNED_RAD, TracedPlaces
 from radartwin.simulation.signal.synthesis import received
 from radartwin.store.recent import Recent
 
-SPACING_M = 0.04  # distance between places along a track
-OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
-CLUTTER_OVER_ROOM = 0.125  # the same for clutter (error: 0.03 of the signal of a metal umbrella stand, 0.10 of the signal of a litter bin)
+# As OVER_ROOM, for clutter. Error: 0.03 of the signal of a metal umbrella stand, 0.10 of the signal of a litter bin.
+CLUTTER_OVER_ROOM = 0.125
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
 TOGETHER = 20  # largest number of places traced at once; limits memory
-TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at the first heading
 RESTING = 12  # number of resting objects, such as the parts of a turntable's stand, whose paths are cached
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """Hold the paths that are traced at P equally spaced sensor poses (P, 4, 4) on a line; the code calls these sensor poses places."""
-
-    places: np.ndarray
-    parts: Sequence[Paths]
-    radar: Radar
-
-    @cached_property
-    def _gains(self) -> list[np.ndarray]:
-        """Return the antenna gain (N,) of the paths of each part."""
-        return [pruning.both_gains(self.radar, part.departure, part.arrival) for part in self.parts]
-
-    def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
-        """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each.
-
-        Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`).
-        """
-        velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
-        place = nearest(self.places, poses)
-        frame, there = poses[:, :3, :3], self.places[place, :3, :3]
-        shift = np.einsum("fji,fj->fi", there, poses[:, :3, 3] - self.places[place, :3, 3])
-        turn = np.swapaxes(frame, 1, 2) @ there
-        return [self._carried(part, gain, place, shift, turn, velocity) for part, gain in zip(self.parts, self._gains, strict=True)]
-
-    def _carried(
-        self, part: Paths, gain: np.ndarray, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray
-    ) -> Paths:
-        """Move the paths of the nearest traced sensor position (index (F,)) to each of F sensor poses, and merge them.
-
-        Args:
-            gain: (N,) antenna gain of the paths of `part`.
-            shift: (F, 3) from place to pose, in the sensor frame at the place.
-            turn: (F, 3, 3) from this frame to the sensor frame at the pose.
-            velocity: (F, 3) of the sensor in the sensor frame at the pose.
-        """
-        assert part.mirror is None
-        first = np.searchsorted(part.pose, np.arange(len(self.places) + 1))
-        count = first[place + 1] - first[place]
-        start = np.concatenate([[0], np.cumsum(count)])
-        total = int(start[-1])
-        amplitude, bounces = np.empty((total, part.amplitude.shape[1]), complex), np.empty(total, part.bounces.dtype)
-        length, way = np.empty((2, total)), np.empty((2, total, 3))
-        rate = np.empty(total)
-        read = (part.amplitude, part.bounces, part.length_in_m, part.length_out_m, part.departure, part.arrival)
-        shared_out(_carry, len(place), start, first[place], shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
-        pose = np.repeat(np.arange(len(place)), count)
-        moved = Paths(len(place), pose, bounces, amplitude, part.frequencies_hz, length[0], length[1], way[0], way[1], rate)
-        return merged(moved, self.radar, gain[np.arange(total) + (first[place] - start[:-1])[pose]])
 
 
 def nearest(places: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -98,37 +42,6 @@ def nearest(places: np.ndarray, poses: np.ndarray) -> np.ndarray:
     along = places[-1, :3, 3] - places[0, :3, 3]
     where = (poses[:, :3, 3] - places[0, :3, 3]) @ along / (along @ along) * (len(places) - 1)
     return np.clip(np.round(where), 0, len(places) - 1).astype(int)
-
-
-@compiled
-def _carry(
-    low, high, start, first, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
-    amplitude_to, bounces_to, length_to, way_to, rate_to,
-):  # fmt: skip
-    """For each sensor pose from `low` to `high`, move the paths of the nearest traced sensor position (place) to this pose and write them
-    to the arrays `*_to`.
-    """
-    moved = np.empty(3)
-    for f in range(low, high):
-        for row in range(start[f], start[f + 1]):
-            n = first[f] + row - start[f]
-            for q in range(amplitude.shape[1]):
-                amplitude_to[row, q] = amplitude[n, q]
-            bounces_to[row] = bounces[n]
-            total = 0.0
-            for end in range(2):
-                length = length_in[n] if end == 0 else length_out[n]
-                size = 0.0
-                for i in range(3):
-                    moved[i] = length * (departure[n, i] if end == 0 else arrival[n, i]) - shift[f, i]
-                    size += moved[i] ** 2
-                size = np.sqrt(size)
-                length_to[end, row] = size
-                for i in range(3):
-                    turned = (turn[f, i, 0] * moved[0] + turn[f, i, 1] * moved[1] + turn[f, i, 2] * moved[2]) / size
-                    way_to[end, row, i] = turned
-                    total -= turned * velocity[f, i]
-            rate_to[row] = total
 
 
 def _line(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -173,11 +86,11 @@ def _in_turn(parts: Sequence[Paths | None], chosen: Sequence[np.ndarray], poses:
     return Paths.concatenate(shifted)
 
 
-def _joined(places: np.ndarray, chosen: Sequence[np.ndarray], some: Sequence[Sequence[Paths]], radar: Radar) -> Track:
-    """Return the Track of the paths `some` that were traced at the places with the increasing indices `chosen`."""
+def _joined(places: np.ndarray, chosen: Sequence[np.ndarray], some: Sequence[Sequence[Paths]], radar: Radar) -> TracedPlaces:
+    """Return the TracedPlaces of the paths `some` that were traced at the places with the increasing indices `chosen`."""
     longest = max(len(parts) for parts in some)
     parts = [_in_turn([parts[k] if k < len(parts) else None for parts in some], chosen, len(places)) for k in range(longest)]
-    return Track(places, parts, radar)
+    return TracedPlaces(places, parts, radar, partial(nearest, places))
 
 
 class Drives:
@@ -262,7 +175,7 @@ class Drives:
         walls = self._still.room_paths(self._places, self._radar, self._backend.settings.max_bounces, pruning.PRUNE, self._searched)
         return max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
 
-    def _clutter(self, poses: np.ndarray) -> Track:
+    def _clutter(self, poses: np.ndarray) -> TracedPlaces:
         """Return the paths of the clutter at the places that are nearest to the poses of a drive (F, 4, 4).
 
         Each place is traced once for all drives.
@@ -280,7 +193,7 @@ class Drives:
     def _beside(self):
         return None if self._still is None else self._still.beside()
 
-    def over_room(self, surfaces: Sequence[Surface], drive: np.ndarray | None = None, aside: np.ndarray | None = None) -> Track:
+    def over_room(self, surfaces: Sequence[Surface], drive: np.ndarray | None = None, aside: np.ndarray | None = None) -> TracedPlaces:
         """Trace the paths that include both a compact resting object and the room, along the track.
 
         Args:
@@ -296,8 +209,8 @@ class Drives:
 
         return self._track(traced, places)
 
-    def _track(self, traced: Callable[[np.ndarray], list[Paths]], chosen: np.ndarray | slice = slice(None)) -> Track:
-        """Call `traced` for the places with the indices `chosen`, and return the traced paths as a Track."""
+    def _track(self, traced: Callable[[np.ndarray], list[Paths]], chosen: np.ndarray | slice = slice(None)) -> TracedPlaces:
+        """Call `traced` for the places with the indices `chosen`, and return the traced paths as TracedPlaces."""
         places = self._places
         index = np.unique(np.arange(len(places))[chosen])
         blocks = np.array_split(index, -(-len(index) // TOGETHER))

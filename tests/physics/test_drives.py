@@ -1,5 +1,7 @@
 """Radar drives along one planned track share their propagation paths. The tests compare them with paths traced for each drive alone."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from physics_helpers import relative_error
@@ -9,8 +11,9 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.backends.static_scene import StaticScene
-from radartwin.simulation.drives import Drives, Track, places_along
+from radartwin.simulation.drives import Drives, nearest, places_along
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.places import TracedPlaces
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 from radartwin.testbed.motion_errors import RoverErrors, rover
@@ -71,7 +74,8 @@ def test_moved_paths_keep_their_first_and_last_points():
     behind[0, 3] = -0.1
     poses = np.stack([there, there])
     poses[1, :3, 3] += velocity / 10.0
-    (found,) = Track(np.stack([behind, place]), [path], RADAR).seen(poses, 10.0)
+    places = np.stack([behind, place])
+    (found,) = TracedPlaces(places, [path], RADAR, partial(nearest, places)).seen(poses, 10.0)
     for frame in range(2):
         to_last = last - poses[frame, :3, 3]
         assert found.amplitude[frame, 0] == 3.0  # the amplitude comes from the nearest traced position

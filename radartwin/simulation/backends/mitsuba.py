@@ -4,6 +4,8 @@
 - In a room that is not flat, the simulator traces ray tubes (`tube_paths`). If the setting `rays` is given, it does so in every room.
 - In a room of flat surfaces, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses
   in a few batches. The simulator traces direct paths and paths that also reflect at flat faces (`coupling`).
+- If the sensor moves, the simulator traces the paths between resting objects and the room at some of the sensor's positions, and moves them
+  to the other positions (`places`).
 - Objects cast shadows on the room's paths (`flat.silhouette`) and on each other (`flat.shadows`).
 - Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surface (`diffuse`).
 
@@ -14,6 +16,7 @@ paths between two groups of surfaces that move differently.
 import atexit
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -28,7 +31,9 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target
 from radartwin.simulation.flat import coupling
 from radartwin.simulation.flat.room import Searched
+from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths, traced_once
+from radartwin.simulation.places import OVER_ROOM, TracedPlaces, closest, covering
 from radartwin.store.digest import array_digest
 from radartwin.store.recent import Recent
 
@@ -111,7 +116,7 @@ class MitsubaBackend:
             else:
                 bounces = self.settings.max_bounces
                 searched = static.searched(track, radar, bounces, pruning.PRUNE) if self._by_faces(static) else None
-                found.static.extend(self._static_paths(static, radar, sensor_poses, searched))
+                found.static.extend(self._static_paths(static, radar, sensor_poses, searched, track))
             if motion:
                 surroundings = Surroundings(static.beside(flat=static.is_flat), static.geometry)
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
@@ -150,21 +155,43 @@ class MitsubaBackend:
         }
         return traced_once(spec, {"poses": poses}, lambda: self._static_paths(static, radar, poses, searched))
 
-    def _static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None) -> list[Paths]:
+    def _static_paths(
+        self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None, track: np.ndarray | None = None
+    ) -> list[Paths]:
         settings = self.settings
         if self._by_faces(static):
             parts = static.room_paths(poses, radar, settings.max_bounces, pruning.PRUNE, searched)
             loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in parts)
-            return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
+            track = poses if track is None else track
+            if settings.place_spacing_m == 0 or poses_module.at_rest(track):
+                return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
+            alone = MitsubaBackend(replace(settings, coupling=False)).object_paths(static, radar, poses)
+            alone = [merged(part, radar, pruning.both_gains(radar, part.departure, part.arrival)) for part in alone]
+            return [*parts, *alone, *self._over_room(static, radar, poses, track, pruning.PAIRS * loudest)]
         return [tube_paths.room_paths(static.surfaces, Target(static.geometry, static.table), settings, radar, poses)]
+
+    def _over_room(self, static: StaticScene, radar: Radar, poses: np.ndarray, track: np.ndarray, least: float) -> list[Paths]:
+        """Return the paths between the small or curved static objects and the flat room, for the poses (F, 4, 4) of a moving sensor, which
+        are a part of its poses `track` (T, 4, 4). They are traced at some poses of the track and moved to `poses`.
+        """
+        settings = self.settings
+        if settings.coupled_rays_per_wavelength2 is None:
+            settings = replace(settings, coupled_rays_per_wavelength2=OVER_ROOM * settings.rays_per_wavelength2)
+        spacing = settings.place_spacing_m
+        places = track[covering(track, spacing)]
+        places = places[np.unique(closest(places, spacing, poses))]
+        parts = MitsubaBackend(settings).object_paths(static, radar, places, least, direct=False)
+        return TracedPlaces(places, parts, radar, partial(closest, places, spacing)).seen(poses, radar.frame_rate_hz)
 
     def _by_faces(self, static: StaticScene) -> bool:
         """Return whether the room is traced by flat faces with edges, not by ray tubes."""
         settings = self.settings
         return settings.room == "panels" or (settings.room == "auto" and settings.rays is None and static.is_flat)
 
-    def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float) -> list[Paths]:
-        """Trace the small or curved static objects in a room of flat faces, without paths whose amplitude is below `least`."""
+    def object_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, least: float = 0.0, direct: bool = True) -> list[Paths]:
+        """Trace the small or curved static objects in a room of flat faces, without paths whose amplitude is below `least`. If `direct` is
+        False, return only the paths between these objects and the room.
+        """
         geometry = static.geometry
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
         done: list[int] = []  # indices of the objects that are already traced, so that paths between two objects are traced only once
@@ -173,7 +200,8 @@ class MitsubaBackend:
             members = np.isin(geometry.surface, cluster) & static.compact
             objects, others = (geometry_module.subset(geometry, chosen) for chosen in (members, ~members))
             surroundings = Surroundings(static.beside(cluster, done), others)
-            parts += self.group_paths(Target(objects, static.table), surroundings, radar, poses, unmoved, least)
+            found = self.group_paths(Target(objects, static.table), surroundings, radar, poses, unmoved, least, direct=direct)
+            parts += found if direct else found[1:]  # an object too close for a planar grid of tubes has direct paths only
             done += cluster
         return parts
 

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from radartwin.errors import InputError
-from radartwin.simulation.checks import check_flag, check_option
+from radartwin.simulation.checks import check_flag, check_option, check_positive
+from radartwin.simulation.places import SPACING_M
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,10 @@ class TraceSettings:
         coupling: whether to trace paths that reflect at an object and at the flat faces of the room.
         diffuse: whether rough surfaces scatter diffusely.
         coupled_rays_per_wavelength2: number of ray tubes per square wavelength on objects, for paths that reflect at object and room. Such
-            paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`.
+            paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`, or a quarter of it for a moving radar
+            (`places.OVER_ROOM`).
+        place_spacing_m: distance between the sensor positions at which a moving radar traces the paths between resting objects and room.
+            At all other positions, the paths of the nearest traced position are moved (`places`). 0 traces these paths at every position.
     """
 
     max_bounces: int = 4
@@ -32,10 +36,13 @@ class TraceSettings:
     coupling: bool = True
     diffuse: bool = True
     coupled_rays_per_wavelength2: float | None = None
+    place_spacing_m: float = SPACING_M
 
     def __post_init__(self) -> None:
         check_option("room", self.room, ("auto", "panels", "tubes"))
         check_flag("coupling", self.coupling)
         check_flag("diffuse", self.diffuse)
+        if self.place_spacing_m != 0:
+            check_positive("place_spacing_m", self.place_spacing_m)
         if self.room == "panels" and self.rays is not None:
             raise InputError(f"rays={self.rays!r} sets the number of tubes, but room='panels' uses no tubes; remove rays or room='panels'")

@@ -1,0 +1,81 @@
+"""A moving radar traces the paths between objects and room at some of its poses (places), and moves them to the other poses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from physics_helpers import relative_error
+
+import radartwin as rt
+from radartwin.errors import InputError
+from radartwin.scene.trajectories import trajectory
+from radartwin.simulation.backends.mitsuba import TraceSettings
+from radartwin.simulation.places import SPACING_M, TURNED_RAD, closest, covering
+from radartwin.simulation.signal.synthesis import received
+from radartwin.simulation.simulate import trace_paths
+
+RADAR = replace(rt.Radar.iwr1843(), num_chirps=4, num_samples=128)
+EXACT = TraceSettings(max_bounces=2, place_spacing_m=0)
+
+
+def sideways(steps_m: np.ndarray) -> np.ndarray:
+    return np.stack([trajectory.pose([0, step, 0]) for step in steps_m])
+
+
+def scene() -> rt.Scene:
+    """Return a can between a floor and a metal wall, both parallel to the line of sight."""
+    sizes, where = {"floor": (4, 4, 0.1), "wall": (4, 0.1, 3)}, {"floor": [2, 0, -0.55], "wall": [2, 0.7, 1]}
+    room = [rt.Surface(trimesh.creation.box(size).apply_translation(where[name]), "metal", name) for name, size in sizes.items()]
+    can = rt.Surface(trimesh.creation.cylinder(0.05, 0.2).apply_translation([1.5, 0, 0]), "metal", "can")
+    return rt.Scene([*room, can])
+
+
+def signal(poses: np.ndarray, settings: TraceSettings) -> np.ndarray:
+    return received(trace_paths(scene(), RADAR, poses, None, settings)[0], RADAR, len(poses))
+
+
+def test_every_pose_of_a_line_is_within_half_a_spacing_of_a_place():
+    poses = sideways(np.arange(0, 1.001, 0.004))
+    chosen = covering(poses, SPACING_M)
+    along = poses[chosen, 1, 3]
+    assert np.abs(along[closest(poses[chosen], SPACING_M, poses)] - poses[:, 1, 3]).max() <= SPACING_M / 2 + 1e-9
+    assert np.diff(along) == pytest.approx(SPACING_M, abs=0.005)
+    assert list(covering(sideways(np.arange(5) * 0.05), SPACING_M)) == [0, 1, 2, 3, 4]
+
+
+def test_a_turning_radar_has_a_place_for_every_few_degrees():
+    angles = np.radians(np.arange(0, 41, 1.0))
+    poses = np.stack([trajectory.look_at([0, 0, 0], [np.cos(a), np.sin(a), 0]) for a in angles])
+    place = covering(poses, SPACING_M)
+    off = np.abs(angles[place][closest(poses[place], SPACING_M, poses)] - angles)
+    assert off.max() <= 1.01 * TURNED_RAD  # a chord is a little shorter than its arc
+    assert 6 <= len(place) <= 8
+
+
+def test_moved_paths_have_the_signal_of_paths_traced_at_every_pose():
+    poses = sideways(0.3 + np.arange(9) * 0.01)
+    every, alone = signal(poses, EXACT), signal(poses, replace(EXACT, coupling=False))
+    moved = signal(poses, replace(EXACT, place_spacing_m=SPACING_M, coupled_rays_per_wavelength2=1.0))
+    fast = signal(poses, TraceSettings(max_bounces=2))
+    coupled = np.linalg.norm(every - alone)
+    assert coupled > 0.01 * np.linalg.norm(every)  # the paths that are moved matter
+    assert 0 < np.linalg.norm(moved - every) < 0.1 * coupled
+    assert np.linalg.norm(fast - every) < 0.15 * coupled
+
+
+def test_a_radar_at_rest_traces_every_path():
+    poses = np.repeat(sideways(np.array([0.3])), 3, axis=0)
+    assert np.array_equal(signal(poses, TraceSettings(max_bounces=2)), signal(poses, EXACT))
+
+
+def test_frames_far_apart_are_traced_one_by_one():
+    poses = sideways(0.3 + np.arange(3) * 0.05)
+    settings = TraceSettings(max_bounces=2, coupled_rays_per_wavelength2=1.0)
+    assert relative_error(signal(poses, settings), signal(poses, replace(settings, place_spacing_m=0))) < 1e-3
+
+
+@pytest.mark.parametrize("spacing", [-0.01, float("nan"), float("inf"), True, "0.04"])
+def test_a_wrong_spacing_is_refused(spacing):
+    with pytest.raises(InputError, match="place_spacing_m must be"):
+        TraceSettings(place_spacing_m=spacing)
