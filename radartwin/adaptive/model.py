@@ -69,7 +69,7 @@ class Model:
             scene = Scene((s.replaced(material=half_space(s.material)) for s in scene), scene.provenance)
         return simulate(
             scene, radar, sensor_poses, motion=motion or None, noise=True, elements=self.elements,
-            simulator=backend("mitsuba", variant=variant, **self.settings()),
+            simulator=backend("mitsuba", variant=variant, place_spacing_m=0, **self.settings()),
         )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ several moved paths, they become one path (`merging`).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,9 +18,14 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation import pruning
 from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths
+from radartwin.store.digest import array_digest
+from radartwin.store.recent import Recent
 
-SPACING_M = 0.04  # distance between places; paths are moved by half of it at most
-OVER_ROOM = 0.25  # tubes per square wavelength for paths between object and room (error: 0.03 of their signal; half as many tubes: 0.06)
+SPACING_M = 0.04  # distance between places on a line of dense poses; paths are moved by half of it at most
+# Tubes per square wavelength for paths between object and room; in one call, relative to the density of the direct echo. Error: 0.03 of
+# their signal; with half as many tubes: 0.06.
+OVER_ROOM = 0.25
+MOVED = 1_000_000  # number of paths that are moved at once; a path takes about 400 bytes
 TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at their place
 
 
@@ -47,14 +52,23 @@ class TracedPlaces:
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
         """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each.
 
-        Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`).
+        Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`). About MOVED paths are moved at once, because there
+        are many more of them before they are merged.
         """
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         place = self.place_of(poses)
         frame, there = poses[:, :3, :3], self.places[place, :3, :3]
         shift = np.einsum("fji,fj->fi", there, poses[:, :3, 3] - self.places[place, :3, 3])
         turn = np.swapaxes(frame, 1, 2) @ there
-        return [self._carried(part, gain, place, shift, turn, velocity) for part, gain in zip(self.parts, self._gains, strict=True)]
+        out = []
+        for part, gain in zip(self.parts, self._gains, strict=True):
+            rows = np.cumsum(np.bincount(part.pose, minlength=len(self.places))[place])
+            blocks = np.split(np.arange(len(poses)), np.flatnonzero(np.diff(rows // MOVED)) + 1)
+            moved = [self._carried(part, gain, place[some], shift[some], turn[some], velocity[some]) for some in blocks]
+            out.append(Paths.concatenate([
+                replace(one, poses=len(poses), pose=one.pose + some[0]) for one, some in zip(moved, blocks, strict=True)
+            ]))  # fmt: skip
+        return out
 
     def _carried(
         self, part: Paths, gain: np.ndarray, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray
@@ -82,17 +96,25 @@ class TracedPlaces:
         return merged(moved, self.radar, gain[np.arange(total) + (first[place] - start[:-1])[pose]])
 
 
+_covered: Recent[np.ndarray] = Recent(1)  # the places of the last track, which all blocks of a recording share
+
+
 def covering(poses: np.ndarray, spacing_m: float) -> np.ndarray:
-    """Return indices (P,) of poses (F, 4, 4) such that each pose is within half of `spacing_m` of one of them, and turned by at most
-    TURNED_RAD. On a line, neighbouring poses of the result are up to `spacing_m` apart.
+    """Return indices (P,) of poses (F, 4, 4), the places. Each pose is at most half of `spacing_m` from a place and turned by at most
+    TURNED_RAD against it. A pose that is both moved and turned is closer to its place. Dense poses on a line have places that are about
+    `spacing_m` apart. The last result is cached.
     """
-    points, reach = _points(poses, spacing_m), 0.5 * spacing_m * (1 + 1e-9)
-    chosen, left = [], np.arange(len(poses))
-    while len(left):
-        beyond = np.linalg.norm(points[left[0] :] - points[left[0]], axis=1) > reach
-        chosen.append(left[0] + (int(beyond.argmax()) if beyond.any() else len(beyond)) - 1)
-        left = left[np.linalg.norm(points[left] - points[chosen[-1]], axis=1) > reach]
-    return np.array(chosen)
+
+    def find() -> np.ndarray:
+        points, reach = _points(poses, spacing_m), 0.5 * spacing_m * (1 + 1e-9)
+        chosen, left = [], np.arange(len(poses))
+        while len(left):
+            beyond = np.linalg.norm(points[left[0] :] - points[left[0]], axis=1) > reach
+            chosen.append(left[0] + (int(beyond.argmax()) if beyond.any() else len(beyond)) - 1)
+            left = left[np.linalg.norm(points[left] - points[chosen[-1]], axis=1) > reach]
+        return np.array(chosen)
+
+    return _covered.get((array_digest(poses), spacing_m), 1, find)
 
 
 def closest(places: np.ndarray, spacing_m: float, poses: np.ndarray) -> np.ndarray:
@@ -102,8 +124,11 @@ def closest(places: np.ndarray, spacing_m: float, poses: np.ndarray) -> np.ndarr
 
 
 def _points(poses: np.ndarray, spacing_m: float) -> np.ndarray:
-    """Return the positions and scaled headings (F, 6) of poses (F, 4, 4). A turn by TURNED_RAD is as far as half of `spacing_m`."""
-    return np.concatenate([poses[:, :3, 3], 0.5 * spacing_m / TURNED_RAD * poses[:, :3, 0]], axis=1)
+    """Return the positions, scaled headings and scaled antenna axes (F, 9) of poses (F, 4, 4). A turn by TURNED_RAD is at least as far as
+    half of `spacing_m`.
+    """
+    turned = 0.5 * spacing_m / TURNED_RAD * np.concatenate([poses[:, :3, 0], poses[:, :3, 2]], axis=1)
+    return np.concatenate([poses[:, :3, 3], turned], axis=1)
 
 
 @compiled

@@ -69,8 +69,9 @@ def simulate(
         seed: seed of the random noise; equal seeds give byte-identical samples.
         rays_per_wavelength2: number of ray tubes per square wavelength on objects.
         variant: Mitsuba variant that traces the tubes: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
-        simulator: the name of a simulator, or the result of `backend(name, ...)`. Only the simulator "mitsuba" reads max_bounces, rays,
-            rays_per_wavelength2 and variant.
+        simulator: the name of a simulator, or the result of `backend(name, ...)`, which has more settings (`TraceSettings`), such as the
+            spacing of the positions at which a moving radar traces the paths between objects and room. Only the simulator "mitsuba" reads
+            max_bounces, rays, rays_per_wavelength2 and variant.
         elements: "exact" computes the path length to each antenna element. "planar" assumes plane waves across the antenna array. "auto"
             assumes plane waves if their phase error is small.
         out: path without suffix under which the recording is saved (see `Recording.save`), so that a long recording needs no more memory

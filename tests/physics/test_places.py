@@ -10,10 +10,12 @@ from physics_helpers import relative_error
 import radartwin as rt
 from radartwin.errors import InputError
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation.backends.mitsuba import TraceSettings
+from radartwin.simulation.backends.backend import paths_of_frames
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.places import SPACING_M, TURNED_RAD, closest, covering
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
+from radartwin.store import array_cache
 
 RADAR = replace(rt.Radar.iwr1843(), num_chirps=4, num_samples=128)
 EXACT = TraceSettings(max_bounces=2, place_spacing_m=0)
@@ -31,8 +33,15 @@ def scene() -> rt.Scene:
     return rt.Scene([*room, can])
 
 
-def signal(poses: np.ndarray, settings: TraceSettings) -> np.ndarray:
-    return received(trace_paths(scene(), RADAR, poses, None, settings)[0], RADAR, len(poses))
+def signal(poses: np.ndarray, settings: TraceSettings, radar: rt.Radar = RADAR) -> np.ndarray:
+    return received(trace_paths(scene(), radar, poses, None, settings)[0], radar, len(poses))
+
+
+def over_room(poses: np.ndarray, radar: rt.Radar = RADAR) -> tuple[np.ndarray, np.ndarray]:
+    """Return the signals of the paths between can and room: traced at every pose, and traced at places and moved."""
+    alone = signal(poses, replace(EXACT, coupling=False), radar)
+    moved = replace(EXACT, place_spacing_m=SPACING_M, coupled_rays_per_wavelength2=1.0)
+    return signal(poses, EXACT, radar) - alone, signal(poses, moved, radar) - alone
 
 
 def test_every_pose_of_a_line_is_within_half_a_spacing_of_a_place():
@@ -64,6 +73,47 @@ def test_moved_paths_have_the_signal_of_paths_traced_at_every_pose():
     assert np.linalg.norm(fast - every) < 0.15 * coupled
 
 
+def test_moved_paths_have_their_doppler():
+    """The radar moves by 0.9 m/s, and a frame takes 13 ms. With the opposite rate of change, the error would be 1.4."""
+    radar = replace(RADAR, num_chirps=32, chirp_interval=2e-4, frame_rate_hz=60.0)
+    every, moved = over_room(sideways(0.3 + np.arange(5) * 0.015), radar)
+    assert relative_error(moved, every) < 0.15
+
+
+def test_a_rolling_radar_traces_a_place_for_every_few_degrees():
+    """A roll turns the antenna and with it the polarisation, not the heading."""
+    angles = np.radians(np.arange(0, 31, 2.0))
+    poses = np.repeat(sideways(np.array([0.3])), len(angles), axis=0)
+    poses[:, 1:3, 1:3] = np.stack([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in angles])
+    assert len(covering(poses, SPACING_M)) >= 5
+    every, moved = over_room(poses)
+    assert relative_error(moved, every) < 0.1
+
+
+def test_blocks_of_frames_have_the_paths_of_the_whole_recording():
+    """A block of four frames of 6 mm has one place or two."""
+    poses, tracer = sideways(0.3 + np.arange(16) * 0.006), MitsubaBackend(TraceSettings(max_bounces=2))
+    whole = signal(poses, tracer.settings)
+    blocks = [received(paths_of_frames(tracer, scene(), RADAR, poses, {}, k, k + 4), RADAR, 4) for k in range(0, 16, 4)]
+    assert relative_error(np.concatenate(blocks), whole) < 1e-3
+
+
+def test_the_length_of_the_frame_is_part_of_the_key_of_cached_paths(tmp_path):
+    poses = sideways(0.3 + np.arange(3) * 0.25)
+    short, long = (replace(RADAR, num_chirps=chirps, frame_rate_hz=20.0) for chirps in (2, 200))
+    with array_cache.in_folder(tmp_path / "used"):
+        signal(poses, TraceSettings(max_bounces=2), short)
+        after = signal(poses, TraceSettings(max_bounces=2), long)
+    with array_cache.in_folder(tmp_path / "empty"):
+        assert np.array_equal(after, signal(poses, TraceSettings(max_bounces=2), long))
+
+
+def test_nothing_is_moved_if_object_and_room_are_uncoupled(monkeypatch):
+    monkeypatch.setattr(MitsubaBackend, "_over_room", None)
+    signal(sideways(0.3 + np.arange(3) * 0.01), TraceSettings(max_bounces=1))
+    signal(sideways(0.3 + np.arange(3) * 0.01), TraceSettings(max_bounces=2, coupling=False))
+
+
 def test_a_radar_at_rest_traces_every_path():
     poses = np.repeat(sideways(np.array([0.3])), 3, axis=0)
     assert np.array_equal(signal(poses, TraceSettings(max_bounces=2)), signal(poses, EXACT))
@@ -75,7 +125,7 @@ def test_frames_far_apart_are_traced_one_by_one():
     assert relative_error(signal(poses, settings), signal(poses, replace(settings, place_spacing_m=0))) < 1e-3
 
 
-@pytest.mark.parametrize("spacing", [-0.01, float("nan"), float("inf"), True, "0.04"])
+@pytest.mark.parametrize("spacing", [-0.01, 0.5, float("nan"), float("inf"), True, "0.04"])
 def test_a_wrong_spacing_is_refused(spacing):
     with pytest.raises(InputError, match="place_spacing_m must be"):
         TraceSettings(place_spacing_m=spacing)

@@ -140,7 +140,8 @@ class MitsubaBackend:
     def cached_static_paths(self, static: StaticScene, radar: Radar, poses: np.ndarray, searched: Searched | None = None) -> list[Paths]:
         """Return the paths of the static surfaces.
 
-        The simulator traces these paths once per room. All frames, objects, repetitions and chirp timings then use the cached paths.
+        The simulator traces these paths once per room. All frames, objects and repetitions then use the cached paths; with a resting radar,
+        all chirp timings too.
 
         Args:
             searched: sequences of faces and edges that were found in a flat room whose geometry differs by much less than a wavelength;
@@ -151,6 +152,7 @@ class MitsubaBackend:
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in static.surfaces],
             "geometry": static.geometry.digest,
             "searched": None if searched is None else {name: array_digest(array) for name, array in searched.to_arrays().items()},
+            "frame_duration_s": radar.frame_duration_s if len(poses) > 1 else 0.0,  # merged paths depend on it
             **static.described(radar, poses),
         }
         return traced_once(spec, {"poses": poses}, lambda: self._static_paths(static, radar, poses, searched))
@@ -167,6 +169,8 @@ class MitsubaBackend:
                 return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
             alone = MitsubaBackend(replace(settings, coupling=False)).object_paths(static, radar, poses)
             alone = [merged(part, radar, pruning.both_gains(radar, part.departure, part.arrival)) for part in alone]
+            if not settings.coupling or settings.max_bounces == 1:
+                return [*parts, *alone]
             return [*parts, *alone, *self._over_room(static, radar, poses, track, pruning.PAIRS * loudest)]
         return [tube_paths.room_paths(static.surfaces, Target(static.geometry, static.table), settings, radar, poses)]
 
@@ -179,7 +183,10 @@ class MitsubaBackend:
             settings = replace(settings, coupled_rays_per_wavelength2=OVER_ROOM * settings.rays_per_wavelength2)
         spacing = settings.place_spacing_m
         places = track[covering(track, spacing)]
-        places = places[np.unique(closest(places, spacing, poses))]
+        chosen = np.unique(closest(places, spacing, poses))
+        if len(chosen) == 1 < len(places):  # `coupling` treats a single place as a resting radar, so that its paths would differ a little
+            chosen = np.array([max(chosen[0] - 1, 0), max(chosen[0], 1)])
+        places = places[chosen]
         parts = MitsubaBackend(settings).object_paths(static, radar, places, least, direct=False)
         return TracedPlaces(places, parts, radar, partial(closest, places, spacing)).seen(poses, radar.frame_rate_hz)
 
@@ -201,7 +208,7 @@ class MitsubaBackend:
             objects, others = (geometry_module.subset(geometry, chosen) for chosen in (members, ~members))
             surroundings = Surroundings(static.beside(cluster, done), others)
             found = self.group_paths(Target(objects, static.table), surroundings, radar, poses, unmoved, least, direct=direct)
-            parts += found if direct else found[1:]  # an object too close for a planar grid of tubes has direct paths only
+            parts += found if direct else found[1:]
             done += cluster
         return parts
 
@@ -239,7 +246,8 @@ class MitsubaBackend:
         )  # fmt: skip
         if found is not None:
             return found
-        return [tube_paths.object_paths(group, settings, sensor_poses, poses, radar, surroundings.occluder, alone)]
+        # An object too close for a planar grid of tubes has direct paths only.
+        return [tube_paths.object_paths(group, settings, sensor_poses, poses, radar, surroundings.occluder, alone)] if direct else []
 
 
 def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:
