@@ -139,9 +139,11 @@ group_paths | legs.weigh(amplitude, place_of[frame], leg[row], point) | legs | l
 simulation/flat/legs: physics/test_coupling
 _evaluate | level.conjugate() | level | a leg is not conjugated
 
-simulation/drives: physics/test_drives
+simulation/places: physics/test_places
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track
 _carry | total -= turned * velocity[f, i] | total += turned * velocity[f, i] | approaching reads as receding
+_points | poses[:, :3, 2] | poses[:, :3, 0] | a radar that rolls has the polarisation of its first pose
+covering | 0.5 * spacing_m * (1 + 1e-9) | 2 * spacing_m | paths are moved by four times the permitted distance
 
 simulation/merging: simulation/test_merging
 _add | complex(math.cos(middle), math.sin(middle)) | 1.0 | merged paths lose their phase
