@@ -229,10 +229,7 @@ class Drives:
                 ball around the nominal position, so that all objects placed there share these legs.
             shadow: whether to include the changes of the flat room's paths in the shadow of the object (`shadow`).
         """
-        found = [
-            merged(part, self._radar, pruning.both_gains(self._radar, part.departure, part.arrival))
-            for part in self._moving(self._backend, surfaces, sensor, poses, coupled, aside)
-        ]
+        found = [merged(part, self._radar) for part in self._moving(self._backend, surfaces, sensor, poses, coupled, aside)]
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         if shadow:
             found += self.shadow(surfaces, sensor, poses)

@@ -15,6 +15,7 @@ from radartwin.compiled import compiled, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.pruning import both_gains
 
 # Largest change over the width of a cell, in rad, of the phase difference between the phase centre and the outermost element, and of the
 # phase difference between the middle and the end of the frame. With these limits, the largest error of a frame is 0.005 of the merged
@@ -27,17 +28,18 @@ BAND_ERROR = 1e-3  # error of the phase between the frequency nodes, which limit
 _KEYS = 8  # number of coordinates of a cell
 
 
-def merged(paths: Paths, radar: Radar, gain: np.ndarray) -> Paths:
+def merged(paths: Paths, radar: Radar, gain: np.ndarray | None = None) -> Paths:
     """Return fewer paths with nearly the same signal.
 
     Args:
         paths: paths without mirror paths and without the fields `gain` and `points`.
         radar: radar that receives the paths.
-        gain: (N,) antenna gain of each path relative to the other paths, at both ends together.
+        gain: (N,) antenna gain of each path relative to the other paths, at both ends together; None computes it for this radar.
     """
     assert paths.mirror is None
     if not len(paths):
         return paths
+    gain = both_gains(radar, paths.departure, paths.arrival) if gain is None else gain
     start = np.searchsorted(paths.pose, np.arange(paths.poses + 1))
     number, count = np.empty(len(paths), np.int64), np.zeros(paths.poses, np.int64)
     read = [np.ascontiguousarray(v, float) for v in (paths.departure, paths.arrival, paths.length_m, paths.rate_mps)]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from radartwin.compiled import compiled, shared_out
 from radartwin.radar.chirp import Radar
@@ -25,8 +26,8 @@ SPACING_M = 0.04  # distance between places on a line of dense poses; paths are 
 # Tubes per square wavelength for paths between object and room; in one call, relative to the density of the direct echo. Error: 0.03 of
 # their signal; with half as many tubes: 0.06.
 OVER_ROOM = 0.25
-MOVED = 1_000_000  # number of paths that are moved at once; a path takes about 400 bytes
-TURNED_RAD = np.deg2rad(3.0)  # largest change of heading, because paths are pruned with the element gain at their place
+MOVED = 16_000_000  # number of amplitudes that are moved at once (256 MB)
+TURNED_RAD = np.deg2rad(3.0)  # largest turn of a pose against its place, whose antenna gives polarisation and pruning of the paths
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +53,8 @@ class TracedPlaces:
     def seen(self, poses: np.ndarray, frame_rate_hz: float) -> list[Paths]:
         """Return the paths for a sensor that drives through `poses` (F, 4, 4), as several `Paths` objects of F poses each.
 
-        Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`). About MOVED paths are moved at once, because there
-        are many more of them before they are merged.
+        Paths that the radar cannot resolve are merged (`radartwin.simulation.merging`). About MOVED amplitudes are moved at once, because
+        there are many more paths before they are merged.
         """
         velocity = np.einsum("fji,fj->fi", poses[:, :3, :3], poses_module.relative(poses, None, frame_rate_hz)[1])
         place = self.place_of(poses)
@@ -62,8 +63,8 @@ class TracedPlaces:
         turn = np.swapaxes(frame, 1, 2) @ there
         out = []
         for part, gain in zip(self.parts, self._gains, strict=True):
-            rows = np.cumsum(np.bincount(part.pose, minlength=len(self.places))[place])
-            blocks = np.split(np.arange(len(poses)), np.flatnonzero(np.diff(rows // MOVED)) + 1)
+            amplitudes = np.cumsum(np.bincount(part.pose, minlength=len(self.places))[place]) * part.amplitude.shape[1]
+            blocks = np.split(np.arange(len(poses)), np.flatnonzero(np.diff(amplitudes // MOVED)) + 1)
             moved = [self._carried(part, gain, place[some], shift[some], turn[some], velocity[some]) for some in blocks]
             out.append(Paths.concatenate([
                 replace(one, poses=len(poses), pose=one.pose + some[0]) for one, some in zip(moved, blocks, strict=True)
@@ -119,8 +120,7 @@ def covering(poses: np.ndarray, spacing_m: float) -> np.ndarray:
 
 def closest(places: np.ndarray, spacing_m: float, poses: np.ndarray) -> np.ndarray:
     """Return the index (F,) of the place that is closest to each of F sensor poses (F, 4, 4), for P places (P, 4, 4)."""
-    points = _points(places, spacing_m)
-    return np.array([np.linalg.norm(points - point, axis=1).argmin() for point in _points(poses, spacing_m)])
+    return KDTree(_points(places, spacing_m)).query(_points(poses, spacing_m))[1]
 
 
 def _points(poses: np.ndarray, spacing_m: float) -> np.ndarray:

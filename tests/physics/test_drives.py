@@ -1,7 +1,5 @@
 """Radar drives along one planned track share their propagation paths. The tests compare them with paths traced for each drive alone."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 from physics_helpers import relative_error
@@ -11,9 +9,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.backends.static_scene import StaticScene
-from radartwin.simulation.drives import Drives, nearest, places_along
-from radartwin.simulation.paths import Paths
-from radartwin.simulation.places import TracedPlaces
+from radartwin.simulation.drives import Drives, places_along
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 from radartwin.testbed.motion_errors import RoverErrors, rover
@@ -58,33 +54,6 @@ def test_moved_paths_over_the_room_match_separate_tracing(drive):
     assert relative_error(echo + over, together - without) < 0.05
     assert relative_error(over, together - without - echo) < 0.3
     assert relative_error(over, np.roll(over, 1, axis=0)) > 0.5  # the signal of the next frame is clearly different
-
-
-def test_moved_paths_keep_their_first_and_last_points():
-    """Paths from a driving sensor are moved by 3 cm and rotated by 2 degrees; their lengths, directions and range rates stay correct."""
-    place, there = np.eye(4), trajectory.look_at([0.01, -0.02, 0.015], [1.01, -0.02 + np.tan(np.radians(2)), 0.015])
-    first, last = np.array([2.0, 0.3, 0.1]), np.array([1.5, -0.4, 0.2])
-    between, velocity = 0.7, np.array([0.2, 0.1, 0.0])
-    lengths, ways = np.linalg.norm([first, last], axis=1), [first / np.linalg.norm(first), last / np.linalg.norm(last)]
-    path = Paths(
-        2, np.array([0, 1]), np.array([2, 2]), np.array([[1j], [3.0]]), np.array([77e9]), np.repeat(lengths[0] + between, 2),
-        np.repeat(lengths[1], 2), np.repeat([ways[0]], 2, axis=0), np.repeat([ways[1]], 2, axis=0), np.zeros(2),
-    )  # fmt: skip
-    behind = place.copy()
-    behind[0, 3] = -0.1
-    poses = np.stack([there, there])
-    poses[1, :3, 3] += velocity / 10.0
-    places = np.stack([behind, place])
-    (found,) = TracedPlaces(places, [path], RADAR, partial(nearest, places)).seen(poses, 10.0)
-    for frame in range(2):
-        to_last = last - poses[frame, :3, 3]
-        assert found.amplitude[frame, 0] == 3.0  # the amplitude comes from the nearest traced position
-        assert found.length_out_m[frame] == pytest.approx(np.linalg.norm(to_last), abs=1e-12)
-        assert found.arrival[frame] == pytest.approx(poses[frame, :3, :3].T @ to_last / np.linalg.norm(to_last), abs=1e-12)
-        unfolded = ways[0] * (lengths[0] + between) - poses[frame, :3, 3]  # image of the first reflection point along the unfolded path
-        assert found.length_in_m[frame] == pytest.approx(np.linalg.norm(unfolded), abs=1e-12)
-        towards = unfolded / np.linalg.norm(unfolded) + to_last / np.linalg.norm(to_last)
-        assert found.rate_mps[frame] == pytest.approx(-towards @ velocity, abs=1e-6)
 
 
 def test_places_reach_beyond_both_ends():

@@ -168,7 +168,7 @@ class MitsubaBackend:
             if settings.place_spacing_m == 0 or poses_module.at_rest(track):
                 return [*parts, *self.object_paths(static, radar, poses, pruning.PAIRS * loudest)]
             alone = MitsubaBackend(replace(settings, coupling=False)).object_paths(static, radar, poses)
-            alone = [merged(part, radar, pruning.both_gains(radar, part.departure, part.arrival)) for part in alone]
+            alone = [merged(part, radar) for part in alone]
             if not settings.coupling or settings.max_bounces == 1:
                 return [*parts, *alone]
             return [*parts, *alone, *self._over_room(static, radar, poses, track, pruning.PAIRS * loudest)]

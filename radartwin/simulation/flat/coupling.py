@@ -32,7 +32,7 @@ FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle
 # At 0.5 tubes per square wavelength, their error is the same with and without division: 0.01 to 0.04 of the signal of a can, a mug and a
 # bottle at 1 and 2 m.
 UNDIVIDED = 1.5
-COUPLED = 3_000_000  # largest number of paths between a small static object and the room in all frames; limits memory
+COUPLED = 3_000_000  # largest number of paths between a small static object and the room at all traced poses; limits memory
 STRONGEST = 0.5  # if direct paths are only estimated, paths below this share of the strongest one are dropped
 GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
