@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
@@ -203,6 +203,7 @@ class CampaignConfig:
     An empty list of objects means the whole catalogue, or all objects of the rover study.
     """
 
+    OPTION: ClassVar[str] = "profile.campaign"
     turntable_objects: list[str] = field(default_factory=list)
     turntable_distances_m: list[float] = positive([1.0])
     reflector_distances_m: list[float] = positive([0.5, 1.0, 1.5, 2.0])  # from the radar to the corner reflector on the turntable
@@ -223,10 +224,21 @@ class CampaignConfig:
     rover_every: int = positive(4)  # a recording of a rover drive contains every n-th frame; its features need 13 frames
 
     def __post_init__(self) -> None:
-        check_fields(self, "profile.campaign")
+        check_fields(self, self.OPTION)
         for room in self.rover_rooms:
             if room not in ROOMS:
-                raise ConfigError(f"profile.campaign.rover_rooms={room} is not known; options: {', '.join(ROOMS)}")
+                raise ConfigError(f"{self.OPTION}.rover_rooms={room} is not known; options: {', '.join(ROOMS)}")
+
+
+@dataclass
+class StrengthCampaignConfig(CampaignConfig):
+    """The recordings at which the table `headline` compares strengths of the gaps: the campaign of the quick profile with more objects and
+    distances, because some claims need two recordings of each object or more than six objects.
+    """
+
+    OPTION: ClassVar[str] = "profile.strength_campaign"
+    turntable_distances_m: list[float] = positive([1.0, 1.5])
+    rover_objects: list[str] = field(default_factory=list)
 
 
 @dataclass
@@ -242,14 +254,13 @@ class ProfileConfig:
     scan_rooms: list[str] = field(default_factory=lambda: ["lab"])  # rooms that the simulated phone scans
     scan_strengths: list[float] = positive([1.0])  # factors on the errors of the simulated phone scan; 1 is the published size
     strengths: list[float] = positive([1.0])  # factors on all gaps (measured.gap) in the table of the paper's main claims
-    strength_draws: int = positive(3)  # number of draws of turntable and rail at which these strengths are compared
-    strength_rover_draws: int = positive(1)  # number of draws of the rover's drives at which these strengths are compared
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
     exact_objects: bool = False  # whether tables of object recognition also show a testbed whose objects equal the catalogue
     # quantities of supervision.randomise that the table randomisation_ablation leaves out, one at a time
     left_out: list[str] = field(default_factory=lambda: ["level", "if_filter", "channels", "noise"])
     layout_turns: int = not_negative(0)  # revolutions per recording in the paper's layout (table labelled_probe); 0: none
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
+    strength_campaign: StrengthCampaignConfig = field(default_factory=StrengthCampaignConfig)  # recordings for `strengths`
 
     def __post_init__(self) -> None:
         check_fields(self, "profile")

@@ -44,26 +44,34 @@ def test_a_verdict_that_changes_depends_on_strength() -> None:
     assert set(result.keys) == set(headline.SOURCES)
 
 
-def test_strengths_are_compared_at_the_same_number_of_draws() -> None:
-    own = config("headline", "profile.strengths=[0.5,1,2]", "profile.campaign.draws=10", "profile.strength_draws=4")
-    draws: dict[tuple[str, float], set[int]] = {}
+def test_strengths_are_compared_with_one_campaign() -> None:
+    own = config("headline", "profile.strengths=[0.5,1,2]", "profile.campaign.draws=10", "profile.strength_campaign.draws=4")
+    campaigns: dict[tuple[str, float], list[int]] = {}
     for (strength, name), one in headline.tables(own).items():
-        draws.setdefault((name, one.measured.gap.person), set()).add(one.profile.campaign.draws)  # type: ignore[attr-defined]
-        assert (one.profile.campaign.draws == 10) == (strength == headline.ALL_DRAWS)
-    assert set(map(tuple, map(sorted, draws.values()))) == {(4,), (4, 10)}
+        whole = strength == headline.WHOLE
+        assert one.profile.campaign == (own.profile.campaign if whole else own.profile.strength_campaign)
+        campaigns.setdefault((name, one.measured.gap.person), []).append(one.profile.campaign.draws)  # type: ignore[attr-defined]
+    assert set(map(tuple, map(sorted, campaigns.values()))) == {(4,), (4, 10)}
 
 
-def test_strengths_are_compared_in_the_rooms_of_the_claims() -> None:
-    own = config("headline", "profile.strengths=[0.5,1]", "profile.campaign.rover_rooms=[atrium,squash_court]")
-    for (strength, _), one in headline.tables(own).items():
-        rooms = ["atrium", "squash_court"] if strength == headline.ALL_DRAWS else ["squash_court"]
-        assert one.profile.campaign.rover_rooms == rooms
+def test_the_campaign_of_the_strengths_has_what_the_claims_ask_for() -> None:
+    campaign = compose(["profile=paper"]).profile.strength_campaign
     asked = {one.where["room"] for one in headline.HEADLINES if "room" in one.where}
-    assert asked == set(headline.CLAIMED_ROOMS)
+    assert asked == set(campaign.rover_rooms)
+    on_turntable = {one.where["distance_m"] for one in headline.HEADLINES if "distance_m" in one.where}
+    assert on_turntable <= {*campaign.turntable_distances_m, *campaign.reflector_distances_m}
+    assert len(campaign.turntable_distances_m) >= 2  # the probe on other recordings needs two recordings of each object
+
+
+def test_a_fault_in_the_campaign_of_the_strengths_names_its_option() -> None:
+    with pytest.raises(ConfigError, match=r"profile\.strength_campaign\.draws"):
+        config("headline", "profile.strength_campaign.draws=0")
+    with pytest.raises(ConfigError, match=r"profile\.strength_campaign\.rover_rooms=cellar"):
+        config("headline", "profile.strength_campaign.rover_rooms=[cellar]")
 
 
 def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
-    own = config("headline", "profile.strengths=[0.5,1]", "profile.campaign.draws=10", "profile.strength_draws=3")
+    own = config("headline", "profile.strengths=[0.5,1]", "profile.campaign.draws=10", "profile.strength_campaign.draws=3")
 
     def wide(one: Config) -> Result:
         result = made(one)
