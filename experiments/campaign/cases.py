@@ -95,7 +95,7 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
     known = catalogue()
     for name in (*config.turntable_objects, *config.rover_objects):
         if name not in known:
-            raise ConfigError(f"profile.campaign: unknown object {name!r}; choose {', '.join(known)}")
+            raise ConfigError(f"{config.OPTION}: unknown object {name!r}; choose {', '.join(known)}")
     cases = []
     for name in config.turntable_objects or list(known):
         distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m

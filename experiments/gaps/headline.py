@@ -20,7 +20,7 @@ from typing import Any
 
 from experiments import statistics
 from experiments.campaign.campaign import joined
-from experiments.campaign.cases import REFLECTOR
+from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
 from experiments.claims import LEVEL, Claim, RowList
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
@@ -219,8 +219,10 @@ def compared(config: Config) -> Config:
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:
     """Return the configuration of each table that the rows compare, by strength and name. An entry with WHOLE in place of the strength
-    has strength 1 and the whole campaign.
+    has strength 1 and the whole campaign. Raises ConfigError for an unknown object in a campaign.
     """
+    planned(config.profile.campaign, measured=True)
+    planned(config.profile.strength_campaign, measured=True)
     found: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(config, name, NOMINAL) for name in SOURCES}
     several = strengths(config)
     if len(several) > 1:

@@ -68,6 +68,8 @@ def test_a_fault_in_the_campaign_of_the_strengths_names_its_option() -> None:
         config("headline", "profile.strength_campaign.draws=0")
     with pytest.raises(ConfigError, match=r"profile\.strength_campaign\.rover_rooms=cellar"):
         config("headline", "profile.strength_campaign.rover_rooms=[cellar]")
+    with pytest.raises(ConfigError, match=r"profile\.strength_campaign: unknown object 'teapot'"):
+        headline.tables(config("headline", "profile.strength_campaign.rover_objects=[teapot]"))
 
 
 def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
