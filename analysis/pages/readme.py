@@ -14,7 +14,7 @@ COLUMNS = "claim of the paper, metric, paper, value, draws, verdict"
 CLAIMS = (
     "the simulated order of objects by harmonic ratio is the measured order",
     "metal is brighter than plastic (1 m)",
-    "the room brings the profile closer to the measured one (2 m)",
+    "the room brings the profile closer to the measured one (2 m, amplitude)",
     "most energy arrives from beyond the target (2 m)",
     "features order objects alike along drives (squash court)",
     "training on simulation beats raw features (other recordings)",

@@ -93,9 +93,10 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
     for an unknown object.
     """
     known = catalogue()
-    for name in (*config.turntable_objects, *config.rover_objects):
-        if name not in known:
-            raise ConfigError(f"{config.OPTION}: unknown object {name!r}; choose {', '.join(known)}")
+    for kind in ("turntable_objects", "rail_objects", "rover_objects"):
+        for name in getattr(config, kind):
+            if name not in known:
+                raise ConfigError(f"{config.OPTION}.{kind}: unknown object {name!r}; choose {', '.join(known)}")
     cases = []
     for name in config.turntable_objects or list(known):
         distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m

@@ -5,9 +5,9 @@ store. The strength multiplies all settings measured.gap.NAME. If the verdicts a
 "depends on strength". The column `why` explains a claim that fails, with values from the table that judges it.
 
 An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
-therefore compared with the same, smaller campaign (profile.strength_campaign). It has fewer draws, distances, rooms and frames than the
-paper's campaign. Recordings with the paper's distances and frames, at two more strengths, take about four hours on two cores. The value and
-the verdict of a row use the whole campaign.
+therefore compared with the same campaign, profile.strength_campaign. The settings profile.campaign do not change it. In the paper profile,
+it has fewer draws, distances, rooms and frames than profile.campaign, because recordings of the paper's size at two more strengths take
+about four hours on two cores. The value and the verdict of a row use profile.campaign.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ TABLE = Table(
     title="The paper's main claims",
     caption="Each row is one claim of the paper, as judged by the table in the column 'table'. Value, interval and verdict are those with "
     "all differences between testbed and simulation at their published size (strength 1), over all recordings. The columns 'strength' give "
-    "value, interval and verdict at each strength, with the number of draws in brackets. They rest on a smaller campaign "
-    "(profile.strength_campaign), which is the same at all strengths, so that the column 'strength 1' may differ from the value. 'Over all "
-    "strengths' compares the verdicts of these columns. The quick profile has strength 1 alone.",
+    "value, interval and verdict at each strength, with the number of draws in brackets. They rest on a campaign of their own "
+    "(profile.strength_campaign, in the paper profile a smaller one), so that the column 'strength 1' may differ from the value. "
+    "'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 alone.",
 )
 
 
@@ -129,13 +129,13 @@ HEADLINES = (
         {"object": REFLECTOR, "motion": "diagonal", "tracker": "continuous", "of": "measured"}, linear_rail.SHORT,
     ),
     Headline(
-        "without the room the profiles do not correlate (2 m)", "environment", "environment", "profile correlation",
+        "without the room the profiles do not correlate (2 m, amplitude)", "environment", "environment", "profile correlation",
         {"case": "void", "distance_m": 2.0, "scale": "amplitude"}, environment.UNCORRELATED,
         ("Of the measured energy, only {:.2f} arrives from beyond the target.",
          {"metric": "energy share beyond the target", "distance_m": 2.0, "case": "measured (testbed)"}),
     ),
     Headline(
-        "the room brings the profile closer to the measured one (2 m)", "environment", "environment", "gain in correlation",
+        "the room brings the profile closer to the measured one (2 m, amplitude)", "environment", "environment", "gain in correlation",
         {"distance_m": 2.0, "scale": "amplitude", "case": "room (vlm) - void"}, environment.CLOSER,
         ("The profile in void correlates already with {:.2f}.", {"metric": "profile correlation", "distance_m": 2.0, "case": "void",
         "scale": "amplitude"}),
@@ -264,7 +264,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         case = {
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(one) for strength, one in at.items()},
-            "over all strengths": DEPENDS if len(verdicts) > 1 else AGREES if at else NOT_COMPARED,
+            "over all strengths": NOT_COMPARED if not at or None in at.values() else DEPENDS if len(verdicts) > 1 else AGREES,
             "why": why(headline, listed),
         }  # fmt: skip
         rows.append(_copied(rows, case, nominal, headline))
@@ -288,7 +288,8 @@ def _has(row: Mapping[str, Any], columns: Mapping[str, Any]) -> bool:
 def _told(row: Mapping[str, Any] | None) -> str:
     if row is None:
         return "no such row"
-    verdict = f"{row['verdict']} ({row.get('draws') or 1} draws)"
+    draws = row.get("draws") or 1
+    verdict = f"{row['verdict']} ({draws} draw{'s' if draws > 1 else ''})"
     if row["value"] is None:
         return verdict
     return f"{row['value']:.3g} [{row['low']:.3g}, {row['high']:.3g}], {verdict}"
@@ -324,7 +325,8 @@ def _missed(headline: Headline, row: Mapping[str, Any]) -> list[str]:
         missed.append(f"{interval} is wholly above chance ({chance:.2g})")
     p, least = (row["p"], claim.p_below) if row.get("p_holm") is None else (row["p_holm"], claim.p_below or LEVEL)
     if least is not None and p is not None and not p < least:
-        missed.append(f"p is {p:.2g}, not below {least:g}")
+        after = "after Holm's correction for several claims, " if row.get("p_holm") is not None else ""
+        missed.append(f"{after}p is {p:.2g}, not below {least:g}")
     return missed
 
 

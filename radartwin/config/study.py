@@ -233,7 +233,7 @@ class CampaignConfig:
 @dataclass
 class StrengthCampaignConfig(CampaignConfig):
     """The recordings at which the table `headline` compares strengths of the gaps: the campaign of the quick profile with more objects and
-    distances, because some claims need two recordings of each object or more than six objects.
+    distances, because some claims need two recordings of each object or more than six objects. `profile.campaign` does not change it.
     """
 
     OPTION: ClassVar[str] = "profile.strength_campaign"

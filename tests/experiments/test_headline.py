@@ -68,8 +68,22 @@ def test_a_fault_in_the_campaign_of_the_strengths_names_its_option() -> None:
         config("headline", "profile.strength_campaign.draws=0")
     with pytest.raises(ConfigError, match=r"profile\.strength_campaign\.rover_rooms=cellar"):
         config("headline", "profile.strength_campaign.rover_rooms=[cellar]")
-    with pytest.raises(ConfigError, match=r"profile\.strength_campaign: unknown object 'teapot'"):
-        headline.tables(config("headline", "profile.strength_campaign.rover_objects=[teapot]"))
+    for kind in ("turntable", "rail", "rover"):
+        with pytest.raises(ConfigError, match=rf"profile\.strength_campaign\.{kind}_objects: unknown object 'teapot'"):
+            headline.tables(config("headline", f"profile.strength_campaign.{kind}_objects=[teapot]"))
+
+
+def test_a_claim_without_a_row_at_a_strength_is_not_compared() -> None:
+    def lacking(one: Config) -> Result:
+        found = made(one)
+        rows = [row for row in found.rows if one.measured.gap.person < 2.0 or row.get("attribute") != "identity"]  # type: ignore[attr-defined]
+        return dataclasses.replace(found, rows=rows)
+
+    rows = headline.score(config("headline", "profile.strengths=[0.5,1,2]"), lacking).rows
+    found = {row["claim of the paper"]: row for row in rows}
+    lacks = found["identity does not transfer without labels"]
+    assert (lacks["strength 2"], lacks["over all strengths"]) == ("no such row", headline.NOT_COMPARED)
+    assert found["geometry transfers without labels"]["over all strengths"] == headline.DEPENDS
 
 
 def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
