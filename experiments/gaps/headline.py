@@ -260,11 +260,11 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         if nominal is None:
             continue
         at = {strength: _row(found[strength, headline.table], headline) for strength in several}
-        verdicts = {one["verdict"] for one in at.values() if one is not None}
+        verdicts = {one and one["verdict"] for one in at.values()}
         case = {
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(one) for strength, one in at.items()},
-            "over all strengths": NOT_COMPARED if not at or None in at.values() else DEPENDS if len(verdicts) > 1 else AGREES,
+            "over all strengths": NOT_COMPARED if not verdicts or None in verdicts else DEPENDS if len(verdicts) > 1 else AGREES,
             "why": why(headline, listed),
         }  # fmt: skip
         rows.append(_copied(rows, case, nominal, headline))
