@@ -73,15 +73,13 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
                 print(summary)
 
         with workers.reused():
-            jobs = configs[names[0]].jobs
-            if workers.worker_count(jobs, 2) > 1:
-                try:
-                    together.simulate(list(configs.values()), progress)
-                except (UserError, OSError):
-                    raise
-                except Exception:  # each table that needs the failed simulation repeats it and fails
-                    traceback.print_exc()
-            if (count := workers.worker_count(jobs, len(untimed))) > 1:
+            try:
+                together.simulate(list(configs.values()), progress)
+            except (UserError, OSError):
+                raise
+            except Exception:  # each table that needs the failed simulation repeats it and fails
+                traceback.print_exc()
+            if (count := workers.worker_count(configs[names[0]].jobs, len(untimed))) > 1:
                 left = iter(untimed)
 
                 def next_call(_: int) -> tuple[Config, list[str], Path] | None:

@@ -71,7 +71,8 @@ def test_a_recording_that_two_tables_read_is_processed_if_one_of_them_reads_it_p
     assert joined([{"key": clean}, {"key": clean}])["key"].clean
 
 
-def test_tables_that_measure_run_times_come_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("count", [1, 2])
+def test_recordings_come_first_and_run_times_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     done: list[str] = []
 
     def inline(function: Any, next_call: Any, on_result: Any, count: int) -> None:
@@ -83,7 +84,7 @@ def test_tables_that_measure_run_times_come_last(tmp_path: Path, monkeypatch: py
         done.append(name)
         return name, None if name == "labels" else name
 
-    monkeypatch.setattr(workers, "worker_count", lambda jobs, items: 2)
+    monkeypatch.setattr(workers, "worker_count", lambda jobs, items: count)
     monkeypatch.setattr(workers, "run", inline)
     monkeypatch.setattr(together, "simulate", lambda configs, progress: done.append("simulated"))
     monkeypatch.setattr(main, "_made", made)
