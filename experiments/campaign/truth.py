@@ -179,8 +179,8 @@ def _small(room: str) -> frozenset[str]:
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """Return (disc, other parts) of the target's stand. For a turntable, the other parts of the stand include a motor, a gear and a
-    cable.
+    """Return (disc, other parts) of the target's true stand. Drives have the disc too. For a turntable, the other parts include a motor, a
+    gear and a cable.
     """
     sensor = nominal.sensor_poses[0].tobytes() if case.motion == "turntable" else b""
     true = _true_stand(sensor, stand_top(nominal).tobytes(), _of_room(gaps), seed)

@@ -1,11 +1,11 @@
 """Accuracy of the materials that three sources assign to scanned surfaces, and the reflection error of wrong materials.
 
 The surfaces of the simulated phone scans (`experiments.scans.virtual_scan`) get a material label from the recorded answers of the
-vision-language model, from one uniform material, or at random. Material labels are scored by surface area. A material label is right if it
-is the true MINC category; for the category `other`, it must also be close. A label is close if the reflectivity of its material differs
-from that of the true material by at most 1 dB, as a mean of the absolute difference over angles of incidence. For example, the label
-plaster is close to a true paint surface, but the label metal is not close to a true wood surface. The table then compares the mean
-reflection error of each source in decibels with that of uniform plasterboard.
+vision-language model, from one uniform material, or at random. Material labels are scored by surface area. A material label is right if its
+material belongs to the true category of the image data set MINC; for the category `other`, it must also be close. A label is close if the
+reflectivity of its material differs from that of the true material by at most 1 dB, as a mean of the absolute difference over angles of
+incidence. For example, the label plaster is close to a true paint surface, but the label metal is not close to a true wood surface. The
+table then compares the mean reflection error of each source in decibels with that of uniform plasterboard.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Sweeps that show where simulation methods fail. From value to value of a sweep, a scene becomes harder to simulate or a setting becomes
-coarser.
+"""Sweeps that show where simulation methods fail. With each value of a sweep, a scene becomes harder to simulate, a setting becomes
+coarser, the description of the scene becomes worse, or the noise becomes stronger.
 
 For each value of a sweep, the true radar signal is known. For sweeps with a single object, the mean power of a frame's samples is compared
 with closed forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). An error is at most

@@ -40,7 +40,8 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
         port: port on the loopback address; None means 8080, or another free port if 8080 is taken.
         playback: recording to play back beside the simulation.
     Raises:
-        BackendError: viser is not installed, or the port that the user gave is taken.
+        BackendError: viser is not installed, or it cannot refuse pages of other addresses; the port that the user gave is taken; or the
+            server does not answer within 30 s.
         SceneError: the scene has no surfaces.
     """
     sessions: list[Session] = []

@@ -130,7 +130,8 @@ def _edge_crossings(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     if not len(a) or not len(b):
         return np.zeros((0, 3))
     edges = np.concatenate([a[:, [0, 1]], a[:, [1, 2]], a[:, [2, 0]]])
-    # drops most duplicates of edges that two triangles share
+    # Two triangles share an edge in opposite directions. One copy is dropped if no coordinate increases along the edge while another
+    # decreases. Otherwise both copies stay.
     once = (edges[:, 0] <= edges[:, 1]).all(axis=1) | ~(edges[:, 0] >= edges[:, 1]).all(axis=1)
     edges = edges[once]
     segment, share = _crossings(edges[:, 0], edges[:, 1], b)

@@ -112,7 +112,8 @@ def build(
 ) -> ReflectionTable:
     """Tabulate the reflection and transmission coefficients of surfaces over the frequency sweep from `low_hz` to `high_hz`.
 
-    The last tables stay in memory, and several callers get the same table, whose arrays are read-only.
+    A cache holds the most recently used tables. Calls with equal surfaces and frequencies return the same table, whose arrays are therefore
+    read-only.
 
     Args:
         surfaces: (material, rms roughness in metres) of each surface of a geometry.

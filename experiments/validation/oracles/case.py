@@ -21,7 +21,7 @@ OBJECTS = REFERENCE.parent / "data" / "objects"
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one comparison of RadarTwin with a reference."""
+    """The result of a validation case, which compares RadarTwin `n` times with a reference."""
 
     # Reference and our value where they differ most, in the unit of the case; NaN if the claim is about many values at once.
     reference: float

@@ -146,7 +146,8 @@ def factors(
     Args:
         tree: triangles of the surfaces of the table.
         start, end: (N, 3) ends of the lines. A triangle within `obstacles.CLEAR_M` of an end does not count.
-        unit: (N, 3) unit vector of the field, across the line. The factor is the component along `unit` of the field behind the panes.
+        unit: (N, 3) unit vector of the field, across the line. The factor is the component along `unit` of the field that has
+            crossed the panes `ways` times.
         ways: number of times the field travels along the line: 1, or 2 for there and back.
     Returns:
         panes: (N,) number of triangles of panes on each line; -1 for a blocked line, 0 for a free one.

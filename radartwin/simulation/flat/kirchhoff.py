@@ -23,8 +23,8 @@ from radartwin.compiled import innermost
 from radartwin.simulation.flat.obstacles import Point
 from radartwin.simulation.flat.wedge import scaled_tail
 
-_NEAR = 2.0  # Fresnel coordinate below which the integral is summed directly
-_FAR = 4.0  # Fresnel coordinate from which two nodes are enough
+_NEAR = 2.0  # largest t for which G(d, t) is summed from 0 to t; for a larger t, the rest of the integral to infinity is summed
+_FAR = 4.0  # t above which two nodes are enough for the rest of the integral
 # With these numbers of nodes, the error of G is below 1e-6.
 _LEGENDRE = tuple(np.polynomial.legendre.leggauss(8))
 _LEGENDRE_NEAR = tuple(np.polynomial.legendre.leggauss(5))
