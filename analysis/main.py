@@ -50,7 +50,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
     """Run the named experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused results.
 
-    First, several workers simulate what the tables need. Then the workers compute one table each. The tables that measure run times follow,
+    First, the workers simulate what all tables need. Then the workers compute one table each. The tables that measure run times follow,
     one after another, while no worker is busy.
     """
     made: list[str] = []

@@ -21,9 +21,7 @@ from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector, crosse
 from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 from radartwin.simulation.geometry import Geometry
 
-# An edge whose Fresnel coordinate across or along the edge exceeds REACH at each of its points is ignored. It changes a factor by at most
-# 0.04.
-REACH = 8.0
+REACH = 8.0  # largest Fresnel coordinate, across an edge or along it to its nearer end; an edge beyond it changes a factor by at most 0.04
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
