@@ -2,7 +2,7 @@
 densities of ray tubes.
 
 A target on which the simulator is known to fail is listed with its measured error, and pytest expects this failure. If the target passes,
-the test fails until the target is removed from the list.
+the test fails until the target is removed from the list. If the error is more than a tenth above the listed error, the test fails too.
 """
 
 import numpy as np
@@ -16,42 +16,50 @@ from experiments.validation.oracles.nearfield import chain_quadrature, panel_qua
 from experiments.validation.validation import CASES
 from radartwin.runs.experiment import check_rows
 
-QUICK_MISSES = {
-    "mie-table": "0.63 dB at 5 mm radius, 4 rays",
-    "near-dihedral": "0.25 dB at 0.5 m",
-    "range-law": "0.10 dB of the 3 cm dihedral",
-    "samples-level": "0.31 dB at 1 m",
-    "panel-panels": "0.027 of the image",
-    "two-panels-panels": "0.052 of the double image",
-    "furnished-seeded-profile": "7.3 dB in corner_02",
-    "furnished-seeded-complex": "0.17 in corner_02",
+QUICK_MISSES = {  # (error, where it occurs)
+    "mie-table": (0.633, "5 mm radius, 4 rays"),
+    "near-dihedral": (0.247, "0.5 m"),
+    "range-law": (0.108, "the 3 cm dihedral"),
+    "samples-level": (0.31, "1 m"),
+    "panel-panels": (0.027, "largest error of all panels"),
+    "two-panels-panels": (0.052, "sensor 20 cm from the plane of symmetry"),
+    "furnished-seeded-profile": (7.3, "corner_02"),
+    "furnished-seeded-complex": (0.17, "corner_02"),
 }
 FULL_MISSES = {
-    "mie-table": "0.63 dB at 5 mm radius, 4 rays",
-    "near-dihedral": "0.25 dB at 0.5 m",
-    "range-law": "0.10 dB of the 3 cm dihedral",
-    "panel-tubes": "0.043 of the image at 4 rays",
-    "bottles-water": "0.158 dB behind 0.3 mm of PET",
-    "bottle-series-table": "0.158 dB behind 0.3 mm of PET",
-    "reciprocity-single": "0.12 dB of curved targets at 0.5 m",
-    "scattered-power-corner": "0.18 dB: physical optics in a corner does not conserve energy",
-    "samples-level": "0.32 dB",
-    "panel-panels": "0.027 of the image",
-    "two-panels-panels": "0.052 of the double image",
-    "room-1.2m-tubes": "0.091 in the corridor of |reflection| 0.4; within 0.08 in the others",
-    "room-2.9m-tubes": "0.032 in the corridor of |reflection| 0.4; within 0.03 in the others",
-    "furnished-seeded-profile": "7.9 dB in free_25",
-    "furnished-seeded-complex": "0.32 in corridor_13",
+    "mie-table": (0.633, "5 mm radius, 4 rays"),
+    "near-dihedral": (0.247, "0.5 m"),
+    "range-law": (0.108, "the 3 cm dihedral"),
+    "panel-tubes": (0.029, "largest error of all panels, 4 rays"),
+    "bottles-water": (0.158, "water behind 0.3 mm of PET"),
+    "bottle-series-table": (0.158, "water behind 0.3 mm of PET"),
+    "reciprocity-single": (0.119, "curved targets at 0.5 m"),
+    "scattered-power-corner": (0.185, "physical optics in a corner does not conserve energy"),
+    "samples-level": (0.324, "largest error of all distances"),
+    "panel-panels": (0.027, "largest error of all panels"),
+    "two-panels-panels": (1.15, "sensor in the plane of symmetry: the double echo is lost at the gap of 1 mm between the panels"),
+    "room-1.2m-tubes": (0.092, "the corridor of |reflection| 0.4; within 0.08 in the other rooms"),
+    "room-2.9m-tubes": (0.032, "the corridor of |reflection| 0.4; within 0.03 in the other rooms"),
+    "furnished-seeded-profile": (7.9, "free_25"),
+    "furnished-seeded-complex": (0.32, "corridor_13"),
 }
+
+
+class Missed(AssertionError):
+    """The error is above the limit of the target, and at most a tenth above the listed error."""
 
 
 def cases(full: bool) -> list:
     misses = FULL_MISSES if full else QUICK_MISSES
     return [
-        pytest.param(case, id=case.name, marks=[pytest.mark.xfail(strict=True, reason=misses[case.name])] if case.name in misses else [])
+        pytest.param(case, id=case.name, marks=_expected(misses.get(case.name)))
         for case in CASES
         if full or case.cost == "quick"
     ]
+
+
+def _expected(miss: tuple[float, str] | None) -> list[pytest.MarkDecorator]:
+    return [pytest.mark.xfail(strict=True, raises=Missed, reason=f"error {miss[0]}: {miss[1]}")] if miss else []
 
 
 def check(case: Case, full: bool) -> None:
@@ -59,7 +67,11 @@ def check(case: Case, full: bool) -> None:
         found = case.compare(full)
     except Untestable as reason:
         pytest.skip(str(reason))
-    assert found.error <= case.limit, f"{case.claim}: {found.error:.4g} {case.unit} off {case.oracle}, over {case.limit}"
+    miss = (FULL_MISSES if full else QUICK_MISSES).get(case.name)
+    message = f"{case.claim}: {found.error:.4g} {case.unit} off {case.oracle}, over {case.limit}"
+    if miss and case.limit < found.error <= 1.1 * miss[0]:
+        raise Missed(message)
+    assert found.error <= case.limit, message
 
 
 @pytest.mark.parametrize("case", cases(full=False))
