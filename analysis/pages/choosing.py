@@ -71,6 +71,8 @@ def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Ro
         "needed": _needed(complexity),
         "claims": _claims(complexity),
         "default": _default(speed),
+        "campaign": _campaign(speed),
+        "campaign_claims": _campaign_claims(speed),
         "safe": _safe(stability),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], TEMPLATE.read_text(encoding="utf-8"))
@@ -102,11 +104,16 @@ def options(setting: str) -> str:
 def _needed(complexity: Sequence[Row]) -> str:
     return _lines(
         (
-            row["case"], row["features"], row["model"], f"{row['between']:.2f}", f"{row['value']:.2g} x",
+            row["case"], row["features"], row["model"], f"{row['between']:.2f}", f"{row['value']:.2g} x", _pays_after(row),
             "yes" if row["without layers"] > 1 else "no",
         )
         for row in complexity if row["metric"] == complexity_rows.SAVED
     )  # fmt: skip
+
+
+def _pays_after(row: Row) -> str:
+    frames = row["pays after (frames)"]
+    return "never" if frames is None or frames == float("inf") else f"{frames:.0f}"
 
 
 def _claims(complexity: Sequence[Row]) -> str:
@@ -130,6 +137,22 @@ def _default(speed: Sequence[Row]) -> str:
             f"{naive['profile_error_db']:.2g} dB, {naive['free_error_db']:.2g} dB after the best gain" if naive else "",
         ))  # fmt: skip
     return _lines(rows)
+
+
+def _campaign(speed: Sequence[Row]) -> str:
+    rows = [row for row in speed if row["problem"] == "campaign" and not row["claim"]]
+    return _lines(
+        (
+            f"{row['family']}, {row['setting']}", f"{row['seconds_frame']:.2g}", f"{row['value']:.2g} x", f"{row['feature_error']:.3g}",
+            f"{row['recognition_error']:.2g}",
+        )
+        for row in rows
+    )  # fmt: skip
+
+
+def _campaign_claims(speed: Sequence[Row]) -> str:
+    rows = [row for row in speed if row["problem"] == "campaign" and row["claim"]]
+    return _lines((row["claim"], row["metric"], f"{row['value']:.2g}", row["verdict"]) for row in rows)
 
 
 def _safe(stability: Sequence[Row]) -> str:

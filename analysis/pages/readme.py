@@ -10,7 +10,7 @@ from radartwin.io import files
 
 PAGE = ROOT / "README.md"
 TABLE = re.compile(r"(\| claim of the paper \|[^\n]*\n\|[-|]*\n)((?:\|[^\n]*\n)*)")
-COLUMNS = "claim of the paper, metric, paper, value, draws, verdict"
+COLUMNS = "claim of the paper, metric, paper, value, draws, verdict, over all strengths"
 CLAIMS = (
     "the simulated order of objects by harmonic ratio is the measured order",
     "metal is brighter than plastic (1 m)",

@@ -211,8 +211,10 @@ def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """Set up a case of the campaign in the procedural room without scan errors. Returns a function that gives a probe (frames for
-    comparing models) of chosen frames.
+    """Set up a case of the campaign in the procedural room without scan errors.
+
+    Returns a function that builds a probe of this case, a group of frames on which models are compared. The arguments of the function
+    choose the frames (`ProbeOf`).
     """
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)

@@ -120,7 +120,7 @@ def _add_effects(rows: RowList, motion: str, cells: Cells, keys: list[str]) -> N
 
 
 def slice_correlations(cells: Cells, factor: str) -> NDArray[np.floating]:
-    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three levels of the factor
+    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three values of the factor
     are left out.
     """
     slices = _grouped(cells, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))

@@ -1,4 +1,4 @@
-"""Material: does the echo power of objects of similar size depend on their material class, and by how many decibels in each domain?
+"""Material: by how many decibels does the echo power of objects of similar size depend on their material, measured and simulated?
 
 The material classes are cans (metal), bottles (plastic) and the mug (ceramic). The corner reflector is left out, because it is a
 retroreflector and not of similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in measurement and

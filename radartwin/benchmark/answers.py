@@ -176,7 +176,7 @@ def _scenario(name: str, surfaces: list[dict[str, Any]], arrays: Mapping[str, Ar
 
 
 def packed(arrays: Mapping[str, Array]) -> bytes:
-    """Return the content of an .npz file. Equal arrays give equal bytes, because the entries carry no time."""
+    """Pack arrays into an .npz file, and return the bytes of the file. Equal arrays give equal bytes, because the entries carry no time."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():

@@ -48,7 +48,7 @@ class _Recording:
     def energy(self) -> Real:
         """Return the energy (F,) in the target gate minus the noise energy.
 
-        If the mean of this difference is not above zero, the property returns the energy without subtraction, so that all features exist.
+        If the mean of this difference is not above zero, the property returns the energy in the gate without the subtraction.
         """
         energy = envelope.target_energy(self.processed, self.target_m)
         return energy if energy.mean() > 0 else energy + self.gate_floor

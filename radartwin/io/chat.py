@@ -100,8 +100,8 @@ class Endpoint:
 
         Args:
             messages: dictionaries with the keys "role" and "content", as in the OpenAI API.
-            schema: JSON schema that the model's answer must follow. If a server refuses the field response_format, the client sends the
-                request without the schema, so the caller must check the answer.
+            schema: JSON schema that the model's answer must follow. The client sends it in the field response_format. If the server
+                refuses this field, the client sends the request without the schema, so the caller must check the answer.
             client: HTTP client from `client()` that several requests share; None creates a new client for this request.
         Raises:
             NoAnswerInTime: the server did not answer the last try within `timeout_s`.

@@ -204,7 +204,9 @@ def import_answers(task: LabelTask, path: Path, model: str) -> dict[int, Record]
 def apply(task: LabelTask, records: dict[int, Record], missing: Label | None = None) -> Scene:
     """Set the surface materials of a scene from the answers, and write the materials to the scene's manifest.
 
-    The function `labelled` lists the errors that this function raises.
+    Raises:
+        LabelError: a surface has no answer, and `missing` is None.
+        SceneError: the manifest in the scene folder now lists other surfaces.
     """
     keys = {question.surface: question.key for question in task.questions}
     scene = labelled(task.scene, records, task.surfaces, missing, transferred=lambda index: records[index].key != keys.get(index))

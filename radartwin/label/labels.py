@@ -107,9 +107,9 @@ def answer_label(given: Record, surface: Surface, transferred: bool = False) -> 
 
 
 def relabelled(scene: Scene, rule: Callable[[int, Surface], Label | None], source: str) -> Scene:
-    """Replace the materials of the room's surfaces by the materials that `rule` returns.
+    """Replace the materials of the surfaces of the room and of a scan by the materials that `rule` returns.
 
-    A surface for which `rule` returns None stays unchanged.
+    All other surfaces stay unchanged, as does a surface for which `rule` returns None.
     """
     surfaces = []
     for index, surface in enumerate(scene):

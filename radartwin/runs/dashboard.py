@@ -24,7 +24,9 @@ STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
-    """Start MLflow's server, wait until Ctrl-C, SIGTERM or SIGHUP, and return the server's exit status.
+    """Start MLflow's server and wait until it ends, or until Ctrl-C, SIGTERM or SIGHUP.
+
+    Returns the exit status of the server, or 0 after a signal.
 
     Args:
         port: port of the web server; None means 5000, or another free port if 5000 is taken.

@@ -239,7 +239,7 @@ class Drives:
         return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
 
     def shadow(self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray) -> list[Paths]:
-        """Return the changes of the flat room's paths in the shadow of an object; arguments as in `moving`."""
+        """Return the paths that add the shadow of an object to the paths of the flat room; arguments as in `moving`."""
         if self._still is None:
             return []
         body, there = geometry.build([s.mesh for s in surfaces]), poses_module.repeated(poses, len(sensor))

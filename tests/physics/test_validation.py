@@ -51,11 +51,7 @@ class Missed(AssertionError):
 
 def cases(full: bool) -> list:
     misses = FULL_MISSES if full else QUICK_MISSES
-    return [
-        pytest.param(case, id=case.name, marks=_expected(misses.get(case.name)))
-        for case in CASES
-        if full or case.cost == "quick"
-    ]
+    return [pytest.param(case, id=case.name, marks=_expected(misses.get(case.name))) for case in CASES if full or case.cost == "quick"]
 
 
 def _expected(miss: tuple[float, str] | None) -> list[pytest.MarkDecorator]:

@@ -15,7 +15,7 @@ from radartwin.scene.mesh_file import TextureWarning
 from radartwin.scene.objects import vessels
 from radartwin.simulation import geometry
 
-DATA = Path("/work/shared/data/objects")
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "objects"
 NAMES = list(objects.catalogue())
 
 

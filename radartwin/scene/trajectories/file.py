@@ -33,7 +33,7 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
         topic, frame: topic and coordinate frame to read from a ROS bag; `ros.read_bag` explains them.
     Raises:
         MissingError: the file does not exist.
-        PoseError: the file is unreadable or a pose is invalid; the message names the line of the file.
+        PoseError: the file is unreadable or a pose is invalid. If a line of a text file is invalid, the message names this line.
     """
     path = Path(path)
     if not path.exists():

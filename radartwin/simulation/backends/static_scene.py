@@ -201,7 +201,7 @@ def shadows_of_mover(
 
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
-        levels: (N,) of the N paths of each part (`pruning.level`).
+        levels: for each part, the largest amplitude (N,) of each of its N paths over the antenna elements (`pruning.level`).
         geometry: triangles of the body in its own frame. All of them block, also those of a material that transmits.
         sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
         wavenumber: rad/m.

@@ -307,7 +307,7 @@ class FlatRoom:
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at a pose.
 
-        arrivals: (M, 2) edge and beam. The fields include the element gain, relative to that of the element's axis.
+        arrivals: (M, 2) edge and beam. The fields include the element gain relative to the gain at boresight.
         """
         edge, beam = arrivals.T
         gain, strength = np.zeros((2, len(arrivals)))
