@@ -10,6 +10,7 @@ import pytest
 
 from radartwin.commands import demo
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.reconstruct.build import FACE_SURFACES_FILE
 from radartwin.scene.scene import Scene
 
 
@@ -18,7 +19,7 @@ def test_the_demonstration_ends_with_a_page_that_names_the_surfaces(inside, chro
     folder = tmp_path / "mine" / "demo"
     (folder / "scene").mkdir(parents=True)
     (folder / "chair.obj").write_text("v 0 0")  # as if an earlier run had been killed
-    (folder / "scene" / "manifest.json").write_text("{")
+    (folder / "scene" / FACE_SURFACES_FILE).write_bytes(b"")  # the file that a reconstruction writes first
     done = inside("demo", "--output", "mine")
     assert done.returncode == 0, done.stderr
     *steps, last = done.stdout.splitlines()

@@ -110,6 +110,7 @@ def test_slambook_frames_fuse_to_one_room(shared_data):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
 def test_echoes_of_a_labelled_scan_come_from_its_surfaces(shared_data):
     """The patio has no wall; its upright surfaces are furniture, a planter and leaves. The strongest simulated echoes must come from these
     surfaces.
