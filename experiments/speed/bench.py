@@ -242,12 +242,12 @@ def _driven(
 def memory(repeats: int, values: Values, variant: str) -> None:
     """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
     code = (
-        "import resource, numpy as np, radartwin as rt; from radartwin.scene import rooms\n"
+        "import numpy as np, radartwin as rt; from experiments.speed.peak_memory import peak_gib; from radartwin.scene import rooms\n"
         f"rt.simulate(rooms.lab(), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})\n"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        "print(peak_gib())"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    gibibytes = int(answer.stdout.split()[-1]) / 2**20
+    gibibytes = float(answer.stdout.split()[-1])
     print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {gibibytes:.2f} GiB at most")
     values["memory of a furnished room"] = gibibytes
 

@@ -22,13 +22,13 @@ FACES = 500_000
 SEED = 0  # of the random colours and of the depth noise
 NOISE_M = 0.005  # standard deviation of each vertex coordinate, as in the fused mesh of a phone LiDAR
 CHILD = """
-import json, resource, sys, time
+import json, sys, time
+from experiments.speed.peak_memory import peak_gib
 from radartwin.reconstruct.build import reconstruct
 began = time.perf_counter()
 scene = reconstruct(sys.argv[1], sys.argv[2])
-usage = resource.getrusage(resource.RUSAGE_SELF)
-print(json.dumps({"seconds": time.perf_counter() - began, "core_seconds": usage.ru_utime + usage.ru_stime,
-                  "peak_gib": usage.ru_maxrss / 2**20, "surfaces": len(scene)}))
+print(json.dumps({"seconds": time.perf_counter() - began, "core_seconds": time.process_time(), "peak_gib": peak_gib(),
+                  "surfaces": len(scene)}))
 """
 
 
