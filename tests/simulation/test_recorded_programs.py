@@ -17,7 +17,8 @@ def test_replays_equal_new_recordings(monkeypatch, material):
     variant.activate()
     from radartwin.simulation.curved import tracer
 
-    replayed = tracer._single_bounce
+    vertical = False, False, False
+    replayed = tracer._SINGLE_BOUNCE[vertical]
     different = []
 
     def both(setting, index, pieces):
@@ -32,10 +33,18 @@ def test_replays_equal_new_recordings(monkeypatch, material):
             return any(compared(a, b, hit) for a, b in zip(found, expected, strict=True))
         return not np.array_equal(np.array(found)[..., hit], np.array(expected)[..., hit])
 
-    monkeypatch.setattr(tracer, "_single_bounce", both)
+    monkeypatch.setitem(tracer._SINGLE_BOUNCE, vertical, both)
     for radius, distance, poses, rays in CALLS:
         scene = rt.Scene([rt.Surface(objects.sphere(radius), material, "ball")])
         sensor = np.array([trajectory.pose([-distance, 0.01 * k, 0.02]) for k in range(poses)])
         rt.simulate(scene, rt.Radar.iwr1843(), sensor, rays=rays)
     assert len(different) >= len(CALLS)
     assert not any(different)
+
+
+def test_a_replay_has_the_polarisation_of_its_call() -> None:
+    """A sphere returns no cross-polarised echo, also if a call with the same polarisation at both ends came before."""
+    ball = objects.sphere(0.03)
+    one, cross, other, back = (rt.rcs(ball, [1, 0, 0], polarization=pair, rays_per_wavelength2=1.0) for pair in ("VV", "VH", "HH", "HV"))
+    assert max(cross, back) < 1e-9 * one
+    assert other == pytest.approx(one, rel=1e-3)

@@ -3,6 +3,7 @@
 `radartwin.simulation.curved.tubes` explains the formulas and symbols. Import this module only after a Mitsuba variant is active.
 """
 
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -80,8 +81,11 @@ class Setting:
 
 
 # Dr.Jit records the operations of this function once for each mesh, separately for one pose and for several poses. Later calls only run the
-# compiled kernels. The limit is the number of recorded programs in memory.
-_single_bounce = dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000)
+# compiled kernels. The limit is the number of recorded programs in memory. Dr.Jit does not notice
+# every change of a Python value in `Setting`, so there is a function for each polarisation of transmitter and receiver and kind of wave.
+_SINGLE_BOUNCE = {
+    kind: dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000) for kind in itertools.product((False, True), repeat=3)
+}
 
 
 class Tracer:
@@ -130,7 +134,8 @@ class Tracer:
         strongest = np.zeros(self.grid.poses)
         index, pieces = upload(mi.UInt32, selection.index), flight.Pieces.of(self.grid, selection)
         if self.single:
-            yield from self._hits(*_single_bounce(self.setting, index, pieces), 1, strongest)
+            recorded = _SINGLE_BOUNCE[self.transmit.cross, self.receive.cross, self.grid.plane]
+            yield from self._hits(*recorded(self.setting, index, pieces), 1, strongest)
             return
         tubes = flight.start(self.setting.grid, self.setting.transmit_axis, self.setting.transmit_cross, index, pieces)
         active = contacts.cast(self.device, tubes, True)
