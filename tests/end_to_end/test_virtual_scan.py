@@ -59,13 +59,10 @@ def test_fusion_of_the_largest_room_needs_less_than_a_minute_on_two_cores_and_fo
         "fuse(frames)\n"
         "print(time.process_time() - start, peak_gib())"
     )
-    core_seconds, gibibytes = map(float, _alone(code).split())
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    core_seconds, gibibytes = map(float, done.stdout.split())
     assert core_seconds < 120
     assert gibibytes < 4.0
-
-
-def _alone(code: str) -> str:
-    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
 
 
 def test_half_a_million_triangles_need_less_than_four_gigabytes():

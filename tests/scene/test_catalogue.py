@@ -1,7 +1,5 @@
 """Tests of the twelve catalogue objects (classes, sizes, contents and meshes), and of objects from mesh files."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -15,7 +13,6 @@ from radartwin.scene.mesh_file import TextureWarning
 from radartwin.scene.objects import vessels
 from radartwin.simulation import geometry
 
-DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "objects"
 NAMES = list(objects.catalogue())
 
 
@@ -96,12 +93,9 @@ def test_contents_are_the_backing_of_the_wall():
     assert objects.make("can_211_400")[0].material == "metal"
 
 
-def test_mustard_matches_its_scanned_model_in_width():
-    path = DATA / "ycb" / "MustardBottle.obj"
-    if not path.is_file():
-        pytest.skip(f"needs the scanned model {path}")
+def test_mustard_matches_its_scanned_model_in_width(shared_data):
     with pytest.warns(TextureWarning):
-        (scanned,) = from_mesh(path, "hdpe")
+        (scanned,) = from_mesh(shared_data / "objects" / "ycb" / "MustardBottle.obj", "hdpe")
     body = objects.make("mustard")[0].mesh
     for z in (0.03, 0.06, 0.09, 0.12):
         widths = []

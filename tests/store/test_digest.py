@@ -143,7 +143,7 @@ def test_a_name_that_radartwin_loads_on_first_use_counts_with_its_module(package
 
 def test_recordings_do_not_depend_on_code_that_learns_or_reports() -> None:
     if not (Path(digest.__file__).parents[2] / "experiments").is_dir():
-        pytest.skip("the study is not beside the installed package")
+        pytest.skip("the installed package has no folder experiments/ beside it; run this test in a checkout")
     for entry in ("experiments.campaign.truth", "experiments.campaign.twin", "radartwin.simulation"):
         packages = {".".join(name.split(".")[:2]) for name in digest.import_closure((entry,))}
         assert "radartwin.simulation" in packages

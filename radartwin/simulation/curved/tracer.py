@@ -81,8 +81,8 @@ class Setting:
 
 
 # Dr.Jit records the operations of this function once for each mesh, separately for one pose and for several poses. Later calls only run the
-# compiled kernels. The limit is the number of recorded programs in memory. Dr.Jit does not notice
-# every change of a Python value in `Setting`, so there is a function for each polarisation of transmitter and receiver and kind of wave.
+# compiled kernels. The limit is the number of recorded programs in memory. Dr.Jit 1.5.0 can take two settings for equal that differ only in
+# which of their fields are True. Therefore, each polarisation of transmitter and receiver and each kind of wave has a function of its own.
 _SINGLE_BOUNCE = {
     kind: dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000) for kind in itertools.product((False, True), repeat=3)
 }
