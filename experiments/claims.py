@@ -1,4 +1,4 @@
-"""Build table rows that compare a claim of the paper with our result, and decide whether the claim holds."""
+"""Build table rows with a claim, the figure of the paper and our result, and decide whether the claim holds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from radartwin.store.digest import spec_digest
 SHOWN_KEYS = 12  # largest number of store keys that a table cell lists; the run's result holds all keys
 NO_WIDTH = "the interval has no width"
 TOO_WIDE = "the interval is too wide to show no effect"
-LEVEL = 0.05  # largest corrected p value at which a claim holds
+LEVEL = 0.05  # a claim holds only if its corrected p value is below this
 
 
 def verdict(holds: bool | None) -> str:
@@ -27,16 +27,17 @@ def verdict(holds: bool | None) -> str:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper about one table row, with the condition that our result must meet so that the claim holds.
+    """A claim about one table row, by the paper or by this project, with the condition that our result must meet so that the claim holds.
 
-    Bounds are minimum effects: a module states them before its table is computed. A claim without text is not judged.
+    Bounds are minimum effects: a module states them before its table is computed (`gap_attribution` says where it did so later). A claim
+    without text is not judged.
     """
 
     text: str = ""  # the claim in words
     paper: str = ""  # the value in the paper
     above: float = -math.inf  # our whole confidence interval must lie above this value
     below: float = math.inf  # our whole confidence interval must lie below this value
-    contains: float | None = None  # value that our interval must be near; used for a claim of no effect
+    contains: float | None = None  # value from which our whole interval may differ by at most `margin`; used for a claim of no effect
     reaches: float | None = None  # value that our interval must not exceed; used for a claim that the quantity is at most this value
     margin: float = 0.0  # largest deviation from `contains` or `reaches` that still counts as no effect
     p_below: float | None = None  # our p value must be smaller than this

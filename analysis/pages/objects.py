@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from radartwin.io.files import write_atomically
 from radartwin.scene import objects
 from radartwin.scene.objects import Entry
 
@@ -60,13 +62,19 @@ def objects_figure(path: Path) -> Path:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, grid = plt.subplots(2, 6, figsize=(12, 5.4), subplot_kw={"projection": "3d"})
-    for axes, entry in zip(grid.flat, objects.catalogue().values(), strict=True):
+    entries = list(objects.catalogue().values())
+    columns = -(-len(entries) // 2)
+    figure, grid = plt.subplots(2, columns, figsize=(2 * columns, 5.4), subplot_kw={"projection": "3d"})
+    for axes, entry in zip(grid.flat, entries, strict=False):
         draw(axes, entry)
+    for axes in grid.flat[len(entries) :]:
+        axes.remove()
     figure.subplots_adjust(left=0, right=1, top=1.0, bottom=0.1, wspace=0, hspace=0.2)
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130)
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=130)
     plt.close(figure)
+    write_atomically(path, content.getvalue())
     return path
 
 

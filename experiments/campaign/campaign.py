@@ -3,7 +3,7 @@
 The store holds two results for each recording, `clean` and `processed`. The result `clean` is the recording before receiver effects (noise,
 leakage, ADC). A measured turntable recording with more frames than traced target angles (aspects) is stored as the radar signals at these
 angles. All features are computed from the stored result `processed`. Receiver effects are added when a clean recording is processed. The
-name of the recording gives the random seed of these effects.
+random seed of these effects comes from the configured seed, the draw (in the testbed) and the name of the recording.
 """
 
 from __future__ import annotations

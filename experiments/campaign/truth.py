@@ -2,7 +2,8 @@
 
 This module never imports the simulated scan, the material labels or the simulator settings of the scanned room. A clean recording (before
 receiver effects) depends only on whether the option measured.gap.hardware is zero, so all values above zero give the same clean recording.
-Noise, leakage and ADC effects are added when the recording is read; the name of the recording gives the random seed of these effects.
+Noise, leakage and ADC effects are added when the recording is read. Their random seed comes from the configured seed, the draw and the
+name of the recording.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def gaps_of(config: Config) -> testbed.Gaps:
 
 
 def seed_of(case: Case, config: Config) -> int:
-    """Return the random seed of one recording, computed from the recording's name."""
+    """Return the random seed of one recording, computed from the configured seed, the draw and the recording's name."""
     return int(np.random.SeedSequence([root_of(case, config), *case.name.encode()]).generate_state(1)[0])
 
 

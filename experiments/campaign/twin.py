@@ -112,7 +112,7 @@ def record(
 
 
 def noisy(clean: Recording, case: Case, config: Config) -> Recording:
-    """Add thermal noise according to the radar's noise figure. The random seed comes from the recording's name."""
+    """Add thermal noise according to the radar's noise figure. The random seed comes from the configured seed and the recording's name."""
     rng = np.random.default_rng(np.random.SeedSequence([config.seed, *b"twin noise", *case.name.encode()]))
     return Recording(clean.iq + thermal_noise(clean.iq.shape, clean.radar, rng), clean.radar, None, provenance=clean.provenance)
 

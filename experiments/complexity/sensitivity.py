@@ -154,7 +154,7 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
         quick = {"ripple": False} if module is turntable_shape else {}
         try:
             result = module.score(replace(_own(module), **same), campaign, progress, **quick)
-        except (ConfigError, InputError) as error:  # the campaign lacks the motion, or has too few objects
+        except InputError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():

@@ -37,9 +37,11 @@ TABLE = Table(
     title="Object, distance, room",
     caption="Agreement of simulated and measured features while two of the factors object, distance and room are fixed and the "
     "third varies; correlations pooled over distances and at matched distances; and the variance of the disagreement "
-    "(simulated minus measured), divided among the three factors. Intervals are bootstraps over objects, widened for few objects.",
+    "(simulated minus measured), divided among the three factors. Intervals are bootstraps over objects with at most 300 resamples, "
+    "widened for few objects.",
 )
 
+MOST_DRAWN = 300  # largest number of resamples
 SHARE = "share of the disagreement, per degree of freedom"
 INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.05)
 ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.05)
@@ -231,13 +233,13 @@ def bootstrap(
     """Compute a statistic, and its interval by a bootstrap over objects. An object that the bootstrap draws contributes its values in all
     rooms and at all distances.
 
-    At most 300 resamples are drawn, because every feature is ranked again in each resample. The interval is widened for few objects
+    At most MOST_DRAWN resamples are drawn, because every feature is ranked again in each resample. The interval is widened for few objects
     (`statistics.widening`) and clipped to `limits`, the smallest and largest value that the statistic can have.
     """
     names = sorted({name for name, _, _ in cells})
     rng = np.random.default_rng(seed)
     drawn = []
-    for _ in range(min(resamples, 300)):
+    for _ in range(min(resamples, MOST_DRAWN)):
         chosen = rng.choice(len(names), len(names))
         again = {
             (str(number), room, distance): values

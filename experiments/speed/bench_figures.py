@@ -16,8 +16,8 @@ import pandas as pd
 
 LAST = 10  # number of earlier runs that a value is compared with
 FEWEST = 3  # fewest earlier runs for a comparison
-SCATTER = 3.0  # a step is larger than SCATTER median absolute deviations of the earlier runs, and
-STEP = 0.15  # larger than STEP times their median
+SCATTER = 3.0  # a step exceeds this many median absolute deviations of the earlier runs,
+STEP = 0.15  # and also this share of their median
 COMPARABLE = ("processor", "cores", "variant")  # columns of the history that are equal in comparable runs
 
 PROJECT = "performance target of the project on 2 processor cores"

@@ -29,6 +29,7 @@ from experiments.recognition.readings import FEATURES, MOTION
 from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
+from experiments.turntable.turntable_material import BRIGHTNESS
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
@@ -40,7 +41,6 @@ from radartwin.store.products import Store
 
 NAME = "campaign"
 TITLE = "turntables of twelve objects in the laboratory"
-BRIGHTNESS = "brightness_db"
 LONGER = ("profile.campaign.reflector_repeats=3",)  # changes of the quick profile
 
 

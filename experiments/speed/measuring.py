@@ -183,8 +183,9 @@ def measure(
     """Time all simulation methods on a test problem, in alternation, and return one row per method.
 
     The first method runs once before the timing, so that the kernels that several methods use are compiled. After the first two
-    repetitions there are `rounds` more repetitions, each with as many frames as fit into `budget_s` seconds. A method is timed only once
-    if one repetition takes more than `slow_s` seconds.
+    repetitions there are `rounds` more repetitions, each with as many frames as fit into `budget_s` seconds. Every second repetition takes
+    the methods in reverse order, because a method can be slower after another one. A method is timed only once if one repetition takes more
+    than `slow_s` seconds.
     """
     calls = itertools.count(1)
     timed = [Timed(problem, method, calls) for method in methods]
@@ -193,8 +194,8 @@ def measure(
         timed[0].once(moved=True)
         for one in timed:
             one.prepare(budget_s, most)
-        for _ in range(rounds):
-            for one in timed:
+        for number in range(rounds):
+            for one in timed[:: 1 if number % 2 else -1]:
                 length_s = (one.seconds[-1] if one.seconds else 0.0) * one.frames * len(problem.parts)
                 if not one.seconds or (length_s < slow_s and not one.method.published):
                     one.note(one.once())

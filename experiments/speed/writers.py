@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from radartwin.config.study import TrackingConfig
-from radartwin.errors import BackendError, UserError
+from radartwin.errors import UserError
 from radartwin.runs.tracking import Tracker
 from radartwin.store.products import Store
 
@@ -101,7 +101,7 @@ def together(write: Callable[[str], None], writers: int) -> tuple[np.ndarray, fl
             began, good = time.monotonic(), True
             try:
                 write(f"{writers}-{number}-{turn}")
-            except (UserError, BackendError, Warning):
+            except (UserError, Warning):
                 good = False
             queue.put((began, time.monotonic(), good))
 

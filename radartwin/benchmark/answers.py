@@ -76,7 +76,7 @@ class Problem:
 
     Attributes:
         rests_on: method by which the answer is computed.
-        known_error: signal error of the answer itself; `known_by` states how this error is known.
+        known_error: signal error of the answer itself. The key `known_by` of answers.json states how this error is known.
         gate_m: nearest and farthest range in metres in which the answer is valid and methods are scored.
     """
 
@@ -84,7 +84,6 @@ class Problem:
     title: str
     rests_on: str
     known_error: float
-    known_by: str
     gate_m: tuple[float, float]
     radar: Radar
     scenarios: tuple[Scenario, ...]
@@ -149,7 +148,7 @@ def problem(name: str, folder: Path = FOLDER) -> Problem:
     radar = radar_of(entry["radar"])
     scenarios = tuple(_scenario(key, surfaces, arrays, radar) for key, surfaces in entry["scenarios"].items())
     near, far = entry["gate_m"]
-    return Problem(name, entry["title"], entry["rests_on"], entry["known_error"], entry["known_by"], (near, far), radar, scenarios)
+    return Problem(name, entry["title"], entry["rests_on"], entry["known_error"], (near, far), radar, scenarios)
 
 
 def problems(folder: Path = FOLDER) -> list[Problem]:

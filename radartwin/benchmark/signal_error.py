@@ -4,8 +4,8 @@ Symbols: a -> samples of a method, b -> samples of the reference. A range profil
 Chirps are added coherently, and channels are averaged in power. Profiles are compared in decibels over the ranges that the study uses
 (radartwin/features/profile.py), in the bins where the reference is within DYNAMIC_DB of its strongest bin. Levels more than DYNAMIC_DB
 below the strongest bin are raised to this limit, so a method that returns no signal has an error of DYNAMIC_DB at the peak. The signal
-error |a - b|/|b| covers all samples. The error of the range profile is given twice: without a gain, and after the common gain that
-minimises the error.
+error |a - b|/|b| covers all samples, or with a range gate the range spectra inside it. The error of the range profile is given twice:
+without a gain, and after the common gain that minimises the error.
 """
 
 from __future__ import annotations

@@ -72,9 +72,9 @@ def _add_study(group: Verbs) -> None:
     run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
     run.add_argument("--search", metavar="METRIC", help="search for the best METRIC over 'trajectory.height_m=interval(0.5,1.5)'")
-    run.add_argument("--trials", metavar="N", type=int, default=20, help="number of trials of a search (default: 20)")
-    run.add_argument("--direction", choices=("maximize", "minimize"), default="maximize", help="direction of a search (default: maximize)")
-    run.add_argument("--at-once", metavar="N", type=int, default=1, help="parallel trials, for hydra/launcher=joblib or slurm (default: 1)")
+    run.add_argument("--trials", metavar="N", type=int, help="number of trials of a search (default: 20)")
+    run.add_argument("--direction", choices=("maximize", "minimize"), help="direction of a search (default: maximize)")
+    run.add_argument("--at-once", metavar="N", type=int, help="parallel trials, for hydra/launcher=joblib or slurm (default: 1)")
 
     tables = _add(group, "tables", verbs.tables, "run the missing experiments, and write tables, figures and the report", resumes=True)
     tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="amount of computation (default: quick)")
@@ -235,7 +235,7 @@ def _overrides(verb: argparse.ArgumentParser, text: str, metavar: str = "OVERRID
 
 
 def _recording(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument("recording", metavar="RECORDING", type=Path, help="a recording, a mmWave Studio .bin, or a .npy or .npz cube")
+    verb.add_argument("recording", metavar="RECORDING", type=Path, help="a recording, a mmWave Studio .bin, a cascade capture folder, or a .npy or .npz cube")
     _capture(verb)
 
 

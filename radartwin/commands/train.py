@@ -16,7 +16,7 @@ from typing import Any
 from radartwin.builders import revolutions
 from radartwin.builders.revolutions import Revolution
 from radartwin.builders.scene import materials_line
-from radartwin.config.compose import compose, path_override
+from radartwin.config.compose import compose, path_override, refuse_unread
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.errors import ConfigError
@@ -69,12 +69,7 @@ def train(options: argparse.Namespace) -> int:
 def configured(options: argparse.Namespace) -> Config:
     """Compose the configuration of a training. Raise ConfigError for an override that a training does not read."""
     given = [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
-    keys = [override.lstrip("+~").partition("=")[0] for override in given]
-    for key in keys:
-        if key in SET_BY:
-            raise ConfigError(f"train does not read {key}; use {SET_BY[key]}")
-        if key.partition(".")[0] not in READ:
-            raise ConfigError(f"train does not read {key}; it reads {', '.join(READ)}")
+    keys = refuse_unread("train", given, READ, SET_BY)
     target = "scene.target=corner_reflector"  # a placeholder, because the configuration cannot name the user's objects
     ours = ["features=rotation", f"features.without=[{','.join(WITHOUT)}]", target]
     if options.room:

@@ -11,6 +11,8 @@ from pathlib import Path
 from radartwin.errors import ConfigError, OutputError
 from radartwin.io.one_line import plural
 
+SIMULATE_READS = ("radar", "scene", "materials", "contents", "trajectory", "simulator", "features", "seed", "output")
+
 
 def demo(options: argparse.Namespace) -> int:
     from radartwin.commands.demo import demo
@@ -20,11 +22,15 @@ def demo(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace) -> int:
+    given = {name: value for name in ("trials", "direction", "at_once") if (value := getattr(options, name)) is not None}
     if options.search:
         from radartwin.runs.search import SearchGoal, search
 
-        goal = SearchGoal(options.search, options.trials, options.direction, options.at_once)
-        return search(_all_overrides(options), options.config_dir, goal)
+        if options.multirun:
+            raise ConfigError("run: --search starts its own jobs; leave -m out")
+        return search(_all_overrides(options), options.config_dir, SearchGoal(options.search, **given))
+    if given:
+        raise ConfigError(f"run: --{next(iter(given)).replace('_', '-')} applies only to a search; add --search METRIC, or leave it out")
     if options.multirun:
         from radartwin.runs.sweep import sweep
 
@@ -43,12 +49,14 @@ def tables(options: argparse.Namespace) -> int:
 def simulate(options: argparse.Namespace) -> int:
     from radartwin.builders.recording import simulate_scene
     from radartwin.builders.scene import materials_line
-    from radartwin.config.compose import compose
+    from radartwin.config.compose import compose, refuse_unread
     from radartwin.io import files
     from radartwin.radar.recording import recording_files, refuse_foreign
     from radartwin.store.products import Store
 
-    config = compose(_all_overrides(options), options.config_dir)
+    overrides = _all_overrides(options)
+    refuse_unread("simulate", overrides, SIMULATE_READS)
+    config = compose(overrides, options.config_dir)
     path = options.out or Path(config.output) / "recordings" / config.scene.name
     for file in recording_files(path):
         if file.is_dir():
@@ -141,6 +149,12 @@ def label(options: argparse.Namespace) -> int:
     names = ("provider", "model", "url", "timeout_s", "concurrency", "views")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     label_options = LabelOptions(**given, export=options.export, answers=options.answers, missing=options.missing)
+    batch = next((name for name, value in (("export", options.export), ("import", options.answers)) if value is not None), None)
+    if batch and options.provider:
+        raise ConfigError(f"label: --{batch} asks no provider; leave --provider out")
+    for name, option in (("url", "url"), ("concurrency", "concurrency"), ("timeout_s", "timeout")):
+        if name in given and (batch or options.provider != "server"):
+            raise ConfigError(f"label: --{option} applies only to --provider server; add --provider server, or leave --{option} out")
     for line in label_folder(options.scene, label_options, Progress()):
         print(line)
     return 0

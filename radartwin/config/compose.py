@@ -10,7 +10,7 @@ import contextlib
 import copy
 import dataclasses
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -195,6 +195,23 @@ def quoted(overrides: Sequence[str]) -> list[str]:
             if override.startswith(f"{group}="):
                 out[i] = re.sub(rf"(?<=[=,]){option}(?=,|$)", f"'{option}'", override)
     return out
+
+
+def refuse_unread(verb: str, overrides: Sequence[str], reads: Sequence[str], set_by: Mapping[str, str] | None = None) -> list[str]:
+    """Return the keys of overrides. Raise ConfigError for a key of a group of the configuration that the verb does not read. (`compose`
+    refuses keys of unknown groups.)
+
+    set_by: {key: argument} of keys that the verb sets from another argument.
+    """
+    keys = [override.lstrip("+~").partition("=")[0] for override in overrides]
+    groups = {"hydra", *(entry.name for entry in dataclasses.fields(Config))}
+    for key in keys:
+        if set_by and key in set_by:
+            raise ConfigError(f"{verb} does not read {key}; use {set_by[key]}")
+        group = re.split(r"[./@]", key)[0]
+        if group in groups and group not in reads:
+            raise ConfigError(f"{verb} does not read {key}; it reads {', '.join(reads)}")
+    return keys
 
 
 def path_override(key: str, path: str | Path) -> str:

@@ -51,12 +51,14 @@ class Record:
         """Make a record from the JSON-compatible values that `to_dict` returned."""
         try:
             if values["format"] != FORMAT:
-                raise KeyError("format")
+                raise LabelError(f"a recorded answer has format {values['format']!r}, not {FORMAT!r}; ask the question again")
             place, answer = Place.from_dict(values["place"]), Answer.from_dict(values["answer"])
             key, model, provider, prompt, kind = (str(values[name]) for name in ("key", "model", "provider", "prompt", "kind"))
             return cls(key, model, provider, prompt, tuple(values["images"]), kind, place, answer)
-        except (KeyError, TypeError) as error:
-            raise LabelError(f"a recorded answer lacks {error}") from error
+        except KeyError as error:
+            raise LabelError(f"a recorded answer lacks {error}; ask the question again") from error
+        except TypeError as error:
+            raise LabelError(f"a recorded answer is not valid ({error}); ask the question again") from error
 
 
 class Journal:

@@ -52,8 +52,10 @@ class Place:
             points = np.array(values["points_cm"], float).reshape(-1, 3) / 100
             bounds = np.array(values["bounds_m"], float).reshape(2, 3)
             return cls(np.array(values["centroid_m"], float).reshape(3), normal, float(values["area_m2"]), bounds, points)
-        except (KeyError, TypeError, ValueError) as error:
+        except KeyError as error:
             raise LabelError(f"the surface position of a recorded answer lacks {error}") from error
+        except (TypeError, ValueError) as error:
+            raise LabelError(f"the surface position of a recorded answer is not valid ({error})") from error
 
 
 def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:

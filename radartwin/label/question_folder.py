@@ -61,7 +61,8 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
 
 
 def read_answers(path: Path, questions: Sequence[Question], model: str) -> list[Record]:
-    """Read the answers to `questions` from a JSONL file. If the file has invalid lines, raise a LabelError that names all of them.
+    """Read the answers to `questions` from a JSONL file. If the file has invalid lines, raise a LabelError that counts them and names
+    the first SHOWN_PROBLEMS.
 
     A known material outside the MINC categories is replaced by its closest MINC category, because the question cannot be asked again.
     """

@@ -91,7 +91,7 @@ class Live:
 def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> Iterator[Live]:
     """Run the live page within the `with` block. The arguments and errors are those of `serve`."""
     if not len(scene):
-        raise SceneError("the scene has no surfaces, so there is nothing to view")
+        raise SceneError("the scene has no surfaces, so there is nothing to view; reconstruct a scan or add surfaces")
     room, movables = split(scene)
     tracer, crash, finished = LiveTracer(room, radar, movables), [], threading.Event()
 

@@ -22,7 +22,7 @@ _tracer: LiveTracer | None = None
 
 
 class Searcher:
-    """Start one worker process that searches for a room.
+    """Start one worker process that searches for the paths of a room.
 
     Args:
         room: the room without movable objects. radar: radar whose antenna array and sweep the search uses.
@@ -34,7 +34,8 @@ class Searcher:
         self.busy = False
 
     def submit(self, setting: LiveSetting, done: Callable[[LiveSetting, Found | BaseException], object]) -> None:
-        """Search for one setting: first for paths of at most one diffraction, then completely. One setting is searched at a time.
+        """Search for one setting: first for paths of at most one diffraction, then completely. The caller must wait until `busy` is False
+        before the next call.
 
         Another thread calls `done` with each of the two results, or with an exception.
 

@@ -189,7 +189,7 @@ def _trajectory(folder: Path, row: Row, recording: Recording) -> Iterator[str]:
     try:
         files.inside(folder, f"{TRAJECTORIES}/{row.trajectory}")
         frame_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
-    except (InputError, MissingError, OSError) as error:
+    except (InputError, OSError) as error:
         yield str(error).removeprefix("trajectory ").replace(str(path), f"trajectory {row.trajectory}")
 
 

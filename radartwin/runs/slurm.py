@@ -6,6 +6,7 @@ module a job has ended when the job's file outcome.json exists (radartwin/runs/j
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import time
@@ -16,11 +17,22 @@ from typing import Any
 from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
 from hydra_plugins.hydra_submitit_launcher.submitit_launcher import SlurmLauncher
 
-from radartwin.errors import BackendError
+from radartwin.errors import BackendError, ConfigError
 from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, LOG, Outcome, job_name
 
-POLL_S = float(os.environ.get("RADARTWIN_SLURM_POLL", "5"))
+
+def _poll_s() -> float:
+    text = os.environ.get("RADARTWIN_SLURM_POLL", "5")
+    try:
+        if 0 < float(text) < math.inf:
+            return float(text)
+    except ValueError:
+        pass
+    raise ConfigError(f"RADARTWIN_SLURM_POLL={text} is not a number of seconds above zero; correct it, or unset it for 5 seconds")
+
+
+POLL_S = _poll_s()  # seconds between two looks at the queue
 GRACE_S = 4 * POLL_S  # seconds to wait for outcome.json of a job that left the SLURM queue; files of other nodes appear with a delay
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 

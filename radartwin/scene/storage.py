@@ -36,7 +36,7 @@ UV_STEPS = 2**17
 def write_scene(surfaces: Sequence[Surface], provenance: Mapping[str, Any], folder: Path) -> Path:
     """Write the surfaces of a scene to a scene folder; `Scene.save` documents the errors."""
     if not surfaces:
-        raise SceneError("the scene has no surfaces, so there is nothing to save")
+        raise SceneError(f"the scene has no surfaces, so there is nothing to save in {folder}; add surfaces")
     out = trimesh.Scene()
     entries = []
     for index, surface in enumerate(surfaces):

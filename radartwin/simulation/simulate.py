@@ -2,8 +2,7 @@
 
 Frames are traced and synthesised in blocks, so that the paths of a recording need memory that does not grow with its number of frames. The
 first block has at most FIRST_FRAMES frames. Each next block has as many frames as fit into BLOCK_BYTES of paths and samples, but at least
-FEWEST_FRAMES and at most MOST_FRAMES. The blocks depend only on the arguments of `simulate`, so that equal arguments give equal samples on
-every computer.
+FEWEST_FRAMES and at most MOST_FRAMES. The blocks depend only on the arguments of `simulate`, not on the computer.
 """
 
 import contextlib

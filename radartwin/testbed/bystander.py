@@ -24,6 +24,7 @@ from radartwin.scene.collision import overlap_m
 from radartwin.scene.objects import shapes, vessels
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
+from radartwin.testbed.motion_errors import wander
 
 NAME = "person"
 SWAY_M, SWAY_S = 0.004, 1.0
@@ -79,12 +80,7 @@ def place(room: Scene, sensor_poses: np.ndarray, target: np.ndarray, rng: np.ran
 
 def sway(times_s: NDArray[np.float64], strength: float, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw the displacement (F,) of the person towards the radar at each frame, in metres."""
-    draws = rng.standard_normal(len(times_s))
-    memory = np.exp(-np.diff(times_s, prepend=times_s[:1]) / SWAY_S)
-    out = draws.copy()
-    for f in range(1, len(out)):
-        out[f] = memory[f] * out[f - 1] + np.sqrt(1 - memory[f] ** 2) * draws[f]
-    return strength * SWAY_M * out
+    return strength * SWAY_M * wander(times_s, SWAY_S, rng)
 
 
 @dataclass(frozen=True, eq=False)

@@ -169,12 +169,12 @@ def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Genera
     long = np.linalg.norm(steps, axis=1)
     path = np.concatenate([[0.0], np.cumsum(long)])
     sign = np.where(steps @ gone[np.linalg.norm(gone, axis=1).argmax()] < 0, -1.0, 1.0)  # forwards or backwards
-    slow = (rng.standard_normal() + _wander(path[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
+    slow = (rng.standard_normal() + wander(path[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
     wheel = np.concatenate([[0.0], np.cumsum(sign * long)])
     turn = 2 * np.pi * wheel / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
     heading = np.radians(errors.heading_deg * rng.standard_normal() + errors.drift_deg_per_m * rng.standard_normal() * path)
     start = errors.start_m * rng.standard_normal(2)
-    bob = errors.bob_m * _wander(path, errors.bob_length_m, rng)
+    bob = errors.bob_m * wander(path, errors.bob_length_m, rng)
     if errors.none():
         return poses.copy()
     ripple = np.divide(sign * errors.ripple_m * np.diff(np.sin(turn)), long, out=np.zeros_like(long), where=long > 0)
@@ -212,9 +212,9 @@ def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, 
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
     own = np.random.default_rng(rng.integers(2**63))  # own generator, so that later draws from `rng` do not depend on the frame count
-    wander = _wander(np.abs(since), 2 * np.pi * errors.rate_turns, own)
+    excess_rate = wander(np.abs(since), 2 * np.pi * errors.rate_turns, own)
     steps = np.diff(since, prepend=since[:1])
-    excess = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(wander * steps))
+    excess = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(excess_rate * steps))
     ripple = np.radians(errors.ripple_deg) * (np.sin(errors.ripple_cycles * since + phase) - np.sin(phase))
     return start + excess + ripple
 
@@ -258,10 +258,12 @@ def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, r
     return out
 
 
-def _wander(path: NDArray[np.float64], length_m: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw a stationary Ornstein-Uhlenbeck process of unit variance along a path (F,) in metres, with the correlation length `length_m`."""
+def wander(path: NDArray[np.float64], length: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draw a stationary Ornstein-Uhlenbeck process of unit variance along a path (F,), with the correlation length `length` in the
+    unit of the path (metres, seconds or radians).
+    """
     draws = rng.standard_normal(len(path))
-    memory = np.exp(-np.diff(path, prepend=path[:1]) / length_m)
+    memory = np.exp(-np.diff(path, prepend=path[:1]) / length)
     out = draws.copy()
     for i in range(1, len(path)):
         out[i] = memory[i] * out[i - 1] + np.sqrt(1 - memory[i] ** 2) * draws[i]

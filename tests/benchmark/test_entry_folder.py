@@ -61,7 +61,7 @@ def test_a_simulator_joins_the_rows_and_replaces_only_its_own(folder: Path, tmp_
     assert float(found[-1]["seconds_per_frame"]) > 0
 
 
-def test_a_single_array_may_be_a_npy_file(folder: Path, tmp_path: Path) -> None:
+def test_a_single_array_may_be_a_npy_file(folder: Path) -> None:
     np.save(folder / "near.npy", quiet_signals("near")["trihedral 15 cm"])
     change(folder, lambda near: near.update(file="near.npy", sha256=checksum(folder / "near.npy")))
     assert entry_folder.read(folder)[1]["near"][0]["trihedral 15 cm"].shape == (11, 256)
@@ -213,7 +213,7 @@ def test_a_repeated_problem_is_scored_once(folder: Path, tmp_path: Path, inside:
 
 
 def test_a_folder_without_a_chosen_problem_is_refused_before_any_method_runs(
-    folder: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
+    folder: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(entrants, "solve", lambda *_: pytest.fail("a method ran"))
     done = inside("benchmark", "--method", "points", "--method", folder, "--problem", "canonical")

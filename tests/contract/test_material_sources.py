@@ -130,7 +130,7 @@ def test_random_labels_have_the_given_error_rate_and_are_nested():
     assert max(map(drawn.count, drawn)) < 2.5 * 500 / 21, "drawn evenly"
 
 
-def test_random_needs_true_categories_and_at_least_two(scene):
+def test_random_needs_true_categories_and_at_least_two():
     plain = Scene([Surface(objects.plate(3, 3), "wood", "w", role="room", provenance={"source": "true"})])
     with pytest.raises(SceneError, match="true category of surface 'w'"):
         material_source("random")(plain)

@@ -1,6 +1,6 @@
 """`radartwin dashboard` serves MLflow's web pages of our runs on the loopback interface, and ends with all its processes.
 
-The slow tests open the pages in a real browser and write screenshots to outputs/screenshots of the checkout.
+Two slow tests open the pages in a real browser and write screenshots to outputs/screenshots of the checkout.
 """
 
 from __future__ import annotations
@@ -119,11 +119,11 @@ def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals
         assert_ends(command, number, int(address.rpartition(":")[2]))
 
 
-def record(tracker: Tracker, number: int, artifacts: Path) -> str:
+def record(tracker: Tracker, number: int, artifacts: Path, table: str = "environment") -> str:
     """Track a run in the same way as the runner, with parameters, metrics, a table, input data and pictures."""
     source = MATERIALS[number % len(MATERIALS)]
     params = {"materials": source, "seed": str(number)}
-    with tracker.run("environment", f"{number:032x}", f"materials={source},seed={number}", params) as run:
+    with tracker.run(table, f"{number:032x}", f"materials={source},seed={number}", params) as run:
         run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5}
         run.artifacts = [artifacts]
         run.rows = [{"distance_m": 2.0, "metric": "correlation", "value": 0.1 * (number % 10), "verdict": "holds"}]
@@ -214,26 +214,31 @@ def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, m
 
 
 @pytest.mark.slow
-def test_two_thousand_runs_are_listed_and_filtered_in_three_seconds(chromium, tmp_path: Path, figures: Path) -> None:
-    """The runner's own tracker writes 2000 runs, each with a picture, a table, a dataset and tags. The browser already has the page in its
-    cache.
+def test_the_page_of_two_thousand_runs_opens_as_fast_as_that_of_a_hundred(chromium, tmp_path: Path, figures: Path) -> None:
+    """The runner's own tracker writes the runs, each with a picture, a table, a dataset and tags. The page shows 100 runs of either table.
+    The browser already has the page in its cache, but most of the time is that of MLflow's script in the browser.
     """
     tracker, made = Tracker(TrackingConfig(), tmp_path), [time.monotonic()]
     for number in range(2000):
         record(tracker, number, figures)
         made.append(time.monotonic())
+    for number in range(100):
+        record(tracker, number, figures, "stability")
     words = "metrics.correlation_2m > 0.85 and params.materials = 'void'"
     expected = sum(number % 10 == 9 and number % 3 == 0 for number in range(2000))
     with serving(tmp_path) as (address, _):
-        page, runs = chromium(), f"{address}/#/experiments/{experiment_id(address)}/runs"
-        visit(page, runs, "100 matching runs", "materials=")  # a first visit compiles the page
-        loaded = visit(page, runs, "100 matching runs", "materials=")
+        page = chromium()
+        few, many = (f"{address}/#/experiments/{experiment_id(address, table)}/runs" for table in ("stability", "environment"))
+        visit(page, few, "100 matching runs", "materials=")  # a first visit compiles the page
+        pairs = [[visit(page, url, "100 matching runs", "materials=") for url in (few, many)] for _ in range(3)]
         page.screenshot("runs-2000")
-        chosen = visit(page, f"{runs}?searchFilter={quote_plus(words)}", f"{expected} matching runs")
+        chosen = visit(page, f"{many}?searchFilter={quote_plus(words)}", f"{expected} matching runs")
         started = time.monotonic()
         assert len(runs_of(address, words=words, most=1000)) == expected
         asked = time.monotonic() - started
-    last = np.median(np.diff(made[-100:]))
-    print(f"2,000 runs listed in {loaded:.2f} s, filtered in {chosen:.2f} s, by the server in {asked:.2f} s; {last:.3f} s to track a run")
-    assert max(loaded, chosen, asked) < 3
+    last, (hundred, loaded) = np.median(np.diff(made[-100:])), np.median(pairs, axis=0)
+    print(f"2,000 runs listed in {loaded:.2f} s, 100 runs in {hundred:.2f} s; filtered in {chosen:.2f} s, by the server in {asked:.2f} s")
+    print(f"{last:.3f} s to track a run")
+    assert max(loaded, chosen) < 1.5 * hundred, "the page slows down with the runs there are"
+    assert asked < 1
     assert last < 0.3, "tracking slows down with the runs there are"

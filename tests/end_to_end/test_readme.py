@@ -1,5 +1,5 @@
-"""All commands of the README run as printed, in the order of the README, on small input. The test adds overrides that shorten slow
-commands.
+"""All commands of the README run as printed, in the order of the README, on small input, except those in ELSEWHERE. The test adds
+overrides that shorten slow commands.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CAMPAIGN = [
     "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
-# Tested in test_dashboard.py, test_classify.py, test_demo.py, test_live_page.py, tests/benchmark, tests/experiments and, with
+# Tested in test_dashboard.py, test_classify.py, test_demo.py, test_live.py, tests/benchmark, tests/experiments and, with
 # `make test-slurm`, on a cluster of one node.
 ELSEWHERE = {"dashboard", "classify", "demo", "--live", "benchmark", "tables", "hydra/launcher=slurm"}
 PAGE = blocks(ROOT / "README.md")

@@ -67,7 +67,7 @@ def test_the_exchange_takes_the_target_out_of_the_recording(config: Config, camp
     assert changed.channels == pytest.approx(processed.channels - nominal + drawn[0], rel=1e-5, abs=1e-9)
 
 
-def test_an_echo_outside_the_stored_range_bins_is_below_60_db(config: Config, campaign: Campaign) -> None:
+def test_an_echo_outside_the_stored_range_bins_is_below_60_db(campaign: Campaign) -> None:
     case = next(one for one in campaign.cases(TWIN, motion=MOTION) if one.object == OBJECTS[1])
     log, range_m = campaign.log(case, TWIN), campaign.processed(TWIN, case)[1].range_m
     radar = campaign.processed(TWIN, case)[1].radar

@@ -123,7 +123,7 @@ def test_pairs_are_chosen_by_configuration() -> None:
         assert gallery.chosen(named, cast(Any, None)) == [gallery.parse(pair) for pair in pairs]
 
 
-def test_a_recording_set_shows_its_first_recordings(tmp_path: Path) -> None:
+def test_a_recording_set_shows_its_first_recordings() -> None:
     there = [Case("mug", "lab", "turntable", distance, repetition) for distance in (0.5, 1.0) for repetition in (0, 1)]
     made = compose(["experiment=gallery"])
     made = replace(made, measured=SimpleNamespace(provider="recordings", draw=None))  # type: ignore[arg-type]

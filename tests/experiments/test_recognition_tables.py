@@ -278,7 +278,7 @@ def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
         assert control["low"] <= control["chance"], "the classifier does not see the labels that it is scored by"
 
 
-def test_the_ablation_detects_the_benefit_of_the_room(tmp_path: Path):
+def test_the_ablation_detects_the_benefit_of_the_room():
     """In the synthetic rooms, a wrong material mirrors the room's echoes, so the simulation with material labels must give the best
     recognition.
     """
@@ -315,7 +315,7 @@ def test_material_errors_are_zero_with_true_materials(profile: str, shares: int)
     assert min(errors[1 : shares + 1]) > 0.1
 
 
-def test_calibration_removes_a_gain_and_does_not_score_the_reflector(tmp_path: Path):
+def test_calibration_removes_a_gain_and_does_not_score_the_reflector():
     chosen = config("corner_reflector_calibration")
     result = checked(corner_reflector_calibration.score(chosen, turntable(repetitions=3), Progress()))
     before, after = (

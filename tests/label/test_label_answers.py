@@ -292,7 +292,7 @@ def test_shipped_answers_depend_on_the_scanned_room_and_not_on_file_names(tmp_pa
     assert load_frames(tmp_path / "elsewhere").scan_of == stranger.scan_of
 
 
-def test_real_scan_is_identified_by_its_files(shared_data: Path, tmp_path: Path) -> None:
+def test_real_scan_is_identified_by_its_files(shared_data: Path) -> None:
     chair = shared_data / "scans" / CHAIR
     assert room_of(Scene([], {"scan_of": load_frames(chair).scan_of})) == CHAIR
     assert room_of(Scene([], {"scan_of": scan_digest([chair / "export.obj"])})) == CHAIR

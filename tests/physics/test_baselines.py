@@ -24,8 +24,8 @@ HERE = np.eye(4)[None]
 
 
 def test_shipped_trihedral_is_below_the_sphere_instead_of_29_db_above():
-    """The original RF-Genesis program returns -11.6 dB for a trihedral at 2 m. This level depends on how its ray pixels of 1.8 cm fall on
-    the trihedral of 10 cm.
+    """In the original RF-Genesis program, a trihedral of 10 cm at 2 m is 11.6 dB weaker than a sphere of 10 cm radius. This ratio depends
+    on how the ray pixels of 1.8 cm fall on the trihedral.
     """
     ratio = baselines.trihedral_over_sphere_db(backend("rfgenesis"), np.linspace(1.9, 2.1, 11))
     assert pytest.approx(29.4, abs=0.05) == baselines.CLOSED_FORM_RATIO_DB

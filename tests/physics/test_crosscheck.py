@@ -75,7 +75,7 @@ def test_an_opening_reflects_nothing() -> None:
     scene = rt.Scene([rt.Surface(mesh, "concrete", "walls", role="room"), closed])
     ahead = [i for i in Room(scene, FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], 1) if i.departure[0] > 0.99]
     assert len(ahead) == 1  # the mirror point (1.1, 0.9) is on the screen that covers the slot
-    assert not ahead[0].clear or abs(SENSOR[1] - 1.1) > 0.05  # the mirror point is close to the edge of this screen
+    assert not ahead[0].clear  # the mirror point is close to the edge of this screen
     moved = rt.Scene([scene.surfaces[0], closed.moved(np.array([[1, 0, 0, 0], [0, 1, 0, -0.5], [0, 0, 1, 0], [0, 0, 0, 1.0]]))])
     assert not [i for i in Room(moved, FREQUENCY_HZ).images(SENSOR, rotation()[:, 2], 1) if i.departure[0] > 0.99]
 

@@ -98,7 +98,7 @@ def test_relative_and_missing_models_are_refused(tmp_path, model_folder):
         DepthModel.load(tmp_path / "empty")
 
 
-def test_frames_without_colour_are_refused(lab):
+def test_frames_without_colour_are_refused():
     scene = rooms.lab(detail="shell")
     bare, _ = scan(scene, frames=2, colour_every=0)
     with pytest.raises(ScanError, match="no frame has colour"):

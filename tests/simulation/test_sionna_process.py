@@ -28,7 +28,7 @@ def test_the_process_starts_again_after_it_died(capfd: pytest.CaptureFixture[str
     assert capfd.readouterr().out == ""
 
 
-def test_a_request_that_the_process_refuses_does_not_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_that_the_process_refuses_does_not_end_it() -> None:
     with pytest.raises(BackendError, match="simulator sionna: "):
         sionna_process.ask({**SLAB, "variant": "cuda" if not has_cuda() else "nonsense"})
     assert "te" in sionna_process.ask(SLAB)

@@ -17,12 +17,13 @@ import numpy as np
 import shapely
 
 from experiments.validation.oracles import moments_2d
+from experiments.validation.oracles.fullwave import EVERY
+from radartwin.io.files import write_atomically
 from radartwin.radar.chirp import Radar
 
 FIELDS = Path(__file__).parent / "fullwave_2d"
 ROOMS = FIELDS / "rooms"
 SEEDS = range(1, 31)
-EVERY = 4  # the fields are at every fourth sample of a chirp
 NEAREST_M, FARTHEST_M = 0.25, 1.25  # all strips are between these distances from the radar
 CLEARANCE_M = 0.03  # smallest distance between two surfaces
 TURN_DEG = 4.0  # smallest angle between facing faces, so that multiple echoes between them end before the unambiguous range of 2.79 m
@@ -194,13 +195,13 @@ def write(
     head = {"transmitter_m": ends_m[0].tolist(), "receiver_m": ends_m[1].tolist(), **notes}
     described = {one: {part: strips.tolist() for part, strips in surfaces.items()} for one, surfaces in scenes.items()}
     lines = ",\n".join(f"{json.dumps(one)}: {json.dumps(surfaces)}" for one, surfaces in described.items())
-    (folder / "scenes.json").write_text(json.dumps(head)[:-1] + ', "scenes": {\n' + lines + "\n}}\n")
+    write_atomically(folder / "scenes.json", json.dumps(head)[:-1] + ', "scenes": {\n' + lines + "\n}}\n")
     for one in chosen:
         started = time.perf_counter()
         nodes = moments_2d.nodes(scenes[one].values(), at[-1])
         field = moments_2d.sweep(nodes, at, *ends_m)
         rows = [f"{f:.0f},{v.real:.6e},{v.imag:.6e}" for f, v in zip(at, field, strict=True)]
-        (folder / f"{one}.csv").write_text("\n".join(["frequency_hz,real,imag", *rows]) + "\n")
+        write_atomically(folder / f"{one}.csv", "\n".join(["frequency_hz,real,imag", *rows]) + "\n")
         print(f"{one}: {len(nodes)} nodes, {time.perf_counter() - started:.0f} s", flush=True)
 
 

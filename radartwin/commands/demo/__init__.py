@@ -55,12 +55,11 @@ class _Steps:
             print(flush=True)
 
 
-def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
+def demo(output: Path) -> Path:
     """Run the demonstration into the folder `output`/demo, and return the path of its page.
 
     Args:
         output: root folder of all written files.
-        overrides: configuration overrides of the simulation, as for `radartwin simulate`.
     Raises:
         OutputError: the folder cannot be created or written.
     """
@@ -78,7 +77,7 @@ def demo(output: Path, overrides: tuple[str, ...] = ()) -> Path:
             result.append(label_folder(scene_folder, LabelOptions())[-1].split(",")[0])
         with steps.step("simulate a radar recording (a first run compiles the simulator: about a minute)") as result:
             place = [path_override("scene.path", scene_folder), f"trajectory.position_m={list(POSITION_M)}"]
-            config = compose(["scene=scan", "scene.target=none", "trajectory=static", *place, *overrides])
+            config = compose(["scene=scan", "scene.target=none", "trajectory=static", *place])
             compiled()
             setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
             simulated = simulate_setup(setup, config, config.scene.target, noise=True, out=recording)

@@ -68,7 +68,7 @@ def describe(
     of the picture (V, 3), and faces (T, 3).
     """
     if not len(scene):
-        raise SceneError("the scene has no surfaces, so there is nothing to view")
+        raise SceneError("the scene has no surfaces, so there is nothing to view; reconstruct a scan or add surfaces")
     if by not in COLOURINGS:
         raise SceneError(f"view: by is {by!r}; choose {', '.join(COLOURINGS)}")
     if len(scene) > MAX_SURFACES:

@@ -285,7 +285,7 @@ class FlatRoom:
         place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
         front = np.zeros(4) if radar.sees_behind else np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge))
         least = 0.0
-        for longest in (min(2, max_bounces), max_bounces):  # paths of few reflections give the field below which other paths are too weak
+        for longest in (min(2, max_bounces), max_bounces):  # the strongest path of the first pass sets the threshold of the second
             bounds = self._bounds(front, least)
             found = self._beams(place, longest - 1, bounds)
             closed = search.closed(self.faces, self.balls, found, self.loudness, least, place + nudge, place + 2 * nudge, longest)

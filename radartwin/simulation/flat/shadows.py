@@ -15,7 +15,7 @@ import trimesh
 
 from radartwin.compiled import innermost
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import GRAZING_M
+from radartwin.simulation.flat.field import GRAZING_M, OUTSIDE_M
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
@@ -23,7 +23,6 @@ from radartwin.simulation.geometry import Geometry
 
 REACH = 8.0  # largest Fresnel coordinate, across an edge or along it to its nearer end; an edge beyond it changes a factor by at most 0.04
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible
-OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
 IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
 FLAT_RAD = 1e-3  # an edge between faces whose normals differ by less than this is ignored
