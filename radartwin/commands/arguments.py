@@ -235,7 +235,8 @@ def _overrides(verb: argparse.ArgumentParser, text: str, metavar: str = "OVERRID
 
 
 def _recording(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument("recording", metavar="RECORDING", type=Path, help="a recording, a mmWave Studio .bin, a cascade capture folder, or a .npy or .npz cube")
+    text = "a recording, a mmWave Studio .bin, a folder of a cascade's capture files, or a .npy or .npz cube"
+    verb.add_argument("recording", metavar="RECORDING", type=Path, help=text)
     _capture(verb)
 
 
