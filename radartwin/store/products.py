@@ -223,7 +223,9 @@ def _as_written(product: Path, read: bool) -> bool:
         meta = untrusted_json.read(product / META)
         if not meta["bytes"].items() <= _sizes(product).items() or any(path.is_symlink() for path in product.rglob("*")):
             return False
-        return not read or all(_sha256(product / name) == meta["sha256"][name] for name in meta["bytes"])
+        if meta["sha256"].keys() != meta["bytes"].keys():
+            return False
+        return not read or all(_sha256(product / name) == digest for name, digest in meta["sha256"].items())
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         return False
 

@@ -43,11 +43,12 @@ def completed(output: Path) -> str:
 
 
 def written(output: Path) -> dict[str, bytes]:
-    """Return the content of tables, figures and report, without times and MLflow numbers in the report."""
+    """Return the content of tables, figures and report, without times and MLflow numbers in the report, and without the report's hash."""
     found = [path for part in ("tables", "figures", "report") for path in sorted((output / part).rglob("*")) if path.is_file()]
     content = {path.relative_to(output).as_posix(): path.read_bytes() for path in found}
     page = content["report/index.html"].decode()
-    return content | {"report/index.html": STATED.sub("stated", page).encode()}
+    stamps = json.loads(content["tables/stamps.json"]) | {"report": "stated"}
+    return content | {"report/index.html": STATED.sub("stated", page).encode(), "tables/stamps.json": json.dumps(stamps).encode()}
 
 
 def products(output: Path) -> set[str]:

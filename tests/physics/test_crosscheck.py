@@ -114,6 +114,7 @@ def test_reference_is_scored_by_its_matched_paths() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the room has .* edges:radartwin.simulation.flat.room.RoomWarning")
 def test_the_cross_check_holds_in_every_room() -> None:
     """Our paths contain, at its length, every image within 40 dB of the strongest image, and every path that Sionna
     finds at a single pose.

@@ -160,7 +160,15 @@ def test_a_damaged_product_is_reported_and_built_again(tmp_path: Path) -> None:
     assert private.read_text() == "of the user"
 
 
-METADATA = ("", "[" * 200_000, "[]", '{"bytes": 5}', '{"bytes": {"../../x": 1}}', '{"bytes": {}, "sha256": {"gone.npz": "0"}}')
+METADATA = (
+    "",
+    "[" * 200_000,
+    "[]",
+    '{"bytes": 5}',
+    '{"bytes": {"x.npz": 0}}',
+    '{"bytes": {"../../x": 1}}',
+    '{"bytes": {}, "sha256": {"gone.npz": "0"}}',
+)
 
 
 @pytest.mark.parametrize("damage", METADATA, ids=lambda text: text[:12] or "empty")
