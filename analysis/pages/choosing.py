@@ -99,7 +99,7 @@ def _goals(measured: Sequence[Row]) -> str:
 
 
 def _same(row: Row, default: Row) -> bool:
-    """Return whether a setting of our tracer computed the same as the default: errors and numbers of ray tubes are equal."""
+    """Return whether a setting of our tracer computed the same as the default: signal errors and numbers of ray tubes are equal."""
     return row["family"] == OURS and row["rays"] == default["rays"] and row["signal_error"] == default["signal_error"]
 
 

@@ -22,9 +22,9 @@ from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import MATERIAL, RecognitionRows, count_sources
 from experiments.recognition.readings import FEATURES, MOTION
 from experiments.statistics import clustered, difference, exact
-from experiments.turntable.turntable_material import BRIGHTNESS, LEAST_DB
 from radartwin.config.config import Config
 from radartwin.features.normalise import fit_map
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import Samples
@@ -46,6 +46,7 @@ TABLE = Table(
 BEFORE, AFTER = "before calibration", "after calibration"
 FILLED = "filled plastic"
 ALIGNED_DB = 3.0  # a factor of two in power
+LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -16,6 +16,7 @@ from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
 from radartwin.scene.objects.catalogue import catalogue
 
+MOST_DRAWN = 300  # largest number of bootstrap resamples of slow statistics, which rank every feature again in each resample
 Place = tuple[str, str, float]  # room, motion, distance
 
 
@@ -101,6 +102,6 @@ def family(feature: str) -> str:
     """Return the name of the feature family of a feature, as tables print it."""
     if feature.startswith("window"):
         return "range-profile window"
-    known = {"multipath_share": "multipath share", "azimuth_extent_rad": "angular extent", "brightness_db": "brightness"}
+    known = {"multipath_share": "multipath share", "azimuth_extent_rad": "angular extent", sets.BRIGHTNESS: "brightness"}
     known |= dict.fromkeys(("excursion_m", "track_offset_m", "track_spread_m"), "track")
     return known.get(feature, "envelope")

@@ -24,7 +24,7 @@ from experiments.campaign.cases import COMPARED, MEASURED, ROVER
 from experiments.campaign.source import RecordingSource
 from experiments.claims import NONE, Claim, RowList
 from experiments.rover import drive_features
-from experiments.rover.drive_features import Drives, Place
+from experiments.rover.drive_features import MOST_DRAWN, Drives, Place
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -41,7 +41,6 @@ TABLE = Table(
     "widened for few objects.",
 )
 
-MOST_DRAWN = 300  # largest number of resamples
 SHARE = "share of the disagreement, per degree of freedom"
 INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.05)
 ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.05)
@@ -233,8 +232,8 @@ def bootstrap(
     """Compute a statistic, and its interval by a bootstrap over objects. An object that the bootstrap draws contributes its values in all
     rooms and at all distances.
 
-    At most MOST_DRAWN resamples are drawn, because every feature is ranked again in each resample. The interval is widened for few objects
-    (`statistics.widening`) and clipped to `limits`, the smallest and largest value that the statistic can have.
+    At most MOST_DRAWN resamples are drawn. The interval is widened for few objects (`statistics.widening`) and clipped to `limits`, the
+    smallest and largest value that the statistic can have.
     """
     names = sorted({name for name, _, _ in cells})
     rng = np.random.default_rng(seed)

@@ -24,7 +24,7 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN
 from experiments.campaign.source import RecordingSource
 from experiments.claims import LEVEL, NONE, Claim, RowList
 from experiments.rover import drive_features
-from experiments.rover.drive_features import Drive, Drives, Place
+from experiments.rover.drive_features import MOST_DRAWN, Drive, Drives, Place
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -32,6 +32,7 @@ from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.doppler import range_rate
 from radartwin.features.profile import profile_correlation
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
@@ -49,7 +50,6 @@ TABLE = Table(
     "Clopper-Pearson interval, which takes places as independent.",
 )
 
-MOST_DRAWN = 300  # largest number of resamples; each takes time, because it ranks every feature again
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", above=0.5)
 PLACED = Claim("mean range profiles of metals correlate", "up to +0.73", above=0.2)
 AGREE = {
@@ -323,4 +323,4 @@ def _brightness(drives: Drives, names: list[str], place: Place) -> float:
 
 def _level(drives: Drives, name: str, place: Place) -> float:
     """Return the mean brightness of an object at a place in dB, or NaN if the place has no recording of the object."""
-    return float(np.mean([one.values["brightness_db"] for one in drives[name, place]])) if (name, place) in drives else np.nan
+    return float(np.mean([one.values[BRIGHTNESS] for one in drives[name, place]])) if (name, place) in drives else np.nan

@@ -29,10 +29,10 @@ from experiments.recognition.readings import FEATURES, MOTION
 from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
-from experiments.turntable.turntable_material import BRIGHTNESS
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.samples import Samples

@@ -22,6 +22,7 @@ from experiments.turntable import rotations
 from experiments.turntable.rotations import Turns
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table
@@ -39,7 +40,6 @@ TABLE = Table(
     "simulation that knows only the surface of vessels (paper profile). Intervals are 95 % bootstraps over objects.",
 )
 
-BRIGHTNESS = "brightness_db"
 CLASSES = ("metal", "ceramic", "plastic")
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 

@@ -21,10 +21,10 @@ from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.statistics import Estimate
 from experiments.turntable import rotations
 from experiments.turntable.rotations import Turns
-from experiments.turntable.turntable_material import BRIGHTNESS
 from experiments.turntable.turntable_shape import MIN_OBJECTS
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table

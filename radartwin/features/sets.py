@@ -26,6 +26,7 @@ from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate_energies, multipath_share
 
 Real = NDArray[np.floating]
+BRIGHTNESS = "brightness_db"  # name of the feature of the family brightness
 _TURNTABLE = "rotation"  # feature set that uses the nominal range of the target; all other feature sets track the target
 
 
@@ -108,10 +109,10 @@ def _extent(recording: _Recording, per_frame: bool) -> NamedValues:
 
 def _brightness(recording: _Recording, per_frame: bool) -> NamedValues:
     if not per_frame:
-        return ["brightness_db"], np.array([envelope.brightness_db(recording.energy, recording.nominal_m)])
+        return [BRIGHTNESS], np.array([envelope.brightness_db(recording.energy, recording.nominal_m)])
     lower_limit = np.maximum(recording.gate_floor, np.finfo(float).tiny)
     energy = np.maximum(recording.energy, lower_limit)
-    return ["brightness_db"], 10 * np.log10(envelope.without_range_law(energy, recording.nominal_m))[:, None]
+    return [BRIGHTNESS], 10 * np.log10(envelope.without_range_law(energy, recording.nominal_m))[:, None]
 
 
 def _profile(recording: _Recording, per_frame: bool) -> NamedValues:

@@ -6,6 +6,7 @@ module a job has ended when the job's file outcome.json exists (radartwin/runs/j
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import subprocess
@@ -21,19 +22,8 @@ from radartwin.errors import BackendError, ConfigError
 from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, LOG, Outcome, job_name
 
-
-def _poll_s() -> float:
-    text = os.environ.get("RADARTWIN_SLURM_POLL", "5")
-    try:
-        if 0 < float(text) < math.inf:
-            return float(text)
-    except ValueError:
-        pass
-    raise ConfigError(f"RADARTWIN_SLURM_POLL={text} is not a number of seconds above zero; correct it, or unset it for 5 seconds")
-
-
-POLL_S = _poll_s()  # seconds between two looks at the queue
-GRACE_S = 4 * POLL_S  # seconds to wait for outcome.json of a job that left the SLURM queue; files of other nodes appear with a delay
+POLL_S = 5.0  # seconds between two looks at the queue, unless RADARTWIN_SLURM_POLL gives another number
+GRACE = 4  # looks at the queue until a job that left it without outcome.json has failed; files of other nodes appear with a delay
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 
 
@@ -45,12 +35,14 @@ class SlurmSweep(SlurmLauncher):
 
         Raises:
             BackendError: SLURM is not installed here, or refuses the submission.
+            ConfigError: RADARTWIN_SLURM_POLL is not a number of seconds above zero.
         """
         from hydra.core.singleton import Singleton
         from submitit import AutoExecutor
         from submitit.core.utils import FailedJobError
 
         assert self.config is not None
+        poll_s = _poll_s()
         own = {"submitit_folder", "max_num_timeout"}
         shared = set(BaseQueueConf.__dataclass_fields__)
         settings = {name if name in shared else f"slurm_{name}": value for name, value in self.params.items() if name not in own}
@@ -69,10 +61,10 @@ class SlurmSweep(SlurmLauncher):
             raise BackendError(f"hydra/launcher=slurm: {reason}; run it where sbatch works, or choose another launcher") from error
         ids = [job.job_id for job in submitted]
         print(f"slurm: {plural(len(ids), 'job')} submitted as {_array(ids)}; scancel {_array(ids)} stops them", flush=True)
-        self._wait(dict(zip(ids, job_overrides, strict=True)))
+        self._wait(dict(zip(ids, job_overrides, strict=True)), poll_s)
         return []
 
-    def _wait(self, jobs: dict[str, Sequence[str]]) -> None:
+    def _wait(self, jobs: dict[str, Sequence[str]], poll_s: float) -> None:
         """Wait until each job of the SLURM array has ended. A job that left the SLURM queue without writing outcome.json has failed."""
         array, gone_since = _array(list(jobs)), dict[str, float]()
         while True:
@@ -84,9 +76,9 @@ class SlurmSweep(SlurmLauncher):
                 state = states.get(job, "")
                 if states is UNREACHABLE or state in WAITING:
                     gone_since.pop(job, None)
-                elif time.monotonic() - gone_since.setdefault(job, time.monotonic()) >= GRACE_S:
+                elif time.monotonic() - gone_since.setdefault(job, time.monotonic()) >= GRACE * poll_s:
                     self._fail(job, overrides, state)
-            time.sleep(POLL_S)
+            time.sleep(poll_s)
 
     def _fail(self, job: str, overrides: Sequence[str], state: str) -> None:
         place = self._place(overrides)
@@ -114,6 +106,14 @@ def queue_states(array: str) -> dict[str, str]:
     if done.returncode and "Invalid job id" not in done.stderr:
         return UNREACHABLE
     return dict(line.split()[:2] for line in done.stdout.splitlines() if len(line.split()) >= 2) if not done.returncode else {}
+
+
+def _poll_s() -> float:
+    text = os.environ.get("RADARTWIN_SLURM_POLL", str(POLL_S))
+    with contextlib.suppress(ValueError):
+        if 0 < float(text) < math.inf:
+            return float(text)
+    raise ConfigError(f"RADARTWIN_SLURM_POLL={text} is not a number of seconds above zero; correct it or unset it")
 
 
 def _array(ids: Sequence[str]) -> str:

@@ -92,6 +92,17 @@ def test_mistake_is_one_line_and_status_2(arguments: list[str], word: str, insid
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")  # SQLAlchemy warns about a loader that mlflow uses
+@pytest.mark.parametrize("seconds", ["x", "0", "nan"])
+def test_a_wrong_interval_between_looks_at_the_slurm_queue_is_named_before_jobs_are_submitted(
+    seconds: str, inside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RADARTWIN_SLURM_POLL", seconds)
+    done = inside("run", "experiment=environment", "-m", "seed=0,1", "hydra/launcher=slurm")
+    assert done.returncode == 2
+    assert done.stderr == f"radartwin: RADARTWIN_SLURM_POLL={seconds} is not a number of seconds above zero; correct it or unset it\n"
+
+
 def test_negative_axis_is_accepted_with_and_without_an_equals_sign() -> None:
     for words in (["--up", "-y"], ["--up=-y"]):
         assert parse(["reconstruct", "scan.ply", "--out", "out", *words]).up == "-y"

@@ -59,7 +59,8 @@ def cases(full: bool) -> list:
 def _expected(case: Case, miss: tuple[float, str] | None) -> list[pytest.MarkDecorator]:
     if miss is None:
         return []
-    reason = f"known miss: error {miss[0]} {case.unit}, limit {case.limit} {case.unit} ({miss[1]})"
+    unit = f" {case.unit}" if case.unit else ""
+    reason = f"known miss: error {miss[0]}{unit}, limit {case.limit}{unit} ({miss[1]})"
     return [pytest.mark.xfail(strict=True, raises=Missed, reason=reason)]
 
 
