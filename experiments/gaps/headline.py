@@ -260,7 +260,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         if nominal is None:
             continue
         at = {strength: _row(found[strength, headline.table], headline) for strength in several}
-        verdicts = {one and one["verdict"] for one in at.values()}
+        verdicts = {None if one is None else one["verdict"] for one in at.values()}
         case = {
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(one) for strength, one in at.items()},

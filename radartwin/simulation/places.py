@@ -120,7 +120,7 @@ def covering(poses: np.ndarray, spacing_m: float) -> np.ndarray:
 
 def closest(places: np.ndarray, spacing_m: float, poses: np.ndarray) -> np.ndarray:
     """Return the index (F,) of the place that is closest to each of F sensor poses (F, 4, 4), for P places (P, 4, 4)."""
-    return KDTree(_points(places, spacing_m)).query(_points(poses, spacing_m))[1]
+    return np.asarray(KDTree(_points(places, spacing_m)).query(_points(poses, spacing_m))[1])
 
 
 def _points(poses: np.ndarray, spacing_m: float) -> np.ndarray:

@@ -17,7 +17,8 @@ from numba.core import config
 BLOCK = 64  # threads of a block; a thread needs up to 255 registers
 WORKERS = 32_768  # largest number of threads, which limits their memory
 KEPT = 64  # largest number of tuples of arrays that stay on the GPU
-config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # numba.cuda would warn at each start of a kernel with few threads
+# numba.cuda would warn at each start of a kernel with few threads
+config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # pyright: ignore[reportAttributeAccessIssue]
 _turn = threading.Lock()  # threads of one process use the GPU one after another
 
 
