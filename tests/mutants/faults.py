@@ -139,7 +139,7 @@ group_paths | legs.weigh(amplitude, place_of[frame], leg[row], point) | legs | l
 simulation/flat/legs: physics/test_coupling
 _evaluate | level.conjugate() | level | a leg is not conjugated
 
-simulation/places: physics/test_places
+simulation/backends/track: physics/test_places
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track
 _carry | total -= turned * velocity[f, i] | total += turned * velocity[f, i] | approaching reads as receding
 _points | poses[:, :3, 2] | poses[:, :3, 0] | a radar that rolls has the polarisation of its first pose
