@@ -26,7 +26,7 @@ KEY_SPACING_M = 0.2  # distance between places at which legs to an object are se
 CELL_M = 0.1  # largest distance of a test place from the centre of its cell
 TEST_M = 0.02  # largest distance of a pose from its test place, and margin within which the sequences of a test place exist
 # Places, relative to a test place and in units of TEST_M in the frame of the sensor, where a path must be strong.
-LATE = 0.6  # factor on the threshold of a path with two diffractions at a test place
+LATE = 0.6  # factor on thresholds near the pose itself: of fields at its middle channel, and of two diffractions at its test place
 COARSE = 4  # number of places of a cell where a path with two diffractions must be strong
 TESTED = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.2], [-0.1, -0.5, -0.2]])
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
@@ -199,7 +199,7 @@ class FlatRoom:
         parts = []
         for kind in _kinds(every):
             part = self._evaluated(every, active & kind, poses, velocity, radar, least)
-            np.maximum.at(least, part.pose, self._least(radar, prune) * level(part, radar))
+            np.maximum.at(least, part.pose, self._least(radar, LATE * prune) * level(part, radar))
             parts.append(part)
         masks = strong_masks(parts, radar, prune)
         return [part.where(mask) for part, mask in zip(parts, masks, strict=True)]
@@ -231,7 +231,7 @@ class FlatRoom:
         A path can be weak at a place, and strong beside it. Therefore each place stands for three. What blocks a path at a place may not
         block it beside the place. Therefore nothing blocks the paths whose levels are compared with that of the strongest visible path.
         """
-        every, least = self._sequences(places, radar, max_bounces, EARLY * prune, twice), self._least(radar, prune)
+        every, least = self._sequences(places, radar, max_bounces, EARLY * prune, twice), self._least(radar, EARLY * prune)
         beside = np.stack([_shifted(places, share * TEST_M) for share in TESTED], axis=1)
         few = every.where(every.edge[:, 1] < 0)
         strongest = np.array([min(self.levels(few, pose, radar).max(initial=0.0) for pose in three) for three in beside])
@@ -270,9 +270,9 @@ class FlatRoom:
         out[found] = level
         return out
 
-    def _least(self, radar: Radar, prune: float) -> float:
+    def _least(self, radar: Radar, share: float) -> float:
         """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""
-        return EARLY * prune * 2 * self.wavenumber / float(radar.gain([1.0, 0.0, 0.0])) ** 2
+        return share * 2 * self.wavenumber / float(radar.gain([1.0, 0.0, 0.0])) ** 2
 
     @cached_property
     def _nothing(self) -> obstacles.Hierarchy:
@@ -321,7 +321,7 @@ class FlatRoom:
             closed = search.closed(self.faces, self.balls, beams, self.loudness, least, cell, longest)
             # the weakest, over all places, of the strongest paths
             levels = [self._levels(closed, np.arange(len(closed)), place, radar, least)[1] for place in places[_apart(places, COARSE)]]
-            least = self._least(radar, prune) / EARLY * min(one.max(initial=0.0) for one in levels)
+            least = self._least(radar, prune) * min(one.max(initial=0.0) for one in levels)
         bounds = self._bounds(front, least)
         arrivals, passed = search.reached(
             self.faces, self.blocking, self.table.opaque, bounds, cell, beams, max_bounces, self.wavenumber, twice
@@ -415,15 +415,20 @@ class FlatRoom:
         strongest = np.zeros(len(poses))
         np.maximum.at(strongest, pose, level[0])
         apart = np.flatnonzero((level[0] == 0) | (level[0] > CHANNELS * strongest[pose])) if len(channels) > 1 else np.zeros(0, int)
-        ends = [self._fields(every, pose[apart], which[apart], _shifted(poses, end), least, self.tables)[1] for end in offsets[1:]]
+        # the channels need the fields in the middle of the sweep only
+        ends = [
+            self._fields(every, pose[apart], which[apart], _shifted(poses, end), least, self._middle)[1][0][:, 0] for end in offsets[1:]
+        ]
         change = np.zeros(len(pose))
         for k, end in enumerate(ends):
-            level[k + 1, apart] = np.abs(end[0][:, middle])
-        change[apart] = np.abs(ends[0][0][:, middle] - ends[1][0][:, middle])
+            level[k + 1, apart] = np.abs(end)
+        change[apart] = np.abs(ends[0] - ends[1])
         best = np.where(level[0] > 0, 0, level.argmax(axis=0))
-        for k, end in enumerate(ends):
-            for values, beside in zip(every_value, end, strict=True):
-                values[apart[best[apart] == k + 1]] = beside[best[apart] == k + 1]
+        for k in (1, 2):
+            rows = np.flatnonzero(best == k)
+            beside = self._fields(every, pose[rows], which[rows], _shifted(poses, offsets[k]), 0 * least, self.tables)[1]
+            for values, value in zip(every_value, beside, strict=True):
+                values[rows] = value
         there = np.flatnonzero(level.max(axis=0) > 0)
         amplitude, length, departure, arrival, met = (values[there] for values in every_value)
         uneven = np.flatnonzero(change[there] > UNEVEN * level[:, there].max(axis=0))
@@ -433,11 +438,11 @@ class FlatRoom:
             strong, row = np.isin(apart, there), np.searchsorted(there, apart)
             between = channels - offsets[1]  # from the first outermost channel to each channel, as a share of the way to the other one
             share = between @ (offsets[2] - offsets[1]) / np.sum((offsets[2] - offsets[1]) ** 2)
-            first, second = (end[0][strong, middle, None] for end in ends)
+            first, second = (end[strong, None] for end in ends)
             gain[row[strong]] = (first + share * (second - first)) / amplitude[row[strong], middle, None]
         for c, channel in enumerate(channels if len(some) else channels[:0]):
-            one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self.tables)[1][0]
-            gain[uneven, c] = one[:, middle] / amplitude[uneven, middle]
+            one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self._middle)[1][0]
+            gain[uneven, c] = one[:, 0] / amplitude[uneven, middle]
         offset = offsets[best[there]]
         pose, which = pose[there], which[there]
         # both directions of a path that is listed once; the reverse has the same gain
