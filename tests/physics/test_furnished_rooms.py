@@ -7,6 +7,11 @@ import pytest
 
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import fullwave, furnished, moments_2d
+from radartwin.simulation import variant
+from radartwin.simulation.backends.static_scene import static_scene
+from radartwin.simulation.flat import room
+from radartwin.simulation.pruning import PRUNE
+from radartwin.simulation.signal.synthesis import received
 
 GIVEN_ROOMS = ("corner", "corner_panel", "corner_cabinet", "corner_cabinet_post", "post_before_wall", "alcove")
 NAMES = [furnished.name(seed) for seed in furnished.SEEDS]
@@ -92,3 +97,21 @@ def test_table_of_scores_ends_with_median_and_worst():
     *_, median, worst = furnished_rooms.table(scores).splitlines()
     assert [median.split()[i] for i in (0, 1, 3)] == ["median", "1.00", "1.00"]
     assert [worst.split()[i] for i in (0, 1, 3)] == ["worst", "3.00", "3.00"]
+
+
+def test_interpolated_channels_agree_with_exact_ones(monkeypatch):
+    """The fields of most paths are interpolated between the outermost channels; here they are computed at every channel."""
+    variant.activate("auto")
+    radar, poses = furnished.radar(), np.eye(4)[None]
+    flat = static_scene(list(fullwave.scene(furnished.ROOMS, "alcove_19").surfaces), radar).room
+    searched = flat.searched(poses, radar, 4, PRUNE)
+
+    def signal():
+        return received(flat.paths(poses, np.zeros((1, 3)), radar, 4, PRUNE, searched), radar, 1)[0, 0]
+
+    usual = signal()
+    monkeypatch.setattr(room, "CHANNELS", 0.0)
+    monkeypatch.setattr(room, "UNEVEN", -1.0)
+    exact = signal()
+    assert np.linalg.norm(exact[0, 0] - exact[1, 3]) > 0.1 * np.linalg.norm(exact[0, 0])
+    assert (np.linalg.norm(usual - exact, axis=2) < 0.01 * np.linalg.norm(exact, axis=2)).all()
