@@ -82,6 +82,10 @@ def _room(problem: Problem, full: bool) -> list[Method]:
         rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
         return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
     mine.append(ours("planar elements", "planar"))
+    mine.append(ours("1 diffraction", diffractions=1))
+    if full:
+        mine += [*(ours(f"pruned at {share:g}", prune=share) for share in (3e-4, 3e-3, 0.01, 0.03))]
+        mine.append(ours("1 diffraction, pruned at 0.003", diffractions=1, prune=3e-3))
     if problem.resting:
         densities = (0.25, 4.0) if full else (0.25,)
         mine += [ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]

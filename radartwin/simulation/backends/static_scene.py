@@ -155,13 +155,14 @@ class StaticScene:
         joined = faces_module.Faces.concatenate([room.faces, objects])
         return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), outlines, self.table)
 
-    def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
+    def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, diffractions: int = 2) -> Searched:
         """Return the strong sequences of faces and edges of the flat room, from the array cache if it has them; arguments as in `FlatRoom`.
 
         The search does not depend on the small objects and on the density of ray tubes.
         """
-        spec = {"walls": self.walls.digest, "max_bounces": max_bounces, "prune": prune, **self.described(radar, poses)}
-        make = partial(self.room.searched, poses, radar, max_bounces, prune)
+        limits = {"max_bounces": max_bounces, "prune": prune, "diffractions": diffractions}
+        spec = {"walls": self.walls.digest, **limits, **self.described(radar, poses)}
+        make = partial(self.room.searched, poses, radar, **limits)
         return made_once(spec, {"poses": poses}, make, Searched.to_arrays, Searched.from_arrays)
 
     def described(self, radar: Radar, poses: np.ndarray) -> dict[str, Any]:

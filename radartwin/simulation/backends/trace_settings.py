@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from radartwin.errors import InputError
-from radartwin.simulation.checks import check_flag, check_option, check_positive
+from radartwin.simulation.checks import check_flag, check_option, check_positive, check_whole
+from radartwin.simulation.pruning import PRUNE
 
 SPACING_M = 0.04  # distance between places of a moving radar; paths are moved by half of it at most
 MOST_SPACING_M = 0.1  # with places 0.5 m apart, the error of the moved paths is 0.4 of the signal (a can beside a wall)
@@ -26,6 +27,8 @@ class TraceSettings:
         coupled_rays_per_wavelength2: number of ray tubes per square wavelength on objects, for paths that reflect at object and room. Such
             paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`; for the paths that `place_spacing_m`
             describes, a quarter of it (`track.OVER_ROOM`).
+        diffractions: largest number of edge diffractions of a path in a room of flat faces, 1 or 2.
+        prune: paths of such a room below this share of the strongest one of their pose are left out.
         place_spacing_m: a moving radar traces the paths between resting objects and room only at some of its positions (`track`). Every
             other position is at most half of this distance from such a place, whose paths are moved to it. Paths of these objects that the
             radar cannot resolve are merged. 0 traces these paths at every position, with all tubes, and merges none.
@@ -39,12 +42,16 @@ class TraceSettings:
     coupling: bool = True
     diffuse: bool = True
     coupled_rays_per_wavelength2: float | None = None
+    diffractions: int = 2
+    prune: float = PRUNE
     place_spacing_m: float = SPACING_M
 
     def __post_init__(self) -> None:
         check_option("room", self.room, ("auto", "panels", "tubes"))
         check_flag("coupling", self.coupling)
         check_flag("diffuse", self.diffuse)
+        check_whole("diffractions", self.diffractions, 1, 2)
+        check_positive("prune", self.prune, 0.1)
         if self.place_spacing_m != 0:
             check_positive("place_spacing_m", self.place_spacing_m, MOST_SPACING_M)
         if self.room == "panels" and self.rays is not None:

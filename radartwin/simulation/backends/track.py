@@ -161,7 +161,8 @@ class Track:
         """Return the strong sequences of faces and edges along the track; None if the room is traced by tubes."""
         if self._given is not None or self._room is None or not self._by_faces:
             return self._given
-        return self._room.searched(self._poses, self._radar, self._settings.max_bounces, pruning.PRUNE)
+        settings = self._settings
+        return self._room.searched(self._poses, self._radar, settings.max_bounces, settings.prune, settings.diffractions)
 
     @cached_property
     def surroundings(self) -> Surroundings:
@@ -217,7 +218,7 @@ class Track:
         assert room is not None
         if not self._by_faces:
             return [tube_paths.room_paths(room.surfaces, tube_paths.Target(room.geometry, room.table), settings, radar, poses)]
-        walls = room.room_paths(poses, radar, settings.max_bounces, pruning.PRUNE, self.searched)
+        walls = room.room_paths(poses, radar, settings.max_bounces, settings.prune, self.searched)
         if self._still or settings.place_spacing_m == 0:  # every pose is a place, with all tubes
             loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in walls)
             return [*walls, *room.object_paths(settings, poses, radar, pruning.PAIRS * loudest)]
@@ -232,7 +233,7 @@ class Track:
     def _loudest(self) -> float:
         """Return the level of the strongest path of the flat room along the track."""
         assert self._room is not None
-        walls = self._room.room_paths(self._places, self._radar, self._settings.max_bounces, pruning.PRUNE, self.searched)
+        walls = self._room.room_paths(self._places, self._radar, self._settings.max_bounces, self._settings.prune, self.searched)
         return max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
 
     def _clutter(self, poses: np.ndarray) -> TracedPlaces:

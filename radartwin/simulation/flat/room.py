@@ -204,13 +204,13 @@ class FlatRoom:
         masks = strong_masks(parts, radar, prune)
         return [part.where(mask) for part, mask in zip(parts, masks, strict=True)]
 
-    def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
+    def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, diffractions: int = 2) -> Searched:
         """Find the sequences of faces and edges whose paths can, along a track, be as strong as `prune` times the strongest path.
 
-        Paths have at most two diffractions, and at most one if the room has more than MAX_EDGES edges.
+        Paths have at most `diffractions` edges (1 or 2), and at most one if the room has more than MAX_EDGES edges.
         """
-        twice = len(self.faces.length) <= MAX_EDGES
-        if not twice:
+        twice = diffractions > 1 and len(self.faces.length) <= MAX_EDGES
+        if diffractions > 1 and not twice:
             warnings.warn(
                 f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction",
                 RoomWarning, stacklevel=2,
