@@ -20,7 +20,7 @@ from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
-from radartwin.simulation.flat.room import FlatRoom, key_places
+from radartwin.simulation.flat.room import FlatRoom, cells
 from radartwin.simulation.flat.shadows import REACH, Outlines, factor
 from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward, vector
 from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
@@ -29,6 +29,7 @@ from radartwin.store.recent import Recent
 
 DIRECT = 0
 LONGEST = 2  # largest number of reflections of a leg
+SEEN = 8  # largest number of places of a cell between which and the faces visibility is tested
 LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
 COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
@@ -224,19 +225,20 @@ def _chains(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return sequences of faces (K, longest), -1 beyond the last, and the pairs (N,), (N,) of a place and a sequence to evaluate.
 
-    The sequences are those whose beams exist at the key places near the sensor. The first sequence is empty.
+    The sequences are those whose beams exist anywhere in the cell of the sensor. The first sequence is empty.
     """
-    keys, near = key_places(sensor)
-    found = each(lambda k: room.chains(sensor[k], longest), keys)
+    members = cells(sensor)
+    found = each(lambda some: room.chains(sensor[some[:SEEN]], longest), members)
     chains, index = np.unique(np.concatenate(found), axis=0, return_inverse=True)
-    of_key = np.split(index.ravel(), np.cumsum([len(chain) for chain in found])[:-1])
+    of_cell = np.split(index.ravel(), np.cumsum([len(chain) for chain in found])[:-1])
     rows = []
-    for place, mine in enumerate(near):
-        which = np.unique(np.concatenate([of_key[k] for k in mine]))
-        close = room.reaches(chains[which], sensor[place], centre[place], radius)
-        rows.append(np.stack([np.full(close.sum(), place), which[close]]))
+    for some, mine in zip(members, of_cell, strict=True):
+        for place in some:
+            close = room.reaches(chains[mine], sensor[place], centre[place], radius)
+            rows.append(np.stack([np.full(close.sum(), place), mine[close]]))
     place, which = np.concatenate(rows, axis=1)
-    return chains, place, which
+    order = np.argsort(place, kind="stable")
+    return chains, place[order], which[order]
 
 
 @compiled

@@ -22,7 +22,6 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable
 
-KEY_SPACING_M = 0.2  # distance between places at which legs to an object are searched
 CELL_M = 0.1  # largest distance of a test place from the centre of its cell
 TEST_M = 0.02  # largest distance of a pose from its test place, and margin within which the sequences of a test place exist
 # Places, relative to a test place and in units of TEST_M in the frame of the sensor, where a path must be strong.
@@ -30,7 +29,6 @@ LATE = 0.6  # factor on thresholds near the pose itself: of fields at its middle
 COARSE = 4  # number of places of a cell where a path with two diffractions must be strong
 TESTED = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.2], [-0.1, -0.5, -0.2]])
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
-NEAR = 1.5  # a place uses the legs of all key places within this distance, in units of their spacing
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
 # Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 5 s
 # of processor time for a cell in the furnished laboratory, which has 257.
@@ -147,9 +145,12 @@ class FlatRoom:
         """Return the pairs of edges that see each other, as `search.links`."""
         return search.links(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness)
 
-    def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
-        """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
-        cell = search.Cell(sensor[None] + 1.5 * field.NUDGE / self.wavenumber, 0.0)
+    def chains(self, places: np.ndarray, longest: int) -> np.ndarray:
+        """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of a cell meets, -1 beyond the last.
+
+        places: (P, 3) sensor positions in the cell; the first is its centre.
+        """
+        cell = search.Cell(places + 1.5 * field.NUDGE / self.wavenumber, CELL_M)
         return self._beams(cell, longest, self._bounds(np.zeros(4), 0.0)).chain
 
     def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
@@ -217,9 +218,7 @@ class FlatRoom:
             )  # fmt: skip
         points = _points(poses)
         tests = _spaced(points, TEST_M)
-        cells = _spaced(points[tests], CELL_M)
-        cell_of = _nearest(points[tests], points[tests][cells])
-        members = [np.concatenate([[key], np.setdiff1d(np.flatnonzero(cell_of == c), key)]) for c, key in enumerate(cells)]
+        members = cells(points[tests])
         found = each(lambda some: self._strong(poses[tests[some]], radar, max_bounces, prune, twice), members)
         every, index = search.Sequences.union([sequences for cell in found for sequences in cell])
         of_test = [index[i] for i in np.argsort(np.concatenate(members))]
@@ -549,13 +548,8 @@ def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
     return np.asarray(KDTree(places).query(points)[1])
 
 
-def _near(points: np.ndarray, places: np.ndarray, spacing_m: float) -> list[np.ndarray]:
-    """Return for each of the points (F, D) the indices of the places (K, D) whose legs it uses."""
-    away = np.linalg.norm(points[:, None] - places[None], axis=2)
-    return [np.flatnonzero(row <= max(NEAR * spacing_m, row.min())) for row in away]
-
-
-def key_places(points: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return the indices (K,) of key places along points (F, 3), and for every point the key places near it."""
-    keys = _spaced(points, KEY_SPACING_M)
-    return keys, _near(points, points[keys], KEY_SPACING_M)
+def cells(points: np.ndarray) -> list[np.ndarray]:
+    """Divide points (F, D) into cells, and return the indices of the points of each cell, its centre first."""
+    centres = _spaced(points, CELL_M)
+    cell_of = _nearest(points, points[centres])
+    return [np.concatenate([[centre], np.setdiff1d(np.flatnonzero(cell_of == c), centre)]) for c, centre in enumerate(centres)]

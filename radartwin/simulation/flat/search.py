@@ -239,7 +239,7 @@ def _grown(
             least = levels.least * max(away, 0.0) / BOTH
             if reflected * passed[b] < max(least, 1e-30):
                 continue
-            lit = 0.0
+            lit, met = 0.0, False
             for sample in range(len(cell.places) * (2 * count + 1)):  # the middle, and two points on the way to each corner
                 source, i = cell.places[sample // (2 * count + 1)], sample % (2 * count + 1) - 1
                 share = 0.0 if i < 0 else 0.5 if i < count else 0.9
@@ -250,9 +250,12 @@ def _grown(
                     middle[2] + share * (corner[2] - middle[2]),
                 )
                 if reflect_points(faces, source, before, x, points):
+                    met = True
                     lit = max(lit, _passed(tree, opaque, levels.through, source, points, m, x, found, least / reflected))
                     if lit >= passed[b]:
                         break
+            if not met:  # only places between the tested ones see a part of the beam
+                lit = passed[b]
             if lit == 0:
                 continue
             if used == len(order):
