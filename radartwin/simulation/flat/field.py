@@ -10,6 +10,7 @@ unfolded distances between source, edges and receiver. For parallel edges the sp
 + s3)).
 """
 
+import cmath
 import math
 from typing import NamedTuple
 
@@ -20,15 +21,20 @@ from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
-from radartwin.simulation.flat.wedge import coefficients, half_plane
+from radartwin.simulation.flat.wedge import coefficients, face_terms, scaled_tail
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
 ROUNDS = 40  # largest number of steps to find the two points of a double diffraction
-OUTSIDE = 0.02  # a diffraction is left out if its weight for the ends of the edge is below this
-INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an edge
+OUTSIDE = 0.004  # a diffraction is left out if its weight for the ends of the edge is below this
+INSIDE_M = 1e-4  # visibility is tested at least this far inside the ends of an edge
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests whether a path exists, in units of 1/k
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
+LEVEL = 1e-6  # largest cosine between the normals of faces that count as perpendicular
+OPEN_RAD = 5e-6  # a direction this far inside a face runs along it; the corners of faces are rounded to 1e-7 m
+TILT_RAD = 1e-5  # a ray that grazes a face is turned by this to one side for the angles at its edges
+FREE = 2 - 1e-6  # smallest opening of the free edge of a sheet
+_TURN = cmath.exp(0.25j * math.pi)
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
 
 
@@ -56,6 +62,7 @@ class Work(NamedTuple):
         node: (W, 4, 3) nodes. touched: (W, 4, 3) the same nodes for tests of existence, inside the ends of an edge and beside it.
         chain: (W, 3, C) faces of the legs. count: (W, 3) their number. points: (W, 3, C + 1, 3) points of reflection.
         leave, arrive: (W, 3, 3) directions of travel at the two ends of a leg. size: (W, 3) length of a leg.
+        share: (W, 3) weight of a leg that grazes a face. beside: (W, 3, 3) offset of a leg onto one side of this face.
         matrix: (W, 2, 3, 2, 2) of `edge_terms` for each edge. bend: (W, 2) factors of the slope terms.
         field: (W, 2, Q, 3) the field, and its derivative or another field. level: (W, Q) received field.
         other_order: (W, C) of `reversed_at_corners`. found: (W, MAX_PANES) panes on a leg.
@@ -69,6 +76,8 @@ class Work(NamedTuple):
     leave: np.ndarray
     arrive: np.ndarray
     size: np.ndarray
+    share: np.ndarray
+    beside: np.ndarray
     matrix: np.ndarray
     bend: np.ndarray
     field: np.ndarray
@@ -80,10 +89,27 @@ class Work(NamedTuple):
     def of(workers: int, faces: int, nodes: int) -> "Work":
         """Return memory without values for a number of workers, sequences of `faces` faces and `nodes` frequency nodes."""
         shapes = (
-            (4, 3), (4, 3), (3, faces), (3,), (3, faces + 1, 3), (3, 3), (3, 3), (3,), (2, 3, 2, 2), (2,), (2, nodes, 3), (nodes,),
-            (faces,), (MAX_PANES,),
+            (4, 3), (4, 3), (3, faces), (3,), (3, faces + 1, 3), (3, 3), (3, 3), (3,), (3,), (3, 3), (2, 3, 2, 2), (2,), (2, nodes, 3),
+            (nodes,), (faces,), (MAX_PANES,),
         )  # fmt: skip
-        kinds = (float, float, np.int64, np.int64, float, float, float, float, complex, complex, complex, complex, np.int64, np.int64)
+        kinds = (
+            float,
+            float,
+            np.int64,
+            np.int64,
+            float,
+            float,
+            float,
+            float,
+            float,
+            float,
+            complex,
+            complex,
+            complex,
+            complex,
+            np.int64,
+            np.int64,
+        )
         return Work(*(np.empty((workers, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
 
 
@@ -252,11 +278,11 @@ def travelled(
 
 @innermost
 def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
-    """Return the angle of a direction about edge `e`, from face 0 through the open sector, in [0, 2 pi)."""
+    """Return the angle of a direction about edge `e`, from face 0 through the open sector, in [0, 2 pi), or at least -OPEN_RAD."""
     along_up = x * faces.up[e, 0] + y * faces.up[e, 1] + z * faces.up[e, 2]
     along_into = x * faces.into[e, 0] + y * faces.into[e, 1] + z * faces.into[e, 2]
     value = math.atan2(along_up, along_into)
-    return value if value >= -1e-9 else value + 2 * math.pi
+    return value if value >= -OPEN_RAD else value + 2 * math.pi
 
 
 @innermost
@@ -275,21 +301,58 @@ def keller(start: Point, along: Point, source: Point, receiver: Point) -> float:
 
 
 @innermost
-def ends_weight(start: Point, along: Point, length: float, place: float, source: Point, receiver: Point, wavenumber: float) -> complex:
-    """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
+def end_wave(wavenumber: float, excess: float, late: float) -> complex:
+    """Return the wave of an end of an edge relative to the wave of the infinite edge: 1/2 for an end at the point of diffraction.
 
-    Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of this wave. The weight of an end is
-    therefore the mean of two weights: of a smooth end (Fresnel integral) and of an abrupt end.
+    Args:
+        excess: length of the path over the end minus that over the point of diffraction, m. late: minus that over the path's own point, m.
     """
-    x, end = moved(start, along, place), moved(start, along, length)
-    total = distance(x, source) + distance(x, receiver)
-    excess_a = distance(start, source) + distance(start, receiver) - total
-    excess_b = distance(end, source) + distance(end, receiver) - total
-    scale = 2 * wavenumber / math.pi
-    t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if place < 0 else -1.0)
-    t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if place < length else -1.0)
-    abrupt = (1.0 if place < length else 0.0) - (1.0 if place < 0 else 0.0)
-    return 0.5 * (half_plane(t_b) - half_plane(t_a) + abrupt)
+    tail = scaled_tail(math.sqrt(wavenumber * max(excess, 0.0)))
+    return math.sqrt(2 / math.pi) / (1 - 1j) * tail * cmath.exp(-1j * wavenumber * late)
+
+
+@innermost
+def across_share(faces: Faces, e: int, side: int, bend: Vector) -> float:
+    """Return the part of the wave of an end of edge `e` that belongs to this edge on face 0 (side 0) or face n (side 1).
+
+    In physical optics, the field of a face is an integral along its border. Where two edges meet, each contributes a part of the wave of
+    the corner. Ref: W. B. Gordon, IEEE Trans. AP 23 (1975) 590.
+
+    bend: gradient of the path length at the end.
+    """
+    turn = faces.opening[e] * math.pi if side == 1 else 0.0
+    into = math.cos(turn) * dot(bend, vector(faces.into, e)) + math.sin(turn) * dot(bend, vector(faces.up, e))
+    along = dot(bend, vector(faces.along, e))
+    size = into * into + along * along
+    return into * into / size if size > 1e-20 else 0.5
+
+
+@innermost
+def ends_weight(faces: Faces, e: int, x: Point, source: Point, receiver: Point, wavenumber: float) -> tuple[complex, complex, complex]:
+    """Return the weight of an edge relative to an infinite edge, and the parts of the weight that faces 0 and n leave to other edges.
+
+    The waves of the ends belong to the edge, except for the parts of physical optics that belong to the neighbouring edges
+    (`across_share`).
+
+    Args:
+        x: point of the edge whose path length is the phase of the weight. source, receiver: unfolded points before and after the edge.
+    """
+    start, along, length = vector(faces.start, e), vector(faces.along, e), faces.length[e]
+    place = keller(start, along, source, receiver)
+    least = distance(moved(start, along, place), source) + distance(moved(start, along, place), receiver)
+    here = distance(x, source) + distance(x, receiver)
+    weight, other_0, other_n = (1.0 + 0j if 0 <= place <= length else 0j), 0j, 0j
+    for far in range(2):
+        end = moved(start, along, length if far else 0.0)
+        before, after = distance(source, end), distance(end, receiver)
+        # the wave of an end is subtracted where the point of diffraction lies on the edge's side of this end, otherwise added
+        sign = -1.0 if (place <= length if far else place >= 0) else 1.0
+        wave = sign * end_wave(wavenumber, before + after - least, before + after - here)
+        bend = toward(toward(end, receiver, max(after, 1e-12)), toward(source, end, max(before, 1e-12)), 1.0)
+        weight += wave
+        other_0 += wave * (1 - across_share(faces, e, 0, bend))
+        other_n += wave * (1 - across_share(faces, e, 1, bend))
+    return weight, other_0, other_n
 
 
 @innermost
@@ -356,8 +419,9 @@ def passing_matrix(
 
 @innermost
 def edge_terms(
-    faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float, out: np.ndarray
-) -> None:
+    faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float,
+    weights: tuple[complex, complex, complex], out: np.ndarray,
+) -> None:  # fmt: skip
     """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
     Behind faces that transmit, the field jumps by the part of the wave that the faces do not transmit. This part multiplies the shadow
@@ -367,29 +431,41 @@ def edge_terms(
 
     Args:
         before, after: directions of travel (3,). distance_m: distance parameter without the square of the sine.
+        weights: of `ends_weight`.
     """
     for i in range(3):
         out[i, 0, 0], out[i, 0, 1], out[i, 1, 0], out[i, 1, 1] = 0j, 0j, 0j, 0j
-    cosine = dot(before, vector(faces.along, e))
-    sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
+    cosine, cosine_after = dot(before, vector(faces.along, e)), dot(after, vector(faces.along, e))
+    # beyond the end of an edge, the two angles between ray and edge differ
+    sine = math.sqrt(max(math.sqrt(max((1 - cosine * cosine) * (1 - cosine_after * cosine_after), 0.0)), SMALL_SINE * SMALL_SINE))
     n = faces.opening[e]
     phi0 = angle(faces, e, -before[0], -before[1], -before[2])
     phi = angle(faces, e, after[0], after[1], after[2])
-    if max(phi, phi0) > n * math.pi + 1e-9:
+    if max(phi, phi0) > n * math.pi + OPEN_RAD:
         return
+    phi, phi0 = min(max(phi, 0.0), n * math.pi), min(max(phi0, 0.0), n * math.pi)
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
     ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
     lost = 1 - ss, -sh, -hs, 1 - hh
     ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
     ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
-    out[0, 0, 0] = shadow * lost[0] + ss0 * mirror_0 + ssn * mirror_n
+    weight = weights[0]
+    # physical optics of the lit faces, whose waves of the ends belong in part to other edges
+    kl = wavenumber * distance_m * sine * sine
+    dark_0, bright_0 = face_terms(phi, phi0, kl)
+    dark_n, bright_n = face_terms(n * math.pi - phi, n * math.pi - phi0, kl)
+    scale = -_TURN.conjugate() / (2 * math.sqrt(2 * math.pi * wavenumber) * sine)
+    shadow = weight * shadow - scale * (weights[1] * dark_0 + weights[2] * dark_n)
+    mirror_0 = weight * mirror_0 - scale * weights[1] * bright_0
+    mirror_n = weight * mirror_n - scale * weights[2] * bright_n
     turned = sh0 * mirror_0 + shn * mirror_n
+    out[0, 0, 0] = shadow * lost[0] + ss0 * mirror_0 + ssn * mirror_n
     out[0, 0, 1] = shadow * lost[1] + turned
     out[0, 1, 0] = shadow * lost[2] - turned
     out[0, 1, 1] = shadow * lost[3] + hh0 * mirror_0 + hhn * mirror_n
-    out[1, 0, 0], out[1, 1, 1] = slope * lost[0] - bend, slope * lost[3] + bend
-    out[2, 0, 0], out[2, 1, 1] = -slope * lost[0] - bend, -slope * lost[3] + bend
+    out[1, 0, 0], out[1, 1, 1] = weight * (slope * lost[0] - bend), weight * (slope * lost[3] + bend)
+    out[2, 0, 0], out[2, 1, 1] = weight * (-slope * lost[0] - bend), weight * (-slope * lost[3] + bend)
 
 
 @innermost
@@ -429,8 +505,8 @@ def evaluate(
 
     Args:
         opaque: (surfaces,) bool. tables: of the surfaces.
-        nudge: (3,) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset, a
-            sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
+        nudge: (F, 3) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset,
+            a sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
@@ -440,7 +516,7 @@ def evaluate(
     w = begin % step
     path = Work(
         work.node[w], work.touched[w], work.chain[w], work.count[w], work.points[w], work.leave[w], work.arrive[w], work.size[w],
-        work.matrix[w], work.bend[w], work.field[w], work.level[w], work.other_order[w], work.found[w],
+        work.share[w], work.beside[w], work.matrix[w], work.bend[w], work.field[w], work.level[w], work.other_order[w], work.found[w],
     )  # fmt: skip
     field, level = path.field[0], path.level
     for n in range(begin, stop, step):
@@ -448,13 +524,13 @@ def evaluate(
         place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
         edges = int(edge[s, 0] >= 0) + int(edge[s, 1] >= 0)
         _divide(count[s], chain[s], edges, path)
-        source, receiver = moved(place, nudge, 1.0), moved(place, nudge, 2.0)
+        source, receiver = moved(place, vector(nudge, pose[n]), 1.0), moved(place, vector(nudge, pose[n]), 2.0)
         _set(path.touched, 0, source)
         _set(path.touched, edges + 1, receiver)
         _set(path.node, 0, source if edges else place)
         _set(path.node, edges + 1, receiver if edges else place)
         _diffraction_points(faces, edge[s], edges, path)
-        if not _legs(faces, edges, path):
+        if not _legs(faces, edge[s], edges, path):
             continue
         factor = _edges(faces, tables, edge[s], edges, wavenumber, path)
         if factor == 0:
@@ -470,7 +546,8 @@ def evaluate(
         panes = 0
         for i in range(edges + 1):
             if panes >= 0:
-                here, there = vector(path.touched, i), vector(path.touched, i + 1)
+                shift = vector(path.beside, i)
+                here, there = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
                 more = panes_on(tree, opaque, here, path.points[i], path.count[i], there, path.found)
                 panes = panes + more if more >= 0 else -1
         if panes < 0:
@@ -508,6 +585,12 @@ def _divide(count: np.ndarray, chain: np.ndarray, edges: int, path: Work) -> Non
 
 
 @innermost
+def _kept(place: float, length: float) -> float:
+    """Return the place on an edge of the given length that is nearest to `place`."""
+    return min(max(place, INSIDE_M), length - INSIDE_M)
+
+
+@innermost
 def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, path: Work) -> None:
     """Write the points of diffraction of the shortest path to the rows 1 to `edges` of `path.node` and `path.touched`.
 
@@ -519,16 +602,16 @@ def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, path: Work) 
     receiver = vector(path.node, edges + 1)
     for i in range(edges, 0, -1):
         receiver = image(faces, receiver, path.chain[i, : path.count[i]][::-1], 1.0)
-    start1, along1 = vector(faces.start, edge[0]), vector(faces.along, edge[0])
-    places = keller(start1, along1, source, receiver), 0.0
+    start1, along1, length1 = vector(faces.start, edge[0]), vector(faces.along, edge[0]), faces.length[edge[0]]
+    places = _kept(keller(start1, along1, source, receiver), length1), 0.0
     if edges == 2:
-        back = path.chain[1, : path.count[1]][::-1]
+        back, length2 = path.chain[1, : path.count[1]][::-1], faces.length[edge[1]]
         start2, along2 = image(faces, vector(faces.start, edge[1]), back, 1.0), image(faces, vector(faces.along, edge[1]), back, 0.0)
-        place1, place2 = 0.5 * faces.length[edge[0]], 0.0
+        place1, place2 = 0.5 * length1, 0.0
         for _ in range(ROUNDS):
             known = place1
-            place2 = keller(start2, along2, moved(start1, along1, place1), receiver)
-            place1 = keller(start1, along1, source, moved(start2, along2, place2))
+            place2 = _kept(keller(start2, along2, moved(start1, along1, place1), receiver), length2)
+            place1 = _kept(keller(start1, along1, source, moved(start2, along2, place2)), length1)
             if abs(place1 - known) < 1e-8:
                 break
         places = place1, place2
@@ -538,19 +621,35 @@ def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, path: Work) 
 
 
 @innermost
-def _legs(faces: Faces, edges: int, path: Work) -> bool:
+def _legs(faces: Faces, edge: np.ndarray, edges: int, path: Work) -> bool:
     """Write the points of reflection, the lengths and the directions of all legs of a path; return whether all legs exist."""
     for i in range(edges + 1):
         chain = path.chain[i, : path.count[i]]
-        if not reflect_points(faces, vector(path.touched, i), chain, vector(path.touched, i + 1), path.points[i]):
-            return False
         start, end = vector(path.node, i), image(faces, vector(path.node, i + 1), chain[::-1], 1.0)
         path.size[i] = distance(start, end)
-        if path.size[i] < 1e-6:  # as after four reflections in a corner of 90 degrees, which map the sensor to itself
+        # Four reflections in a corner of 90 degrees map the sensor to itself. Between two edges that meet, no edge wave has formed.
+        if path.size[i] < (2 * INSIDE_M if 0 < i < edges else 1e-6):
             return False
         way = toward(start, end, path.size[i])
         _set(path.leave, i, way)
         _set(path.arrive, i, image(faces, way, chain, 0.0))
+        path.share[i] = 1.0
+        _set(path.beside, i, (0.0, 0.0, 0.0))
+        here, there = vector(path.touched, i), vector(path.touched, i + 1)
+        p = grazed_face(faces, edge[i - 1], edge[i], chain, way) if 0 < i < edges else -1
+        if p >= 0:
+            # The ray grazes the common face. The incident field at the second edge then contains the reflected field already. Both sides
+            # of a sheet carry such a ray.
+            path.share[i] = 0.0
+            for side in range(2):
+                shift = beside(faces, edge[i - 1], edge[i], p, side)
+                open_side = shift[0] != 0 or shift[1] != 0 or shift[2] != 0
+                if open_side and reflect_points(faces, moved(here, shift, 1.0), chain, moved(there, shift, 1.0), path.points[i]):
+                    path.share[i] += 0.5
+                    _set(path.beside, i, shift)
+            here, there = moved(here, vector(path.beside, i), 1.0), moved(there, vector(path.beside, i), 1.0)
+        if path.share[i] == 0 or not reflect_points(faces, here, chain, there, path.points[i]):
+            return False
     return True
 
 
@@ -567,12 +666,9 @@ def _edges(faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumbe
         e, line, x = edge[i], vector(faces.along, edge[i]), vector(path.node, i + 1)
         before, after, s = vector(path.arrive, i), vector(path.leave, i + 1), path.size[i + 1]
         # weight for the ends of the edge, seen from the unfolded previous point and the unfolded following point
-        z = dot(toward(vector(faces.start, e), x, 1.0), line)
-        previous, following = moved(x, before, -path.size[i]), moved(x, after, s)
-        weight = ends_weight(vector(faces.start, e), line, faces.length[e], z, previous, following, wavenumber)
-        if abs(weight) < OUTSIDE:
+        weights = ends_weight(faces, e, x, moved(x, before, -path.size[i]), moved(x, after, s), wavenumber)
+        if abs(weights[0]) < OUTSIDE:
             return 0j
-        factor *= weight
         # curvature of the wave from the previous edge, in the plane of ray and edge
         rho, path.bend[i] = within, 0j
         if i > 0:
@@ -584,10 +680,14 @@ def _edges(faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumbe
             area = norm(rise) * norm(other)
             gradient = dot(rise, other) / area / path.size[i] if area > 0 else 0.0
             path.bend[i] = gradient / (1j * wavenumber * math.sqrt(max(1 - dot(line, before) ** 2, SMALL_SINE * SMALL_SINE)))
-            if len(chain) == 0 and share_face(faces, edge[i - 1], e):
-                factor *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
+            factor *= path.share[i]
         parameter = s * (rho + s) * across * within / (rho * (across + s) * (within + s))
-        edge_terms(faces, tables, e, before, after, parameter, wavenumber, path.matrix[i])
+        # a ray that grazes a face has the angle of the side on which it runs
+        before, after = (
+            moved(before, vector(path.beside, i), -TILT_RAD / OUTSIDE_M),
+            moved(after, vector(path.beside, i + 1), TILT_RAD / OUTSIDE_M),
+        )
+        edge_terms(faces, tables, e, before, after, parameter, wavenumber, weights, path.matrix[i])
         # spreading from the edge to the next point
         factor *= math.sqrt(rho / (s * (rho + s)))
         across, within = s, rho + s
@@ -637,7 +737,8 @@ def _over_leg(
 ) -> None:  # fmt: skip
     """Apply to a field (Q, 3), in place, the reflections of leg `i` at the faces of a chain and, if `through`, the panes on this leg."""
     if through:
-        start, end = vector(path.touched, i), vector(path.touched, i + 1)
+        shift = vector(path.beside, i)
+        start, end = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
         travelled(faces, tree, opaque, tables, field, vector(path.leave, i), chain, start, path.points[i], end, path.found)
     else:
         reflected(faces, tables.te, tables.tm, field, vector(path.leave, i), chain)
@@ -656,13 +757,43 @@ def _met(path: Work, edges: int, out: np.ndarray) -> None:
 
 
 @innermost
-def share_face(faces: Faces, e1: int, e2: int) -> bool:
-    """Return whether two edges belong to one face."""
+def grazed_face(faces: Faces, e1: int, e2: int, chain: np.ndarray, way: Vector) -> int:
+    """Return the face of two edges along which a ray between them runs, over the faces of a chain, or -1 if there is no such face.
+
+    way: direction of the ray at the first edge.
+    """
     for i in range(2):
         for j in range(2):
-            if faces.sides[e1, i] == faces.sides[e2, j]:
-                return True
-    return False
+            p = faces.sides[e1, i]
+            if p != faces.sides[e2, j]:
+                continue
+            turn = faces.opening[e1] * math.pi if i == 1 else 0.0
+            within = math.cos(turn) * dot(way, vector(faces.into, e1)) + math.sin(turn) * dot(way, vector(faces.up, e1)) > 0
+            for k in range(len(chain)):
+                within = within and abs(dot(vector(faces.normal, p), vector(faces.normal, chain[k]))) < LEVEL
+            if within:
+                return p
+    return -1
+
+
+@innermost
+def beside(faces: Faces, e1: int, e2: int, p: int, i: int) -> Vector:
+    """Return the offset of a ray that grazes the face `p` of two edges, onto the side of its normal (i = 0) or onto the other side.
+
+    The offset is zero if a wedge fills this side.
+    """
+    normal = vector(faces.normal, p)
+    height = OUTSIDE_M if i == 0 else -OUTSIDE_M
+    for j in range(2):
+        e = e1 if j == 0 else e2
+        if faces.opening[e] < FREE:
+            turn = 0.0 if p == faces.sides[e, 0] else faces.opening[e] * math.pi
+            # direction from the face into the open sector
+            sign = 1.0 if p == faces.sides[e, 0] else -1.0
+            out = sign * (math.cos(turn) * dot(normal, vector(faces.up, e)) - math.sin(turn) * dot(normal, vector(faces.into, e)))
+            if out * height < 0:
+                return 0.0, 0.0, 0.0
+    return height * normal[0], height * normal[1], height * normal[2]
 
 
 @innermost

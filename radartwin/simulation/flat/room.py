@@ -143,7 +143,8 @@ class FlatRoom:
 
     def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
-        return self._beams(sensor, longest, self._bounds(np.zeros(4), 0.0)).chain
+        source = sensor + 1.5 * field.NUDGE / self.wavenumber
+        return self._beams(source, longest, self._bounds(np.zeros(4), 0.0)).chain
 
     def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
         """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
@@ -268,8 +269,7 @@ class FlatRoom:
         gain = both_gains(radar, departure[found] @ pose[:3, :3], arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
-    def _beams(self, place: np.ndarray, longest: int, bounds: search.Levels) -> search.Beams:
-        source = place + 1.5 * field.NUDGE / self.wavenumber
+    def _beams(self, source: np.ndarray, longest: int, bounds: search.Levels) -> search.Beams:
         return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, bounds, source, longest)
 
     def _bounds(self, front: np.ndarray, least: float) -> search.Levels:
@@ -282,12 +282,12 @@ class FlatRoom:
 
         twice: whether paths may have two diffractions.
         """
-        place, nudge = pose[:3, 3], field.NUDGE / self.wavenumber
+        place, nudge = pose[:3, 3], pose[:3, :3] @ field.NUDGE / self.wavenumber
         front = np.zeros(4) if radar.sees_behind else np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge))
         least = 0.0
         for longest in (min(2, max_bounces), max_bounces):  # the strongest path of the first pass sets the threshold of the second
             bounds = self._bounds(front, least)
-            found = self._beams(place, longest - 1, bounds)
+            found = self._beams(place + 1.5 * nudge, longest - 1, bounds)
             closed = search.closed(self.faces, self.balls, found, self.loudness, least, place + nudge, place + 2 * nudge, longest)
             there, levels = self._levels(closed, np.arange(len(closed)), pose, radar, least)
             strongest = levels.max(initial=0.0)
@@ -346,7 +346,7 @@ class FlatRoom:
             np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
         )  # fmt: skip
         arguments = (
-            self.faces, self.blocking, self.table.opaque, tables, self.wavenumber, field.NUDGE / self.wavenumber,
+            self.faces, self.blocking, self.table.opaque, tables, self.wavenumber, poses[:, :3, :3] @ field.NUDGE / self.wavenumber,
             every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
             np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
         )  # fmt: skip
