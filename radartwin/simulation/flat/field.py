@@ -33,6 +33,8 @@ SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffra
 LEVEL = 1e-6  # largest cosine between the normals of faces that count as perpendicular
 OPEN_RAD = 5e-6  # a direction this far inside a face runs along it; the corners of faces are rounded to 1e-7 m
 TILT_RAD = 1e-5  # a ray that grazes a face is turned by this to one side for the angles at its edges
+INSIDE = 0.01  # points of diffraction are at least this far inside the ends of an edge, in units of 1/k
+APART = 0.03  # two edges of a path whose points of diffraction are closer than this meet there and have no separate waves, in units of 1/k
 FREE = 2 - 1e-6  # smallest opening of the free edge of a sheet
 _TURN = cmath.exp(0.25j * math.pi)
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
@@ -278,11 +280,20 @@ def travelled(
 
 @innermost
 def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
-    """Return the angle of a direction about edge `e`, from face 0 through the open sector, in [0, 2 pi), or at least -OPEN_RAD."""
+    """Return the angle of a direction about edge `e`, from face 0 through the open sector, in [0, 2 pi)."""
     along_up = x * faces.up[e, 0] + y * faces.up[e, 1] + z * faces.up[e, 2]
     along_into = x * faces.into[e, 0] + y * faces.into[e, 1] + z * faces.into[e, 2]
     value = math.atan2(along_up, along_into)
-    return value if value >= -OPEN_RAD else value + 2 * math.pi
+    return value if value >= -1e-9 else value + 2 * math.pi
+
+
+@innermost
+def open_angle(faces: Faces, e: int, direction: Vector) -> float:
+    """Return the angle of a direction as `angle`; a direction at most OPEN_RAD inside a face of the edge has the angle of this face."""
+    value, last = angle(faces, e, direction[0], direction[1], direction[2]), faces.opening[e] * math.pi
+    if value <= last:
+        return value
+    return last if value < last + OPEN_RAD else 0.0 if value > 2 * math.pi - OPEN_RAD else value
 
 
 @innermost
@@ -439,11 +450,9 @@ def edge_terms(
     # beyond the end of an edge, the two angles between ray and edge differ
     sine = math.sqrt(max(math.sqrt(max((1 - cosine * cosine) * (1 - cosine_after * cosine_after), 0.0)), SMALL_SINE * SMALL_SINE))
     n = faces.opening[e]
-    phi0 = angle(faces, e, -before[0], -before[1], -before[2])
-    phi = angle(faces, e, after[0], after[1], after[2])
-    if max(phi, phi0) > n * math.pi + OPEN_RAD:
+    phi0, phi = open_angle(faces, e, (-before[0], -before[1], -before[2])), open_angle(faces, e, after)
+    if max(phi, phi0) > n * math.pi:
         return
-    phi, phi0 = min(max(phi, 0.0), n * math.pi), min(max(phi0, 0.0), n * math.pi)
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
     ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
@@ -529,8 +538,8 @@ def evaluate(
         _set(path.touched, edges + 1, receiver)
         _set(path.node, 0, source if edges else place)
         _set(path.node, edges + 1, receiver if edges else place)
-        _diffraction_points(faces, edge[s], edges, path)
-        if not _legs(faces, edge[s], edges, path):
+        _diffraction_points(faces, edge[s], edges, wavenumber, path)
+        if not _legs(faces, edge[s], edges, wavenumber, path):
             continue
         factor = _edges(faces, tables, edge[s], edges, wavenumber, path)
         if factor == 0:
@@ -585,13 +594,14 @@ def _divide(count: np.ndarray, chain: np.ndarray, edges: int, path: Work) -> Non
 
 
 @innermost
-def _kept(place: float, length: float) -> float:
+def _kept(place: float, length: float, wavenumber: float) -> float:
     """Return the place on an edge of the given length that is nearest to `place`."""
-    return min(max(place, INSIDE_M), length - INSIDE_M)
+    inside = min(INSIDE / wavenumber, 0.25 * length)
+    return min(max(place, inside), length - inside)
 
 
 @innermost
-def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, path: Work) -> None:
+def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> None:
     """Write the points of diffraction of the shortest path to the rows 1 to `edges` of `path.node` and `path.touched`.
 
     The faces before the first edge mirror the source. All that follows the first edge is mirrored to the space of this edge.
@@ -603,15 +613,15 @@ def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, path: Work) 
     for i in range(edges, 0, -1):
         receiver = image(faces, receiver, path.chain[i, : path.count[i]][::-1], 1.0)
     start1, along1, length1 = vector(faces.start, edge[0]), vector(faces.along, edge[0]), faces.length[edge[0]]
-    places = _kept(keller(start1, along1, source, receiver), length1), 0.0
+    places = _kept(keller(start1, along1, source, receiver), length1, wavenumber), 0.0
     if edges == 2:
         back, length2 = path.chain[1, : path.count[1]][::-1], faces.length[edge[1]]
         start2, along2 = image(faces, vector(faces.start, edge[1]), back, 1.0), image(faces, vector(faces.along, edge[1]), back, 0.0)
         place1, place2 = 0.5 * length1, 0.0
         for _ in range(ROUNDS):
             known = place1
-            place2 = _kept(keller(start2, along2, moved(start1, along1, place1), receiver), length2)
-            place1 = _kept(keller(start1, along1, source, moved(start2, along2, place2)), length1)
+            place2 = _kept(keller(start2, along2, moved(start1, along1, place1), receiver), length2, wavenumber)
+            place1 = _kept(keller(start1, along1, source, moved(start2, along2, place2)), length1, wavenumber)
             if abs(place1 - known) < 1e-8:
                 break
         places = place1, place2
@@ -621,14 +631,14 @@ def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, path: Work) 
 
 
 @innermost
-def _legs(faces: Faces, edge: np.ndarray, edges: int, path: Work) -> bool:
+def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> bool:
     """Write the points of reflection, the lengths and the directions of all legs of a path; return whether all legs exist."""
     for i in range(edges + 1):
         chain = path.chain[i, : path.count[i]]
         start, end = vector(path.node, i), image(faces, vector(path.node, i + 1), chain[::-1], 1.0)
         path.size[i] = distance(start, end)
-        # Four reflections in a corner of 90 degrees map the sensor to itself. Between two edges that meet, no edge wave has formed.
-        if path.size[i] < (2 * INSIDE_M if 0 < i < edges else 1e-6):
+        # Four reflections in a corner of 90 degrees map the sensor to itself.
+        if path.size[i] < (APART / wavenumber if 0 < i < edges else 1e-6):
             return False
         way = toward(start, end, path.size[i])
         _set(path.leave, i, way)

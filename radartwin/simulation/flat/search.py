@@ -17,7 +17,7 @@ import numpy as np
 from radartwin.compiled import compiled, cores, each, innermost
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import OPEN_RAD, angle, beside, edge_point, grazed_face, panes_on, reflect_points
+from radartwin.simulation.flat.field import beside, edge_point, grazed_face, open_angle, panes_on, reflect_points
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 
@@ -424,7 +424,7 @@ def _share(faces: Faces, e: int, wavenumber: float, source: Vector, x: Vector, e
 @innermost
 def _is_open(faces: Faces, e: int, x: Vector, end: Vector) -> bool:
     """Return whether the line from a point x of edge `e` to an end runs in the open sector of the edge."""
-    return angle(faces, e, end[0] - x[0], end[1] - x[1], end[2] - x[2]) <= faces.opening[e] * math.pi + OPEN_RAD
+    return open_angle(faces, e, toward(x, end, 1.0)) <= faces.opening[e] * math.pi
 
 
 @innermost
