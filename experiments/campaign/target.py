@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from radartwin.scene.scene import Surface
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.paths import Paths
 
 FEW = 10  # with fewer frames, paths between object and room are traced at each frame, not at the track's thirty shared positions
 
 
 def seen(
-    drives: Drives,
+    drives: Track,
     sensor: np.ndarray,
     rate_hz: float,
     target: Sequence[Surface],
@@ -53,7 +53,7 @@ def seen(
 
 
 def on_carriage(
-    drives: Drives,
+    drives: Track,
     sensor: np.ndarray,
     target: Sequence[Surface],
     poses: np.ndarray,

@@ -29,7 +29,7 @@ from radartwin.scene.objects.catalogue import with_other_reflectors
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed
 from radartwin.simulation.backends.mitsuba import TraceSettings
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.store.recent import Recent
@@ -295,7 +295,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
 
     def room(state: float) -> np.ndarray:
         shifted = drift.shifted(around, small, state, creeps, root)
-        return Drives(shifted, short, sensor, settings, similar=_drives(case, place, root)).room_samples(sensor)[0, 0]
+        return Track.of_drives(shifted, short, sensor, settings, searched=_drives(case, place, root).searched).room_samples(sensor)[0, 0]
 
     def room_states() -> np.ndarray:
         tally.count(tally.SETUPS)
@@ -351,19 +351,19 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
 
 _creeping: Recent[np.ndarray] = Recent(1)  # the signals of the last room in the states of its drift
 _running: Recent[np.ndarray] = Recent(1)  # the signals of the last stand's motor and gear in the states of their drift
-_tracks: Recent[Drives] = Recent(CACHED_TRACKS)
+_tracks: Recent[Track] = Recent(CACHED_TRACKS)
 
 
-def _drives(case: Case, place: _Place, root: int) -> Drives:
+def _drives(case: Case, place: _Place, root: int) -> Track:
     """Return the traced track (path of the radar in a room) of a case. The last used tracks are cached, because recordings of several
     objects share a track.
     """
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
 
-    def build() -> Drives:
+    def build() -> Track:
         tally.count(tally.SETUPS)
         around = list(_around(case, place.log, place.gaps, root))
-        return Drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
+        return Track.of_drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
 
     return _tracks.get(key, 1, build)

@@ -31,7 +31,7 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import with_other_reflectors
 from radartwin.scene.scene import Scene
-from radartwin.simulation.drives import Drives, straight
+from radartwin.simulation.backends.track import Track, straight
 from radartwin.simulation.signal.synthesis import received, thermal_noise
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import spec_digest
@@ -134,10 +134,10 @@ def _families(config: Config, case: Case) -> tuple[str, ...]:
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 
-_tracks: Recent[Drives] = Recent(CACHED_TRACKS)
+_tracks: Recent[Track] = Recent(CACHED_TRACKS)
 
 
-def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Drives:
+def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Track:
     """Return the traced track (path of the radar in a room) of a case. The tracks that were used last are cached.
 
     The text `known` lists all settings that change the room's model, and is part of the cache key.
@@ -145,8 +145,8 @@ def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, kno
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
 
-    def build() -> Drives:
+    def build() -> Track:
         tally.count(tally.SETUPS)
-        return Drives(list(room), radar, nominal.sensor_poses, settings)
+        return Track.of_drives(list(room), radar, nominal.sensor_poses, settings)
 
     return _tracks.get(key, 1, build)

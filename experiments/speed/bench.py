@@ -36,7 +36,7 @@ from radartwin.scene.rooms.parts import GAP, Bench
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import variant as variant_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.signal.synthesis import received, synthesize
 
 PATHS, FRAME_PATHS, DIRECT_PATHS = 100_000, 5_000, 1_000
@@ -215,8 +215,8 @@ def _driven(
         taken.setdefault(name, []).append((np.array([time.perf_counter(), time.process_time()]) - began) / frames)
         return found
 
-    def set_up() -> Drives:
-        track = Drives(list(room), radar, nominal, TraceSettings(variant=variant))
+    def set_up() -> Track:
+        track = Track.of_drives(list(room), radar, nominal, TraceSettings(variant=variant))
         track.room(nominal)
         return track
 

@@ -1,8 +1,10 @@
 """Score the simulator in furnished metal rooms against full-wave fields: nine given rooms and thirty seeded rooms.
 
-The command `python -m experiments.validation.furnished_rooms [--output DIR]` prints a table with one line per room: the rms difference of
-the range profiles over 40 dB, the complex error, the number of paths and the seconds of the simulation. Two more lines give medians and
-worst values. The command also draws the room with the largest profile difference.
+Each room is simulated twice: for a radar at rest, and as the middle frame of a track. The command
+`python -m experiments.validation.furnished_rooms [--output DIR]` prints a table with one line per room: the rms difference of the range
+profiles over 40 dB and the complex error, at rest and on the track, the number of paths, the seconds of the simulation at rest and the
+milliseconds of a frame of the track, with its search. Two more lines give medians and worst values. The command also draws the room with
+the largest profile difference.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +30,9 @@ from radartwin.simulation.simulate import trace_paths
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FRAMES, STEP_M = 51, 0.01  # frames of a track, and distance between its poses
+SLOW_HZ = 1e-3  # frame rate of a track
+
 
 @dataclass(frozen=True)
 class Score:
@@ -35,25 +40,46 @@ class Score:
 
     folder: Path
     name: str
-    compared: fullwave.Compared
+    compared: fullwave.Compared  # for a radar at rest
+    on_track: fullwave.Compared  # in the middle frame of a track
     paths: int
-    seconds: float  # wall time of the simulation
+    seconds: float  # wall time of the simulation at rest
+    frame_ms: float  # wall time of a frame of the track
+
+    def worst(self, measure: str) -> float:
+        """Return the larger value of a property of `Compared`, at rest and on the track."""
+        return max(float(getattr(one, measure)) for one in (self.compared, self.on_track))
 
 
-def simulated(scene: Scene) -> tuple[np.ndarray, int]:
-    """Return the samples (N,) of the first channel and chirp of a radar at the origin, and the number of paths."""
-    radar = furnished.radar()
-    parts, poses = trace_paths(scene, radar, np.eye(4)[None], None, TraceSettings())
-    return received(parts, radar, len(poses))[0, 0, 0, 0], sum(len(part.pose) for part in parts)
+def simulated(scene: Scene, frames: int) -> tuple[np.ndarray, int]:
+    """Return the samples (N,) of the first channel and chirp of a radar at the origin, and the number of paths of its frame.
+
+    frames: odd number of frames of a track along y, of which the middle one is at the origin; 1 for a radar at rest. The radar moves so
+    slowly that it stays in place during a chirp.
+    """
+    radar, middle = replace(furnished.radar(), frame_rate_hz=SLOW_HZ), frames // 2
+    track = np.repeat(np.eye(4)[None], frames, axis=0)
+    track[:, 1, 3] = STEP_M * (np.arange(frames) - middle)
+    parts = [part.frames(middle, middle + 1) for part in trace_paths(scene, radar, track, None, TraceSettings())[0]]
+    return received(parts, radar, 1)[0, 0, 0, 0], sum(map(len, parts))
 
 
 @cache
 def score(folder: Path, name: str) -> Score:
-    """Simulate a room of a folder and compare it with its full-wave field."""
+    """Simulate a room of a folder at rest and on a track, and compare both with its full-wave field."""
     scene = fullwave.scene(folder, name)
-    started = time.perf_counter()
-    samples, paths = simulated(scene)
-    return Score(folder, name, fullwave.compare(folder, name, samples), paths, time.perf_counter() - started)
+    times = [time.perf_counter()]
+    (samples, paths), (moving, _) = (_timed(scene, frames, times) for frames in (1, FRAMES))
+    rest, track = np.diff(times)
+    compared, on_track = (fullwave.compare(folder, name, one) for one in (samples, moving))
+    return Score(folder, name, compared, on_track, paths, rest, 1e3 * track / FRAMES)
+
+
+def _timed(scene: Scene, frames: int, times: list[float]) -> tuple[np.ndarray, int]:
+    """Return the result of `simulated`, and append the time of its end to a list."""
+    found = simulated(scene, frames)
+    times.append(time.perf_counter())
+    return found
 
 
 def rooms() -> list[tuple[Path, str]]:
@@ -65,16 +91,22 @@ def rooms() -> list[tuple[Path, str]]:
 def worst(full: bool) -> Score:
     """Return the seeded room with the largest profile difference. If `full` is false, only the first room of each kind counts."""
     names = fullwave.names(furnished.ROOMS)[: None if full else len(furnished.KINDS)]
-    return max((score(furnished.ROOMS, name) for name in names), key=lambda one: one.compared.profile_db)
+    return max((score(furnished.ROOMS, name) for name in names), key=lambda one: one.worst("profile_db"))
 
 
 def table(scores: Iterable[Score]) -> str:
     """Return the table of scores as text, with the median and the worst of each column."""
-    rows = [(s.name, s.compared.profile_db, s.compared.error, s.paths, s.seconds) for s in scores]
+    rows = [
+        (s.name, s.compared.profile_db, s.compared.error, s.on_track.profile_db, s.on_track.error, s.paths, s.seconds, s.frame_ms)
+        for s in scores
+    ]
     values = np.array([row[1:] for row in rows])
     rows += [("median", *np.median(values, axis=0)), ("worst", *values.max(axis=0))]
-    lines = [f"{name:22s} {db:10.2f} {error:10.3f} {paths:6.0f} {seconds:8.2f}" for name, db, error, paths, seconds in rows]
-    return "\n".join([f"{'room':22s} profile dB {'complex':>10s} {'paths':>6s} {'seconds':>8s}", *lines])
+    head = f"{'room':22s} profile dB  complex  track dB  complex  paths  seconds  ms/frame"
+    return "\n".join([head, *(
+        f"{name:22s} {db:10.2f} {error:8.3f} {track_db:9.2f} {track_error:8.3f} {paths:6.0f} {seconds:8.2f} {ms:9.1f}"
+        for name, db, error, track_db, track_error, paths, seconds, ms in rows
+    )])  # fmt: skip
 
 
 def drawing(shown: Score) -> Figure:
@@ -101,7 +133,7 @@ def _worst(measure: str, folder: Path, few: int, full: bool) -> Finding:
     if not folder.is_dir():
         raise Untestable(f"the folder {folder} is missing")
     chosen = fullwave.names(folder)[: None if full else few]
-    found = max(float(getattr(score(folder, name).compared, measure)) for name in chosen)
+    found = max(score(folder, name).worst(measure) for name in chosen)
     return Finding(0.0, found, found, len(chosen))
 
 
@@ -110,8 +142,8 @@ SETS = {
     "seeded": ("thirty seeded metal rooms", "method of moments in two dimensions", furnished.ROOMS, len(furnished.KINDS)),
 }
 MEASURES = {
-    "profile_db": ("profile", "range profile over 40 dB", "rms difference in the worst room (dB)", 1.5, "dB"),
-    "error": ("complex", "signal after one common phase", "complex error in the worst room", 0.06, ""),
+    "profile_db": ("profile", "range profile over 40 dB, at rest and on a track", "rms difference in the worst room (dB)", 1.5, "dB"),
+    "error": ("complex", "signal after one common phase, at rest and on a track", "complex error in the worst room", 0.06, ""),
 }
 CASES = [
     Case(f"furnished-{name}-{short}", "furnished rooms", f"{words}: {quantity}", oracle, metric, limit, unit,
@@ -128,7 +160,7 @@ def main() -> None:
     folder = parser.parse_args().output
     scores = [score(*one) for one in rooms()]
     print(table(scores))
-    save(drawing(max(scores, key=lambda one: one.compared.profile_db)), folder / "figures" / "furnished_rooms_worst")
+    save(drawing(max(scores, key=lambda one: one.worst("profile_db"))), folder / "figures" / "furnished_rooms_worst")
 
 
 if __name__ == "__main__":

@@ -21,8 +21,8 @@ from radartwin.live.setting import LiveSetting, Movable, Rooms
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.simulation import pruning, variant
-from radartwin.simulation.backends.mitsuba import MitsubaBackend, static_scene
-from radartwin.simulation.backends.static_scene import StaticScene
+from radartwin.simulation.backends.mitsuba import MitsubaBackend
+from radartwin.simulation.backends.static_scene import StaticScene, static_scene
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.flat.search import Sequences

@@ -17,7 +17,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.simulate import simulate
 
 RADAR = Radar.iwr1843()
@@ -39,7 +39,7 @@ def _can_in_motion() -> None:
 
 
 def _drive() -> None:
-    drives = Drives([*_room()], RADAR, _poses(), TraceSettings(max_bounces=2))
+    drives = Track.of_drives([*_room()], RADAR, _poses(), TraceSettings(max_bounces=2))
     drives.room(_poses())
     drives.over_room([_can().moved(_can_pose())]).seen(_poses(), RADAR.frame_rate_hz)
     drives.moving([_can()], _poses(), _can_pose()[None])

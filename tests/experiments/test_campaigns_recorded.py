@@ -24,7 +24,7 @@ from radartwin.radar.recording import Recording
 from radartwin.recordings.checks import examine
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.simulation.drives import straight
+from radartwin.simulation.backends.track import straight
 from radartwin.store.products import Store
 
 TINY = [

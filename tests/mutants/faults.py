@@ -102,6 +102,17 @@ FlatRoom._some | amplitude[row].conj() | amplitude[row] | the phase of reflectio
 simulation/flat/search: physics/test_flat_rooms
 _joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the order from the receiver
 
+simulation/flat/search: simulation/test_cells
+_planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre
+_meets | margin * (1 + away / max(heights, margin)) | 0.0 | a path must exist at the test place itself
+
+simulation/flat/search: physics/test_furnished_rooms
+_far | math.sqrt(max(excess, 0.0)) - change | math.sqrt(max(excess, 0.0)) + change | edges are weaker anywhere in a cell than at its centre
+
+simulation/flat/room: physics/test_furnished_rooms
+FlatRoom._some | first + share * (second - first) | second + share * (first - second) | the channels of the array are in reverse order
+_nearest | KDTree(places).query(points)[1] | np.zeros(len(points), int) | all poses use the sequences of the first test place
+
 simulation/flat/field: physics/test_flat_rooms
 keller | z_s * h_r + z_r * h_s | z_s * h_s + z_r * h_r | the point of diffraction is not Keller's
 
@@ -145,7 +156,7 @@ group_paths | legs.weigh(amplitude, place_of[frame], leg[row], point) | legs | l
 simulation/flat/legs: physics/test_coupling
 _evaluate | level.conjugate() | level | a leg is not conjugated
 
-simulation/places: physics/test_places
+simulation/backends/track: physics/test_places
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track
 _carry | total -= turned * velocity[f, i] | total += turned * velocity[f, i] | approaching reads as receding
 _points | poses[:, :3, 2] | poses[:, :3, 0] | a radar that rolls has the polarisation of its first pose

@@ -18,7 +18,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, variant, visibility
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
 
@@ -318,7 +318,7 @@ def test_drives_have_the_cloud_of_their_object():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, 0, 3] = 2.0
     sensor = at((0, 0, 0), (0, 0.01, 0), (0, 0.02, 0))
-    *_, found = Drives([], ISOTROPIC, sensor, TraceSettings()).moving([plate], sensor, poses[:1])
+    *_, found = Track.of_drives([], ISOTROPIC, sensor, TraceSettings()).moving([plate], sensor, poses[:1])
     (expected,) = diffuse.of_scene(None, bodies((plate, poses)), ISOTROPIC, sensor)
     assert len(found) > 50
     assert np.array_equal(found.amplitude, expected.amplitude)

@@ -9,7 +9,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.backends.static_scene import StaticScene
-from radartwin.simulation.drives import Drives, places_along
+from radartwin.simulation.backends.track import Track, along_line
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 from radartwin.testbed.motion_errors import RoverErrors, rover
@@ -35,7 +35,7 @@ def signal(parts, frames):
 
 def test_room_of_a_drive_matches_separate_tracing(drive):
     room, nominal, actual = drive
-    shared = signal(Drives(room, RADAR, nominal, SETTINGS).room(actual), len(actual))
+    shared = signal(Track.of_drives(room, RADAR, nominal, SETTINGS).room(actual), len(actual))
     alone = signal(trace_paths(rt.Scene(room), RADAR, actual, None, SETTINGS)[0], len(actual))
     # the actual positions differ from the logged positions by more than half a wavelength
     assert np.abs(actual[:, :3, 3] - nominal[:, :3, 3]).max() > 2e-3
@@ -46,7 +46,7 @@ def test_moved_paths_over_the_room_match_separate_tracing(drive):
     room, nominal, actual = drive
     at = rooms.bench("lab").target_position(1.0)
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
-    drives, still = Drives(room, RADAR, nominal, SETTINGS), np.eye(4)[None]
+    drives, still = Track.of_drives(room, RADAR, nominal, SETTINGS), np.eye(4)[None]
     echo = signal(drives.moving([can], actual, still, coupled=False), len(actual))
     over = signal(drives.over_room([can]).seen(actual, RADAR.frame_rate_hz), len(actual))
     together = signal(trace_paths(rt.Scene([*room, can]), RADAR, actual, {"can": still}, SETTINGS)[0], len(actual))
@@ -58,7 +58,7 @@ def test_moved_paths_over_the_room_match_separate_tracing(drive):
 
 def test_places_reach_beyond_both_ends():
     nominal = trajectory.lateral_sweep(rooms.bench("lab").sensor_pose)
-    places = places_along(nominal, 0.02)
+    places = along_line(nominal, 0.02)
     along = places[:, 1, 3]
     assert along.min() < nominal[:, 1, 3].min() - 0.03
     assert along.max() > nominal[:, 1, 3].max() + 0.03
@@ -73,18 +73,18 @@ def there_and_back() -> np.ndarray:
 
 def test_both_ways_of_a_drive_share_their_places():
     both = there_and_back()
-    places = places_along(both, 0.04)
-    assert np.allclose(places, places_along(both[:9], 0.04))
+    places = along_line(both, 0.04)
+    assert np.allclose(places, along_line(both[:9], 0.04))
     assert len(places) == 12 + 2 + 1  # 48 cm, 4 cm beyond both ends
     part = both[4:]  # starts and ends at different poses between the ends of the line
-    assert np.ptp(places_along(part, 0.04)[:, 0, 3]) == pytest.approx(0.48 + 2 * 0.04)
+    assert np.ptp(along_line(part, 0.04)[:, 0, 3]) == pytest.approx(0.48 + 2 * 0.04)
 
 
 def test_the_way_back_has_the_paths_of_the_way_there_with_the_opposite_doppler():
     poses = there_and_back()
     at = rooms.bench("lab").target_position(1.0)
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
-    drives = Drives(list(rooms.room("lab", detail="shell")), RADAR, poses, SETTINGS)
+    drives = Track.of_drives(list(rooms.room("lab", detail="shell")), RADAR, poses, SETTINGS)
     both, there = drives.over_room([can], poses), drives.over_room([can], poses[:9])
     assert sum(map(len, both.parts)) == sum(map(len, there.parts)) > 0  # the places are traced once for both ways
     for part in both.seen(poses, RADAR.frame_rate_hz):
@@ -100,7 +100,7 @@ def test_paths_of_one_drive_over_the_room_equal_those_of_the_whole_track(drive):
     room, nominal, actual = drive
     at = rooms.bench("lab").target_position(1.0)
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(trajectory.pose(at)), "metal", "can", role="object")
-    drives = Drives(room, RADAR, nominal, SETTINGS)
+    drives = Track.of_drives(room, RADAR, nominal, SETTINGS)
     every, some = drives.over_room([can]), drives.over_room([can], actual)
     assert sum(map(len, some.parts)) < sum(map(len, every.parts))
     ones, others = (signal(track.seen(actual, RADAR.frame_rate_hz), len(actual)) for track in (some, every))
@@ -109,7 +109,7 @@ def test_paths_of_one_drive_over_the_room_equal_those_of_the_whole_track(drive):
 
 def test_room_samples_are_the_received_paths_of_the_room(drive):
     room, nominal, actual = drive
-    drives = Drives(room, RADAR, nominal, SETTINGS)
+    drives = Track.of_drives(room, RADAR, nominal, SETTINGS)
     samples = drives.room_samples(actual)
     assert np.array_equal(samples, received(drives.room(actual), RADAR, len(actual), elements="exact", oscillator=None))
     assert drives.room_samples(actual.copy()) is samples  # the result is cached by the poses
@@ -121,11 +121,11 @@ def test_a_similar_room_shares_its_sequences(drive, monkeypatch):
     room, nominal, _ = drive
     at_rest, shift = nominal[:1], np.full(3, 0.02 * RADAR.wavelength_m)
     shifted = [surface.moved(trajectory.pose(shift)) for surface in room]
-    first = Drives(room, RADAR, at_rest, SETTINGS)
-    before, alone = (one.room_samples(at_rest) for one in (first, Drives(shifted, RADAR, at_rest, SETTINGS)))
+    first = Track.of_drives(room, RADAR, at_rest, SETTINGS)
+    before, alone = (one.room_samples(at_rest) for one in (first, Track.of_drives(shifted, RADAR, at_rest, SETTINGS)))
     searches, search = [], StaticScene.searched
     monkeypatch.setattr(StaticScene, "searched", lambda scene, *rest: searches.append(scene) or search(scene, *rest))
-    shared = Drives(shifted, RADAR, at_rest, SETTINGS, similar=first).room_samples(at_rest)
-    assert searches == [first._still]  # no search in the shifted room
+    shared = Track.of_drives(shifted, RADAR, at_rest, SETTINGS, searched=first.searched).room_samples(at_rest)
+    assert not searches
     assert relative_error(shared, alone) < 1e-3  # share of the paths that pruning leaves out
     assert relative_error(shared, before) > 0.1  # the signal is that of the shifted room

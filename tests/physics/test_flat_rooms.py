@@ -21,7 +21,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.flat import field
 from radartwin.simulation.flat import room as flat_room
 
@@ -467,7 +467,7 @@ def test_no_path_along_a_motion_is_listed_in_both_directions():
     """A path with edges and its reverse are one sequence, at whichever place it was found. The search orders arrivals at an edge by their
     strength, which differs from place to place.
     """
-    drives = Drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.6, 0.4), (0.4, 0.6, 0.4), 7), TraceSettings())
+    drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.6, 0.4), (0.4, 0.6, 0.4), 7), TraceSettings())
     searched = drives._searched
     assert searched is not None
     every = searched.sequences

@@ -13,8 +13,8 @@ from radartwin.errors import InputError
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import paths_of_frames
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.track import SPACING_M, TURNED_RAD, TracedPlaces, Track, closest, covering
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.places import SPACING_M, TURNED_RAD, TracedPlaces, closest, covering
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 from radartwin.store import array_cache
@@ -138,7 +138,7 @@ def test_the_length_of_the_frame_is_part_of_the_key_of_cached_paths(tmp_path):
 
 
 def test_nothing_is_moved_if_object_and_room_are_uncoupled(monkeypatch):
-    monkeypatch.setattr(MitsubaBackend, "_over_room", None)
+    monkeypatch.setattr(Track, "_clutter", None)
     signal(sideways(0.3 + np.arange(3) * 0.01), TraceSettings(max_bounces=1))
     signal(sideways(0.3 + np.arange(3) * 0.01), TraceSettings(max_bounces=2, coupling=False))
 

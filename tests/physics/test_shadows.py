@@ -15,7 +15,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene import objects
 from radartwin.scene.surface import Surface
 from radartwin.simulation import geometry
-from radartwin.simulation.backends.mitsuba import static_scene
+from radartwin.simulation.backends.static_scene import static_scene
 from radartwin.simulation.flat import kirchhoff, legs, obstacles, shadows
 
 RADAR = Radar.iwr1843("isotropic")

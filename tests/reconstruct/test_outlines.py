@@ -20,7 +20,7 @@ from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.segment import segmented
-from radartwin.simulation.backends.mitsuba import static_scene
+from radartwin.simulation.backends.static_scene import static_scene
 
 
 def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):

@@ -18,7 +18,7 @@ from radartwin.scene import rooms
 from radartwin.scene.checks import inside_solid
 from radartwin.scene.rooms.parts import DETAILS, FINISHES
 from radartwin.scene.scene import Scene
-from radartwin.simulation.backends.mitsuba import static_scene
+from radartwin.simulation.backends.static_scene import static_scene
 
 CASES = {
     "lab": {},

@@ -9,7 +9,7 @@ from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.surface import Surface
 from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.drives import Drives
+from radartwin.simulation.backends.track import Track
 from radartwin.simulation.signal.synthesis import received
 
 
@@ -39,7 +39,7 @@ def test_few_aspects_of_a_shadow_stand_for_many(name, aspects):
         [(3, -2, -1), (3, 2, -1), (3, 2, 2), (3, -2, 2)], [(0, 1, -1), (3, 1, -1), (3, 1, 2), (0, 1, 2)],
     ))]  # fmt: skip
     sensor, target = np.eye(4)[None], list(catalogue()[name].surfaces())
-    drives = Drives(walls, radar, sensor, TraceSettings(max_bounces=2))
+    drives = Track.of_drives(walls, radar, sensor, TraceSettings(max_bounces=2))
 
     def shadow(count):
         angle = 2 * np.pi * np.arange(count) / count

@@ -20,15 +20,18 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import visibility
-from radartwin.simulation.backends.tube_paths import clusters
+from radartwin.simulation import pruning, reflection_table, visibility
+from radartwin.simulation.backends import tube_paths
+from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.backends.tube_paths import Target, clusters
+from radartwin.simulation.flat import coupling, obstacles, shadows, silhouette
 from radartwin.simulation.flat import faces as faces_module
-from radartwin.simulation.flat import obstacles, shadows, silhouette
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, made_once
 from radartwin.simulation.pruning import SHADED, strongest
 from radartwin.simulation.reflection_table import ReflectionTable
+from radartwin.store.recent import Recent
 
 FLAT_SHARE = 0.98  # smallest fraction of a flat room's area that belongs to flat faces
 MAX_FACES = 20_000  # rooms with more flat faces are traced by tubes, with a warning; a room of 10,000 takes minutes (decision 018)
@@ -37,6 +40,11 @@ MAX_FACES = 20_000  # rooms with more flat faces are traced by tubes, with a war
 # below 0.2 dB; with edges, the errors were 2.9 and 2.1 dB. Behind boxes of 2 cm, the error is 0.02 of the echo; with edges, it was 1.5 of
 # the echo.
 THIN_M = 0.0115
+
+
+# Prepared static surfaces, which together have at most CACHED_FACES faces.
+_static_scenes: "Recent[StaticScene]" = Recent(geometry_module.CACHED_FACES)
+atexit.register(_static_scenes.clear)
 
 
 class Surroundings(NamedTuple):
@@ -184,6 +192,82 @@ class StaticScene:
             factor = silhouette.factors(body, poses[part.pose, :3, 3], part.points, part.mirror is not None, self.room.wavenumber)
             amplitude = amplitude * factor[:, None]
         return replace(part, amplitude=amplitude)
+
+    def object_paths(
+        self, settings: TraceSettings, poses: np.ndarray, radar: Radar, least: float = 0.0, direct: bool = True
+    ) -> list[Paths]:
+        """Trace the small or curved static objects in a room of flat faces, without paths whose amplitude is below `least`. If `direct` is
+        False, return only the paths between these objects and the room.
+        """
+        geometry = self.geometry
+        unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
+        done: list[int] = []  # indices of the objects that are already traced, so that paths between two objects are traced only once
+        parts: list[Paths] = []
+        for cluster in tube_paths.clusters(self.surfaces, np.unique(geometry.surface[self.compact])):
+            members = np.isin(geometry.surface, cluster) & self.compact
+            objects, others = (geometry_module.subset(geometry, chosen) for chosen in (members, ~members))
+            surroundings = Surroundings(self.beside(cluster, done), others)
+            found = group_paths(settings, Target(objects, self.table), surroundings, radar, poses, unmoved, least, direct=direct)
+            parts += found if direct else found[1:]
+            done += cluster
+        return parts
+
+
+def group_paths(
+    settings: TraceSettings,
+    group: Target,
+    surroundings: Surroundings,
+    radar: Radar,
+    sensor_poses: np.ndarray,
+    poses: np.ndarray,
+    least: float = 0.0,
+    ball: tuple[np.ndarray, float] | None = None,
+    prune: float = pruning.PRUNE,
+    direct: bool = True,
+) -> list[Paths]:
+    """Trace the paths of a group of surfaces that move together.
+
+    Args:
+        settings: of the tracer. group: triangles and reflection table of the surfaces.
+        surroundings: static surfaces around the group.
+        radar: radar whose frequency sweep and frame rate apply.
+        sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
+        poses: (F, 4, 4) transformations from the group's own frame to the world.
+        least, ball, prune, direct: as in `radartwin.simulation.flat.coupling.group_paths`.
+    """
+    room = surroundings.room
+    alone = room is None
+    coupled = room is not None and bool(room.usable.any()) and settings.coupling and settings.max_bounces > 1
+    source = (poses_module.inverse(poses[:1]) @ sensor_poses[:1])[:, :3, 3]
+    density = settings.coupled_rays_per_wavelength2
+    found = coupling.group_paths(
+        room, group.geometry, group.table, sensor_poses, poses, radar, max_bounces=settings.max_bounces,
+        cell_m=tube_paths.cell_m(group.geometry, settings, source, radar, alone), prune=prune, coupled=coupled, least=least,
+        ball=ball, coupled_cell_m=None if density is None else radar.wavelength_m / float(np.sqrt(density)), direct=direct,
+    )  # fmt: skip
+    if found is not None:
+        return found
+    # An object too close for a planar grid of tubes has direct paths only.
+    return [tube_paths.object_paths(group, settings, sensor_poses, poses, radar, surroundings.occluder, alone)] if direct else []
+
+
+def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:
+    """Prepare static surfaces for tracing, or return the same prepared surfaces as in a previous call. A Mitsuba variant must be active."""
+    geometry, table = target(surfaces, radar)
+    # The meshes are copied, so that a later change of a mesh does not change the prepared surfaces.
+    return _static_scenes.get(
+        (geometry, id(table), *((s.name, s.role) for s in surfaces)), len(geometry.corners),
+        lambda: StaticScene([s.replaced(mesh=s.mesh.copy()) for s in surfaces], geometry, table),
+    )  # fmt: skip
+
+
+def target(surfaces: list[Surface], radar: Radar) -> Target:
+    """Prepare the triangles of the surfaces and their reflection coefficients in the radar's frequency sweep."""
+    high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
+    table = reflection_table.build(
+        [(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high, [s.name for s in surfaces]
+    )
+    return Target(geometry_module.build([s.mesh for s in surfaces]), table)
 
 
 def shadows_of_mover(

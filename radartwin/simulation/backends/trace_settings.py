@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from radartwin.errors import InputError
 from radartwin.simulation.checks import check_flag, check_option, check_positive
-from radartwin.simulation.places import SPACING_M
 
+SPACING_M = 0.04  # distance between places of a moving radar; paths are moved by half of it at most
 MOST_SPACING_M = 0.1  # with places 0.5 m apart, the error of the moved paths is 0.4 of the signal (a can beside a wall)
 
 
@@ -25,8 +25,8 @@ class TraceSettings:
         diffuse: whether rough surfaces scatter diffusely.
         coupled_rays_per_wavelength2: number of ray tubes per square wavelength on objects, for paths that reflect at object and room. Such
             paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`; for the paths that `place_spacing_m`
-            describes, a quarter of it (`places.OVER_ROOM`).
-        place_spacing_m: a moving radar traces the paths between resting objects and room only at some of its positions (`places`). Every
+            describes, a quarter of it (`track.OVER_ROOM`).
+        place_spacing_m: a moving radar traces the paths between resting objects and room only at some of its positions (`track`). Every
             other position is at most half of this distance from such a place, whose paths are moved to it. Paths of these objects that the
             radar cannot resolve are merged. 0 traces these paths at every position, with all tubes, and merges none.
     """

@@ -1,7 +1,8 @@
 """Rooms of flat faces: paths of reflections and edge diffractions for all poses at once, and the data that connect objects to the room.
 
-Sequences of faces and edges are searched at a few key places along the motion of the sensor, and the search keeps the sequences that have a
-strong path at a test place. At each pose, the paths of the sequences of the nearby test places are then computed exactly.
+The poses of the sensor are covered by cells. Each cell is searched once for all sequences of faces and edges over which a strong path can
+exist anywhere in the cell. Each test place of the cell keeps the sequences that can exist within a margin around it and are strong there.
+At each pose, the paths of the sequences of the nearest test place are then computed exactly. A sensor at rest is a track of one place.
 """
 
 import warnings
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from radartwin.compiled import each
 from radartwin.constants import SPEED_OF_LIGHT
@@ -20,17 +22,21 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable
 
-KEY_SPACING_M = 0.2  # distance between key places
-TEST_SPACING_M = 0.04  # distance between test places
+KEY_SPACING_M = 0.2  # distance between places at which legs to an object are searched
+CELL_M = 0.1  # largest distance of a test place from the centre of its cell
+TEST_M = 0.02  # largest distance of a pose from its test place, and margin within which the sequences of a test place exist
+# Places, relative to a test place and in units of TEST_M in the frame of the sensor, where a path must be strong.
+LATE = 0.6  # factor on thresholds near the pose itself: of fields at its middle channel, and of two diffractions at its test place
+COARSE = 4  # number of places of a cell where a path with two diffractions must be strong
+TESTED = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.2], [-0.1, -0.5, -0.2]])
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
-NEAR = 1.5  # a place uses the sequences of all key or test places within this distance, in units of their spacing
-AHEAD = 0.1  # factor on thresholds at key places along a motion, because a path can be ten times stronger at a test place
+NEAR = 1.5  # a place uses the legs of all key places within this distance, in units of their spacing
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
-# A resting sensor gets paths with two diffractions if the room has at most this many edges. The search for them takes time with the square
-# of the number of edges: 8 s of processor time in the furnished laboratory, which has 257. The paths of a moving sensor have at most one
-# diffraction.
+# Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 5 s
+# of processor time for a cell in the furnished laboratory, which has 257.
 MAX_EDGES = 1000
-UNEVEN = 0.05  # relative difference of the fields at the outermost channels above which all channels are computed
+UNEVEN = 0.3  # relative difference of the fields at the outermost channels above which all channels are computed
+CHANNELS = 0.003  # the fields of weaker paths, relative to the strongest path of the pose, are computed at the middle of the array only
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
 
 
@@ -143,8 +149,8 @@ class FlatRoom:
 
     def chains(self, sensor: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of the sensor meets, -1 beyond the last."""
-        source = sensor + 1.5 * field.NUDGE / self.wavenumber
-        return self._beams(source, longest, self._bounds(np.zeros(4), 0.0)).chain
+        cell = search.Cell(sensor[None] + 1.5 * field.NUDGE / self.wavenumber, 0.0)
+        return self._beams(cell, longest, self._bounds(np.zeros(4), 0.0)).chain
 
     def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
         """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
@@ -186,68 +192,76 @@ class FlatRoom:
             searched: the sequences that `searched` has found for these places; None searches for them.
         """
         searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
-        every, near = searched.sequences, _near(_points(poses), searched.places, TEST_SPACING_M)
-        active = np.zeros((len(poses), len(every)), bool)
-        for pose, chosen in enumerate(near):
-            for t in chosen:
-                active[pose, searched.of_test[t]] = True
+        every, active = searched.sequences, np.zeros((len(poses), len(searched.sequences)), bool)
+        for pose, test in enumerate(_nearest(_points(poses), searched.places)):
+            active[pose, searched.of_test[test]] = True
         least = np.zeros(len(poses))
         parts = []
         for kind in _kinds(every):
             part = self._evaluated(every, active & kind, poses, velocity, radar, least)
-            np.maximum.at(least, part.pose, self._least(radar, prune) * level(part, radar))
+            np.maximum.at(least, part.pose, self._least(radar, LATE * prune) * level(part, radar))
             parts.append(part)
         masks = strong_masks(parts, radar, prune)
         return [part.where(mask) for part, mask in zip(parts, masks, strict=True)]
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> Searched:
-        """Find the sequences of faces and edges whose paths can, along a motion, be as strong as `prune` times the strongest path.
+        """Find the sequences of faces and edges whose paths can, along a track, be as strong as `prune` times the strongest path.
 
-        If the sensor rests and the room has at most MAX_EDGES edges, the function also searches for paths with two diffractions, but only
-        from one end of the array.
+        Paths have at most two diffractions, and at most one if the room has more than MAX_EDGES edges.
         """
-        stays = len(_spaced(_points(poses), TEST_SPACING_M)) == 1
-        twice = stays and len(self.faces.length) <= MAX_EDGES
-        if stays and not twice:
+        twice = len(self.faces.length) <= MAX_EDGES
+        if not twice:
             warnings.warn(
                 f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction",
                 RoomWarning, stacklevel=2,
             )  # fmt: skip
-        if stays:  # the sequences at the two ends of the array of a resting sensor can differ
-            poses = np.concatenate([_shifted(poses[:1], channel) for channel in _outermost(radar)])
-            keys = tests = np.arange(len(poses))
-        else:
-            keys, tests = (_spaced(_points(poses), spacing) for spacing in (KEY_SPACING_M, TEST_SPACING_M))
-        points, ahead = _points(poses), EARLY if stays else AHEAD
-        found = each(lambda k: self._sequences(poses[k], radar, max_bounces, ahead * prune, twice and k == 0), keys)
-        every, of_key = search.Sequences.union(found)
-        near = _near(points[tests], points[keys], KEY_SPACING_M)
-        kinds = _kinds(every)
+        points = _points(poses)
+        tests = _spaced(points, TEST_M)
+        cells = _spaced(points[tests], CELL_M)
+        cell_of = _nearest(points[tests], points[tests][cells])
+        members = [np.concatenate([[key], np.setdiff1d(np.flatnonzero(cell_of == c), key)]) for c, key in enumerate(cells)]
+        found = each(lambda some: self._strong(poses[tests[some]], radar, max_bounces, prune, twice), members)
+        every, index = search.Sequences.union([sequences for cell in found for sequences in cell])
+        of_test = [index[i] for i in np.argsort(np.concatenate(members))]
+        return Searched(points[tests], every, of_test)
 
-        def strong(test: np.integer, chosen: np.ndarray) -> np.ndarray:
-            """Return which sequences of the `chosen` key places are strong at a test place."""
-            active, levels = np.zeros(len(every), bool), np.zeros(len(every))
-            for k in chosen:
-                active[of_key[k]] = True
-            for kind in kinds:
-                which = np.flatnonzero(active & kind)
-                found, strength = self._levels(every, which, poses[test], radar, self._least(radar, prune) * levels.max(initial=0.0))
-                levels[which[found]] = strength
-            return np.flatnonzero(levels > EARLY * prune * levels.max(initial=0.0))
+    def _strong(self, places: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> list[search.Sequences]:
+        """Return, for each test place (P, 4, 4) of a cell, the sequences that are strong there, or can exist in the margin around it.
 
-        of_test = each(lambda at: strong(*at), zip(tests, near, strict=True))
-        used = np.zeros(len(every), bool)
-        for some in of_test:
-            used[some] = True
-        number = np.cumsum(used) - 1
-        return Searched(points[tests], every.where(used), [number[some] for some in of_test])
+        A path can be weak at a place, and strong beside it. Therefore each place stands for three. What blocks a path at a place may not
+        block it beside the place. Therefore nothing blocks the paths whose levels are compared with that of the strongest visible path.
+        """
+        every, least = self._sequences(places, radar, max_bounces, EARLY * prune, twice), self._least(radar, EARLY * prune)
+        beside = np.stack([_shifted(places, share * TEST_M) for share in TESTED], axis=1)
+        few = every.where(every.edge[:, 1] < 0)
+        strongest = np.array([min(self.levels(few, pose, radar).max(initial=0.0) for pose in three) for three in beside])
+        # Pairs of edges are numerous. Those that are weak at a few places of the cell are left out.
+        double, coarse = np.flatnonzero(every.edge[:, 1] >= 0), _apart(beside.reshape(-1, 4, 4), COARSE)
+        strong = np.zeros(len(double), bool)
+        for pose in beside.reshape(-1, 4, 4)[coarse]:
+            exists, levels = self._levels(every, double, pose, radar, least * strongest.min(), self._nothing)
+            strong[exists[levels > EARLY * prune * strongest.min()]] = True
+        every, out = search.Sequences.joined([few, every.where(double[strong])]), []
+        for three, loudest in zip(beside, strongest, strict=True):
+            close = every.where(search.near(self.faces, self.wavenumber, every, three[0, :3, 3], TEST_M))
+            twice = close.edge[:, 1] >= 0
+            limit = np.where(twice, LATE, EARLY) * prune * loudest
+            weak, strong = np.zeros((2, len(close)), bool)
+            for which, blocking in ((np.flatnonzero(~twice), self._nothing), (np.flatnonzero(twice), None)):
+                for pose in three:
+                    exists, levels = self._levels(close, which, pose, radar, 0.0, blocking)
+                    exists = which[exists]
+                    weak[exists[levels <= limit[exists]]] = True
+                    strong[exists[levels > limit[exists]]] = True
+            out.append(close.where(strong | ~(weak | twice)))
+        return out
 
     def single_diffractions(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> search.Sequences:
-        """Find the strong sequences with at most one diffraction, as seen from one sensor pose (4, 4).
+        """Find the sequences with at most one diffraction that can be strong at or beside one sensor pose (4, 4).
 
-        The function takes a small part of the time of `searched`, which for a resting sensor also finds paths with two diffractions.
+        The function takes a small part of the time of `searched`, which also finds paths with two diffractions.
         """
-        return self._sequences(pose, radar, max_bounces, EARLY * prune, False)
+        return self._strong(pose[None], radar, max_bounces, prune, False)[0]
 
     def levels(self, sequences: search.Sequences, pose: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the level (K,) of each sequence at a sensor pose (4, 4): received amplitude with element gain, 0 without a path."""
@@ -256,61 +270,76 @@ class FlatRoom:
         out[found] = level
         return out
 
-    def _least(self, radar: Radar, prune: float) -> float:
+    def _least(self, radar: Radar, share: float) -> float:
         """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""
-        return EARLY * prune * 2 * self.wavenumber / float(radar.gain([1.0, 0.0, 0.0])) ** 2
+        return share * 2 * self.wavenumber / float(radar.gain([1.0, 0.0, 0.0])) ** 2
+
+    @cached_property
+    def _nothing(self) -> obstacles.Hierarchy:
+        """Return obstacles of which there are none."""
+        return obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int))
 
     def _levels(
-        self, every: search.Sequences, which: np.ndarray, pose: np.ndarray, radar: Radar, least: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return which sequences (N,) have a path at a pose (4, 4), and the levels of these paths in the middle of the sweep."""
+        self, every: search.Sequences, which: np.ndarray, pose: np.ndarray, radar: Radar, least: float,
+        blocking: obstacles.Hierarchy | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return which sequences (N,) have a path at a pose (4, 4), and the levels of these paths in the middle of the sweep.
+
+        blocking: obstacles; None means those of the room.
+        """
         none = np.zeros(len(which), int)
-        found, (amplitude, _, departure, arrival, _) = self._fields(every, none, which, pose[None], np.full(1, least), self._middle, True)
+        found, (amplitude, _, departure, arrival, _) = self._fields(
+            every, none, which, pose[None], np.full(1, least), self._middle, True, blocking
+        )
         gain = both_gains(radar, departure[found] @ pose[:3, :3], arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
 
-    def _beams(self, source: np.ndarray, longest: int, bounds: search.Levels) -> search.Beams:
-        return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, bounds, source, longest)
+    def _beams(self, cell: search.Cell, longest: int, bounds: search.Levels) -> search.Beams:
+        return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, bounds, cell, longest)
 
     def _bounds(self, front: np.ndarray, least: float) -> search.Levels:
         """Return upper bounds of fields for a plane (4,) in front of the sensor and the weakest field that matters."""
         through = np.maximum(np.abs(self.table.through_te).max(axis=(1, 2)), np.abs(self.table.through_tm).max(axis=(1, 2)))
         return search.Levels(self._envelope, through, front, least)
 
-    def _sequences(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> search.Sequences:
-        """Return the sequences with a path as strong as `prune` times the strongest path, at a pose (4, 4).
+    def _sequences(self, places: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> search.Sequences:
+        """Return the sequences that can have a path as strong as `prune` times the strongest path, anywhere in a cell.
 
-        twice: whether paths may have two diffractions.
+        Args:
+            places: (P, 4, 4) poses in the cell; the first is its centre. twice: whether paths may have two diffractions.
         """
-        place, nudge = pose[:3, 3], pose[:3, :3] @ field.NUDGE / self.wavenumber
-        front = np.zeros(4) if radar.sees_behind else np.append(pose[:3, 0], pose[:3, 0] @ (place + 1.5 * nudge))
+        at = places[:, :3, 3] + 1.5 * places[:, :3, :3] @ field.NUDGE / self.wavenumber
+        reach = CELL_M + TEST_M
+        beside = [_shifted(places[:1], TEST_M / 2 * way)[:, :3, 3] for way in (*np.eye(3), *-np.eye(3))]
+        cell, forward = search.Cell(np.concatenate([at, *beside]), reach), places[0, :3, 0]
+        sees_behind = radar.sees_behind or np.abs(places[:, :3, 0] - forward).max() > 1e-3
+        front = np.zeros(4) if sees_behind else np.append(forward, forward @ at[0] - reach)
         least = 0.0
         for longest in (min(2, max_bounces), max_bounces):  # the strongest path of the first pass sets the threshold of the second
             bounds = self._bounds(front, least)
-            found = self._beams(place + 1.5 * nudge, longest - 1, bounds)
-            closed = search.closed(self.faces, self.balls, found, self.loudness, least, place + nudge, place + 2 * nudge, longest)
-            there, levels = self._levels(closed, np.arange(len(closed)), pose, radar, least)
-            strongest = levels.max(initial=0.0)
-            least = self._least(radar, prune) / EARLY * strongest
+            beams = self._beams(cell, longest - 1, bounds)
+            closed = search.closed(self.faces, self.balls, beams, self.loudness, least, cell, longest)
+            # the weakest, over all places, of the strongest paths
+            levels = [self._levels(closed, np.arange(len(closed)), place, radar, least)[1] for place in places[_apart(places, COARSE)]]
+            least = self._least(radar, prune) * min(one.max(initial=0.0) for one in levels)
         bounds = self._bounds(front, least)
-        source = place + 1.5 * nudge
         arrivals, passed = search.reached(
-            self.faces, self.blocking, self.table.opaque, bounds, source, found, max_bounces, self.wavenumber, twice
+            self.faces, self.blocking, self.table.opaque, bounds, cell, beams, max_bounces, self.wavenumber, twice
         )
-        strength = passed * self._strengths(found, arrivals, pose, radar)
+        strength = passed * self._strengths(beams, arrivals, places, radar)
         linked = self.links if twice else np.zeros((0, 3), int)
-        edged = search.sequences(self.faces, found, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least)
-        edged_there, edged_levels = self._levels(edged, np.arange(len(edged)), pose, radar, least)
-        limit = prune * max(strongest, edged_levels.max(initial=0.0))
-        return search.Sequences.union([closed.where(there[levels > limit]), edged.where(edged_there[edged_levels > limit])])[0]
+        edged = search.sequences(self.faces, beams, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least, reach)
+        every = search.Sequences.joined([closed, edged])
+        return every.where(search.near(self.faces, self.wavenumber, every, cell.places[0], reach))
 
-    def _strengths(self, found: search.Beams, arrivals: np.ndarray, pose: np.ndarray, radar: Radar) -> np.ndarray:
-        """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at a pose.
+    def _strengths(self, found: search.Beams, arrivals: np.ndarray, poses: np.ndarray, radar: Radar) -> np.ndarray:
+        """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at any of the poses.
 
         arrivals: (M, 2) edge and beam. The fields include the element gain relative to the gain at boresight.
         """
         edge, beam = arrivals.T
         gain, strength = np.zeros((2, len(arrivals)))
+        headings = np.unique(np.round(poses[:, :3, :3], 3), axis=0)
         for share in (0.0, 0.5, 1.0):
             way = self.faces.start[edge] + share * self.faces.length[edge, None] * self.faces.along[edge] - found.image[beam]
             way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -322,7 +351,8 @@ class FlatRoom:
                 column = np.minimum(np.abs(cosine), 1) * (self._envelope.shape[1] - 1)
                 total *= np.where(used, self._envelope[face, column.astype(int)], 1.0)
                 way = np.where(used[:, None], way - 2 * cosine[:, None] * self.faces.normal[face], way)
-            gain = np.maximum(gain, radar.gain(way @ pose[:3, :3]))
+            for heading in headings:
+                gain = np.maximum(gain, radar.gain(way @ heading))
             strength = np.maximum(strength, total)
         return strength * gain / float(radar.gain([1.0, 0.0, 0.0]))
 
@@ -335,6 +365,7 @@ class FlatRoom:
         least: np.ndarray,
         tables: field.Tables,
         processor: bool = False,
+        blocking: obstacles.Hierarchy | None = None,
     ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all.
 
@@ -346,7 +377,8 @@ class FlatRoom:
             np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
         )  # fmt: skip
         arguments = (
-            self.faces, self.blocking, self.table.opaque, tables, self.wavenumber, poses[:, :3, :3] @ field.NUDGE / self.wavenumber,
+            self.faces, self.blocking if blocking is None else blocking, self.table.opaque, tables,
+            self.wavenumber, poses[:, :3, :3] @ field.NUDGE / self.wavenumber,
             every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
             np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
         )  # fmt: skip
@@ -371,27 +403,47 @@ class FlatRoom:
     ) -> Paths:  # fmt: skip
         """Return the paths of pairs (N,) of a pose and a sequence, with both directions of reversible sequences.
 
-        For a single pose, the fields are computed at the two outermost channels. Where they differ, as near the border of a shadow, they
-        are computed at all channels. The place of a channel is the middle between its two elements. For a moving sensor, they are computed
-        at the middle of the array only, because the motion of the sensor averages over such positions.
+        The fields are computed at the middle of the array. Where a path is strong, or may exist beside the middle only, they are computed
+        at the two outermost channels too, and interpolated between them. Where these differ much, as near the border of a shadow, they are
+        computed at all channels. The place of a channel is the middle between its two elements.
         """
-        single = len(poses) == 1
-        channels = _channels(radar) if single else np.zeros((1, 3))
-        outermost = _outermost(radar) if single else (np.zeros(3),)
-        ends = [self._fields(every, pose, which, _shifted(poses, channel), least, self.tables) for channel in outermost]
-        middle = len(self.table.frequencies_hz) // 2
-        levels = np.abs([values[0][:, middle] for _, values in ends])
-        there = np.flatnonzero((levels > 0).any(axis=0))
-        best = levels[:, there].argmax(axis=0)
-        amplitude, length, departure, arrival, met = (np.stack([one[1][k] for one in ends])[best, there] for k in range(5))
-        change = np.abs(ends[0][1][0][there, middle] - ends[-1][1][0][there, middle])
-        uneven = np.flatnonzero((change > UNEVEN * levels.max(axis=0)[there]) & (len(channels) > 1))
+        channels, middle = _channels(radar), len(self.table.frequencies_hz) // 2
+        offsets = np.array([np.zeros(3), *_outermost(radar)])
+        every_value = self._fields(every, pose, which, poses, least, self.tables)[1]
+        level = np.zeros((3, len(pose)))
+        level[0] = np.abs(every_value[0][:, middle])
+        strongest = np.zeros(len(poses))
+        np.maximum.at(strongest, pose, level[0])
+        apart = np.flatnonzero((level[0] == 0) | (level[0] > CHANNELS * strongest[pose])) if len(channels) > 1 else np.zeros(0, int)
+        # the channels need the fields in the middle of the sweep only
+        ends = [
+            self._fields(every, pose[apart], which[apart], _shifted(poses, end), least, self._middle)[1][0][:, 0] for end in offsets[1:]
+        ]
+        change = np.zeros(len(pose))
+        for k, end in enumerate(ends):
+            level[k + 1, apart] = np.abs(end)
+        change[apart] = np.abs(ends[0] - ends[1])
+        best = np.where(level[0] > 0, 0, level.argmax(axis=0))
+        for k in (1, 2):
+            rows = np.flatnonzero(best == k)
+            beside = self._fields(every, pose[rows], which[rows], _shifted(poses, offsets[k]), 0 * least, self.tables)[1]
+            for values, value in zip(every_value, beside, strict=True):
+                values[rows] = value
+        there = np.flatnonzero(level.max(axis=0) > 0)
+        amplitude, length, departure, arrival, met = (values[there] for values in every_value)
+        uneven = np.flatnonzero(change[there] > UNEVEN * level[:, there].max(axis=0))
         gain = np.ones((len(there), len(channels)), complex)
         some = there[uneven]
+        if len(apart):
+            strong, row = np.isin(apart, there), np.searchsorted(there, apart)
+            between = channels - offsets[1]  # from the first outermost channel to each channel, as a share of the way to the other one
+            share = between @ (offsets[2] - offsets[1]) / np.sum((offsets[2] - offsets[1]) ** 2)
+            first, second = (end[strong, None] for end in ends)
+            gain[row[strong]] = (first + share * (second - first)) / amplitude[row[strong], middle, None]
         for c, channel in enumerate(channels if len(some) else channels[:0]):
-            one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self.tables)[1][0]
-            gain[uneven, c] = one[:, middle] / amplitude[uneven, middle]
-        offset = np.array(outermost)[best]
+            one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self._middle)[1][0]
+            gain[uneven, c] = one[:, 0] / amplitude[uneven, middle]
+        offset = offsets[best[there]]
         pose, which = pose[there], which[there]
         # both directions of a path that is listed once; the reverse has the same gain
         both = np.flatnonzero(every.reversible[which])
@@ -422,7 +474,7 @@ class FlatRoom:
         return Paths(
             len(poses), pose[row], points, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies, inwards,
             outwards, departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror,
-            gain[row].conj() if single else None, met[row],
+            gain[row].conj(), met[row],
         )  # fmt: skip
 
     def _mirrors(self, every: search.Sequences) -> np.ndarray:
@@ -482,8 +534,23 @@ def _spaced(points: np.ndarray, spacing_m: float) -> np.ndarray:
     return np.array(kept)
 
 
+def _apart(poses: np.ndarray, most: int) -> np.ndarray:
+    """Return the indices of at most `most` poses (F, 4, 4), of which the first is chosen first, then each time the farthest from these."""
+    points, chosen = poses[:, :3, 3], [0]
+    away = np.full(len(points), np.inf)
+    while len(chosen) < min(most, len(points)):
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(away.argmax()))
+    return np.array(chosen)
+
+
+def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return for each of the points (F, D) the index of the nearest of the places (K, D)."""
+    return np.asarray(KDTree(places).query(points)[1])
+
+
 def _near(points: np.ndarray, places: np.ndarray, spacing_m: float) -> list[np.ndarray]:
-    """Return for each of the points (F, D) the indices of the places (K, D) whose sequences it uses."""
+    """Return for each of the points (F, D) the indices of the places (K, D) whose legs it uses."""
     away = np.linalg.norm(points[:, None] - places[None], axis=2)
     return [np.flatnonzero(row <= max(NEAR * spacing_m, row.min())) for row in away]
 

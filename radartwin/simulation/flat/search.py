@@ -1,9 +1,13 @@
-"""Search for the sequences of faces and edges that can carry a path, seen from one place of the sensor.
+"""Search for the sequences of faces and edges that can carry a path, seen from any place of a cell, which is a ball of sensor positions.
 
-Beams start at the sensor. A beam is the convex part of a face that the sensor's image lights, together with this image; the face mirrors
+Beams start at the cell. A beam is the convex part of a face that the image of the cell lights, together with this image; the face mirrors
 the beam, and the faces beyond it clip the mirrored beam. The search follows a beam only if a path over it can be strong enough (`Levels`).
 A path that reflects at the faces of a beam can reach each edge inside the beam. Two such paths to one edge, out and back, give a path with
 one diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
+
+All geometric tests and bounds hold for the whole ball: the planes that bound a beam touch the ball on its far side, distances are shortened
+by the radius, and edges within reach of a shadow boundary count as lying on it. Only visibility is tested at single places of the cell.
+`near` then chooses the sequences that exist within a margin around one place.
 """
 
 import math
@@ -14,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, cores, each, innermost
+from radartwin.compiled import compiled, cores, each, innermost, shared_out
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import beside, edge_point, grazed_face, open_angle, panes_on, reflect_points
+from radartwin.simulation.flat.field import OUTSIDE, beside, edge_point, grazed_face, image, open_angle, panes_on, reflect_points
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
-from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
+from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
@@ -27,10 +31,19 @@ FEW = 3  # number of steps to estimate the two points of a double diffraction
 # Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. The actual ratio is at least 8 for almost all
 # paths of the furnished laboratory and squash court. Compared with an assumed ratio of 1, the signal of these rooms changes by at most
 # 1.1e-3.
-BOUND_OF_DOUBLES = 4.0
+BOUND_OF_DOUBLES = 16.0
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
 BOTH = 2.25  # an edge changes a field by a factor of at most 1.5, and a path has at most two edges
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
+
+
+class Cell(NamedTuple):
+    """Hold a ball of sensor positions: the centre and other places (S, 3), centre first, between which visibility is tested, and the radius
+    in metres of the ball around the centre.
+    """
+
+    places: np.ndarray
+    radius: float
 
 
 class Levels(NamedTuple):
@@ -68,18 +81,21 @@ class Beams:
 
 
 @innermost
-def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int, front: np.ndarray, out: np.ndarray) -> int:
+def _planes(faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndarray, count: int, front: np.ndarray, out: np.ndarray) -> int:
     """Write the planes that bound a beam, as unit normals that point inwards and offsets (count, 4); returns their number.
 
-    The first plane is that of the beam's last face, the others are the planes through its image `at` and the sides of its polygon.
-    The beam of the sensor itself is bounded by the plane `front`.
+    The first plane is that of the beam's last face. The others run through the sides of its polygon and touch the far side of the ball
+    around the image `at`. The beam of the cell itself is bounded by the plane `front`. A cell on both sides of the last face has no bounds.
     """
     if last < 0:
         for k in range(4):
             out[0, k] = front[k]
         return 1 if front[0] != 0 or front[1] != 0 or front[2] != 0 else 0
     normal = vector(faces.normal, last)
-    side = -1.0 if dot(at, normal) > faces.offset[last] else 1.0
+    height = dot(at, normal) - faces.offset[last]
+    if abs(height) <= radius:
+        return 0
+    side = -1.0 if height > 0 else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
     middle = _middle(polygon, count)
     for i in range(count):
@@ -89,8 +105,18 @@ def _planes(faces: Faces, last: int, at: Vector, polygon: np.ndarray, count: int
         side = 1 / max(math.sqrt(dot(normal, normal)), 1e-30)
         if dot(normal, middle) < dot(normal, at):
             side = -side
-        out[1 + i, 0], out[1 + i, 1], out[1 + i, 2] = side * normal[0], side * normal[1], side * normal[2]
-        out[1 + i, 3] = side * dot(normal, at)
+        inwards = side * normal[0], side * normal[1], side * normal[2]
+        # turn the plane about the side of the polygon until it touches the ball: by the angle under which the side sees the radius
+        length = distance(one, two)
+        way = toward(one, two, max(length, 1e-30))
+        foot = moved(one, way, dot((at[0] - one[0], at[1] - one[1], at[2] - one[2]), way))
+        away = distance(at, foot)
+        sine = min(radius / max(away, 1e-30), 1.0)
+        cosine = math.sqrt(1 - sine * sine)
+        back = toward(foot, at, max(away, 1e-30))
+        for k in range(3):
+            out[1 + i, k] = cosine * inwards[k] - sine * back[k]
+        out[1 + i, 3] = out[1 + i, 0] * one[0] + out[1 + i, 1] * one[1] + out[1 + i, 2] * one[2]
     return 1 + count
 
 
@@ -141,8 +167,8 @@ def _passed(
 
 
 @innermost
-def _reflected(faces: Faces, envelope: np.ndarray, chain: np.ndarray, at: Vector, polygon: np.ndarray, count: int) -> float:
-    """Return the largest product of reflection coefficients over the directions from an image to a convex polygon on the last face.
+def _reflected(faces: Faces, envelope: np.ndarray, chain: np.ndarray, at: Vector, radius: float, polygon: np.ndarray, count: int) -> float:
+    """Return the largest product of reflection coefficients over the directions from a ball to a convex polygon on the last face.
 
     Over such directions, the cosine of incidence at each face is smallest at a corner of the polygon, because a cone of directions up to
     90 degrees about a normal is convex.
@@ -152,11 +178,12 @@ def _reflected(faces: Faces, envelope: np.ndarray, chain: np.ndarray, at: Vector
         least = 1.0
         for k in range(count):
             corner = vector(polygon, k)
-            way = toward(at, corner, max(distance(at, corner), 1e-12))
+            away = max(distance(at, corner), 1e-12)
+            way = toward(at, corner, away)
             for j in range(len(chain) - 1, i, -1):
                 normal = vector(faces.normal, chain[j])
                 way = moved(way, normal, -2 * dot(way, normal))
-            least = min(least, abs(dot(way, vector(faces.normal, chain[i]))))
+            least = max(min(least, abs(dot(way, vector(faces.normal, chain[i]))) - radius / away), 0.0)
         total *= envelope[chain[i], int(least * columns)]
     return total
 
@@ -173,7 +200,7 @@ def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> floa
 @compiled
 def _grown(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, levels: Levels,
-    source: np.ndarray, start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray,
+    cell: Cell, start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray,
     corners: np.ndarray, strength: np.ndarray, passed: np.ndarray, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """Append the beams that follow beams start:stop. Returns the number of beams, and the first of the beams start:stop whose followers did
@@ -182,17 +209,17 @@ def _grown(
     most = polygon.shape[1]
     planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
     points, found = np.empty((chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
-    place = source[0], source[1], source[2]
+    place, reach = vector(cell.places, 0), cell.radius
     faces_of = np.empty(chain.shape[1], np.int64)
     for b in range(start, stop):
         m, known = order[b], used
         faces_of[:m] = chain[b, :m]
         before, at = chain[b, :m], vector(image, b)
         last = chain[b, m - 1] if m else -1
-        bounds = _planes(faces, last, at, polygon[b], corners[b], levels.front, planes)
+        bounds = _planes(faces, last, at, reach, polygon[b], corners[b], levels.front, planes)
         for p in range(len(faces.offset)):
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
-            if p == last or abs(height) < 1e-6 or loudness[p] == 0 or not _within(planes, bounds, vector(centre, p), radius[p]):
+            if p == last or loudness[p] == 0 or not _within(planes, bounds, vector(centre, p), radius[p]):
                 continue
             count = faces.corners[p]
             for i in range(count):
@@ -207,12 +234,14 @@ def _grown(
                 continue
             middle = _middle(one, count)
             faces_of[m] = p
-            reflected = _reflected(faces, levels.envelope, faces_of[: m + 1], at, one, count)
-            least = levels.least * (_beyond(one, count, middle, at) + _beyond(one, count, middle, place)) / BOTH
+            reflected = _reflected(faces, levels.envelope, faces_of[: m + 1], at, reach, one, count)
+            away = _beyond(one, count, middle, at) + _beyond(one, count, middle, place) - 2 * reach
+            least = levels.least * max(away, 0.0) / BOTH
             if reflected * passed[b] < max(least, 1e-30):
                 continue
             lit = 0.0
-            for i in range(-1, 2 * count):  # the middle, and two points on the way to each corner
+            for sample in range(len(cell.places) * (2 * count + 1)):  # the middle, and two points on the way to each corner
+                source, i = cell.places[sample // (2 * count + 1)], sample % (2 * count + 1) - 1
                 share = 0.0 if i < 0 else 0.5 if i < count else 0.9
                 corner = vector(one, i % count)
                 x = (
@@ -238,9 +267,9 @@ def _grown(
 
 def beams(
     faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, levels: Levels,
-    source: np.ndarray, longest: int,
+    cell: Cell, longest: int,
 ) -> Beams:  # fmt: skip
-    """Follow the beams of a source.
+    """Follow the beams of a cell.
 
     Args:
         balls: centre (P, 3) and radius (P,) of a ball around each face. loudness: (P,) largest reflection coefficient of each face.
@@ -251,13 +280,13 @@ def beams(
     shapes = (max(longest, 1),), (), (3,), (most, 3), (), (), ()  # chain, order, image, polygon, corners, strength and transmission
     kinds = (int, int, float, float, int, float, float)
     arrays = [np.empty((room, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)]
-    for values, first in zip(arrays, (-1, 0, source, 0, 0, 1, 1), strict=True):
+    for values, first in zip(arrays, (-1, 0, cell.places[0], 0, 0, 1, 1), strict=True):
         values[0] = first
     start, used = 0, 1
     for _ in range(longest):
         end = used
         while start < end:
-            used, start = _grown(faces, *balls, tree, opaque, loudness, levels, source, start, end, *arrays, used)
+            used, start = _grown(faces, *balls, tree, opaque, loudness, levels, cell, start, end, *arrays, used)
             if start < end:
                 arrays = [np.concatenate([values, np.empty_like(values)]) for values in arrays]
     return Beams(*(values[:used] for values in arrays))
@@ -265,7 +294,7 @@ def beams(
 
 @compiled
 def _reach(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, source: np.ndarray, samples: np.ndarray, longest: int,
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, cell: Cell, samples: np.ndarray, longest: int,
     own: np.ndarray, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray,
     strength: np.ndarray, passed: np.ndarray, wavenumber: float, twice: bool, out: np.ndarray, through: np.ndarray,
 ) -> int:  # fmt: skip
@@ -275,7 +304,7 @@ def _reach(
     reflections therefore returns over a beam of fewer reflections. The function has examined this beam before.
     """
     newest, before_it = np.full(len(faces.length), -1), np.empty(len(out), np.int64)  # arrivals with few reflections, as linked lists
-    place = source[0], source[1], source[2]
+    place, reach = vector(cell.places, 0), cell.radius
     planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
     found = np.empty(MAX_PANES, np.int64)
     used = 0
@@ -283,7 +312,7 @@ def _reach(
         m = order[b]
         before, at = chain[b, :m], vector(image, b)
         last = chain[b, m - 1] if m else -1
-        bounds = _planes(faces, last, at, polygon[b], corners[b], levels.front, planes)
+        bounds = _planes(faces, last, at, reach, polygon[b], corners[b], levels.front, planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
                 continue
@@ -303,12 +332,12 @@ def _reach(
                     high = min(high, faces.length[e] * first / (first - second))
                 if low >= high:
                     break
-            if low >= high or not _is_open(faces, e, start, at):
+            if low >= high or not _is_open(faces, e, start, at, reach):
                 continue
             foot = dot((at[0] - start[0], at[1] - start[1], at[2] - start[2]), along)
             straight = dot((place[0] - start[0], place[1] - start[1], place[2] - start[2]), along)
             near = distance(at, moved(start, along, min(max(foot, low), high)))
-            near += distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e])))
+            near = max(near + distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e]))) - 2 * reach, 0.0)
             least = levels.least * near * passed[b] / (BOTH * strength[b])  # smallest transmission that matters
             if passed[b] < least:
                 continue
@@ -317,13 +346,14 @@ def _reach(
                 other = out[a, 1]
                 if order[other] <= back:
                     gain = strength[b] * strength[other] * through[a] / passed[other]
-                    if _single(faces, e, wavenumber, gain, levels.least, at, vector(image, other)):
+                    if _single(faces, e, wavenumber, reach, gain, levels.least, at, vector(image, other)):
                         break
                 a = before_it[a]
             if fewer and a < 0:
                 continue
             lit = 0.0
-            for i in range(-1, len(samples)):
+            for sample in range(len(cell.places) * (len(samples) + 1)):
+                source, i = cell.places[sample // (len(samples) + 1)], sample % (len(samples) + 1) - 1
                 z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
                 x = edge_point(faces, e, z)
                 if reflect_points(faces, source, before, x, points):
@@ -352,7 +382,7 @@ def own_reflections(faces: Faces) -> np.ndarray:
 
 
 def reached(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, source: np.ndarray, found: Beams, longest: int, wavenumber: float,
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, cell: Cell, found: Beams, longest: int, wavenumber: float,
     twice: bool,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge.
@@ -368,7 +398,7 @@ def reached(
     while True:
         out, through = np.empty((room, 2), np.int64), np.empty(room)
         used = _reach(
-            faces, tree, opaque, levels, source, np.array(SAMPLES), longest, own_reflections(faces), *columns, wavenumber, twice, out,
+            faces, tree, opaque, levels, cell, np.array(SAMPLES), longest, own_reflections(faces), *columns, wavenumber, twice, out,
             through,
         )  # fmt: skip
         if used >= 0:
@@ -395,52 +425,71 @@ def _place(start: Vector, along: Vector, source: Vector, end: Vector) -> float:
 
 
 @innermost
-def _far(wavenumber: float, excess: float) -> float:
-    """Return the approximate strength, at most 1/2, of an edge wave whose path is longer than the undisturbed line by `excess`."""
-    return min(0.5, 0.225 / max(math.sqrt(2 * wavenumber / math.pi * max(excess, 0.0)), 1e-9))
+def _far(wavenumber: float, radius: float, excess: float, before: float, after: float) -> float:
+    """Return the approximate strength, at most 1/2, of an edge wave whose path is longer than the undisturbed line by `excess`.
+
+    If the ends, which are `before` and `after` metres from the edge, move by `radius`, the square root of the excess changes by at most
+    radius sqrt((before + after)/(2 before after)).
+    """
+    change = radius * math.sqrt((before + after) / max(2 * before * after, 1e-12))
+    return min(0.5, 0.225 / max(math.sqrt(2 * wavenumber / math.pi) * (math.sqrt(max(excess, 0.0)) - change), 1e-9))
 
 
 @innermost
-def _taper(start: Vector, along: Vector, length: float, wavenumber: float, place: float, source: Vector, end: Vector) -> float:
+def _taper(
+    start: Vector, along: Vector, length: float, wavenumber: float, radius: float, place: float, source: Vector, end: Vector
+) -> float:
     """Return the approximate weight of an edge for a point of diffraction at `place`: 1 on the edge, less beyond its ends."""
-    if 0 <= place <= length:
+    if -radius <= place <= length + radius:
         return 1.0
     near, x = moved(start, along, 0.0 if place < 0 else length), moved(start, along, place)
-    return 2 * _far(wavenumber, distance(source, near) + distance(near, end) - distance(source, x) - distance(x, end))
+    before, after = distance(source, near), distance(near, end)
+    return 2 * _far(wavenumber, radius, before + after - distance(source, x) - distance(x, end), before, after)
 
 
 @innermost
-def _share(faces: Faces, e: int, wavenumber: float, source: Vector, x: Vector, end: Vector) -> float:
+def _share(faces: Faces, e: int, wavenumber: float, radius: float, source: Vector, x: Vector, end: Vector) -> float:
     """Return the approximate strength, at most 3/2, of the wave of edge `e` at x relative to the field from source to end: the sum of the
     waves at the shadow boundary and at the reflection boundaries of the two faces.
+
+    An edge in an inner corner also has boundaries of waves that are reflected several times; it gets the largest strength.
     """
-    total, length = 0.0, distance(source, x) + distance(x, end)
+    if faces.opening[e] < 1:
+        return 1.5
+    total, before, after = 0.0, distance(source, x), distance(x, end)
     for side in range(-1, 2):
         at = source if side < 0 else _mirrored(faces, faces.sides[e, side], source, 1.0)
-        total += _far(wavenumber, length - distance(at, end))
+        total += _far(wavenumber, radius, before + after - distance(at, end), before, after)
     return total
 
 
 @innermost
-def _is_open(faces: Faces, e: int, x: Vector, end: Vector) -> bool:
-    """Return whether the line from a point x of edge `e` to an end runs in the open sector of the edge."""
-    return open_angle(faces, e, toward(x, end, 1.0)) <= faces.opening[e] * math.pi
+def _is_open(faces: Faces, e: int, x: Vector, end: Vector, radius: float) -> bool:
+    """Return whether the line from a point x of edge `e` to a ball around `end` can run in the open sector of the edge."""
+    turn, most = open_angle(faces, e, toward(x, end, 1.0)), faces.opening[e] * math.pi
+    if turn <= most:
+        return True
+    # distance of the end from the edge's line, on which the angle depends
+    away = math.sqrt(max(distance(x, end) ** 2 - dot(toward(x, end, 1.0), vector(faces.along, e)) ** 2, 0.0))
+    return away * math.sin(min(turn - most, 2 * math.pi - turn, 0.5 * math.pi)) <= radius
 
 
 @innermost
-def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: Vector, end: Vector) -> bool:
-    """Return whether two points lie on the same side of face `p` and the reflected line between the points can meet the face."""
+def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: Vector, end: Vector, reach: float) -> bool:
+    """Return whether two balls can lie on the same side of face `p` and the reflected line between them can meet the face."""
     normal, middle = vector(faces.normal, p), vector(centre, p)
     a, b = dot(start, normal) - faces.offset[p], dot(end, normal) - faces.offset[p]
-    if a * b <= 1e-12:
+    if a * b <= 1e-12 and min(abs(a), abs(b)) >= reach:
         return False
+    a, b = max(abs(a), 1e-9), max(abs(b), 1e-9) * (1.0 if a >= 0 else -1.0)
+    a = a if b > 0 else -a
     share, down = a / (a + b), -2 * a * b / (a + b)
     x = (
         start[0] + share * (end[0] - start[0]) + down * normal[0],
         start[1] + share * (end[1] - start[1]) + down * normal[1],
         start[2] + share * (end[2] - start[2]) + down * normal[2],
     )
-    return distance(x, middle) < radius[p]
+    return distance(x, middle) < radius[p] + reach * (1 + distance(start, end) / (abs(a) + abs(b)))
 
 
 @compiled
@@ -462,7 +511,7 @@ def _linked(
             for p in range(-1, len(faces.offset)):
                 if (p < 0 and e == f) or p in (faces.sides[e, 0], faces.sides[e, 1], faces.sides[f, 0], faces.sides[f, 1]):
                     continue
-                if p >= 0 and (loudness[p] == 0 or not _crosses(faces, p, centre, radius, middle1, middle2)):
+                if p >= 0 and (loudness[p] == 0 or not _crosses(faces, p, centre, radius, middle1, middle2, 0.0)):
                     continue
                 chain[0] = p
                 seen = False
@@ -499,7 +548,7 @@ def links(faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, o
 @compiled
 def _doubles(
     faces: Faces, linked: np.ndarray, loudness: np.ndarray, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray,
-    image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, piece: int, pieces: int, out: np.ndarray,
+    image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, reach: float, piece: int, pieces: int, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number, or -1 if `out` is
     too short.
@@ -526,14 +575,14 @@ def _doubles(
             start2, along2 = _mirrored(faces, p, start2, 1.0), _mirrored(faces, p, along2, 0.0)
         for a in range(first[e], first[e + 1]):
             at_a = vector(image, a)
-            if order[a] + over > spare or gain * strength[a] * best[f] < least * distance(at_a, middle1) * 0.4:
+            if order[a] + over > spare or gain * strength[a] * best[f] < least * (distance(at_a, middle1) - reach) * 0.4:
                 continue
             z2 = min(max(_place(start2, along2, at_a, at_a), 0.0), faces.length[f])
             x2 = moved(start2, along2, z2)
             z1 = min(max(_place(start1, along1, at_a, x2), 0.0), faces.length[e])
             x1 = moved(start1, along1, z1)
-            base = gain * strength[a] * _share(faces, e, wavenumber, at_a, x1, x2)
-            length = distance(at_a, x1) + distance(x1, x2)
+            base = gain * strength[a] * _share(faces, e, wavenumber, reach, at_a, x1, x2)
+            length = max(distance(at_a, x1) + distance(x1, x2) - 2 * reach, 0.0)
             if 1.5 * base * best[f] < least * length:
                 continue
             for b in range(first[f] if e != f else a, first[f + 1]):
@@ -552,22 +601,23 @@ def _doubles(
                     y2 = moved(start2, along2, z2)
                     z1 = _place(start1, along1, at_a, y2)
                     y1 = moved(start1, along1, z1)
-                worth = gain * strength[a] * strength[b] / (distance(at_a, y1) + distance(y1, y2) + distance(y2, at_b))
-                worth *= _taper(start1, along1, faces.length[e], wavenumber, z1, at_a, y2)
-                worth *= _taper(start2, along2, faces.length[f], wavenumber, z2, y1, at_b)
+                whole = max(distance(at_a, y1) + distance(y1, y2) + distance(y2, at_b) - 2 * reach, 1e-3)
+                worth = gain * strength[a] * strength[b] / whole
+                worth *= _taper(start1, along1, faces.length[e], wavenumber, reach, z1, at_a, y2)
+                worth *= _taper(start2, along2, faces.length[f], wavenumber, reach, z2, y1, at_b)
                 if 2.25 * worth < least:
                     continue
-                worth *= _share(faces, e, wavenumber, at_a, y1, y2)
+                worth *= _share(faces, e, wavenumber, reach, at_a, y1, y2)
                 if 1.5 * worth < least:
                     continue
-                if not _is_open(faces, e, y1, y2):
+                if not _is_open(faces, e, y1, y2, reach):
                     continue
                 # the second edge is mirrored in face p, but `_is_open` uses its unmirrored faces: mirror the line back
                 if over:
                     y1, y2, at_b = _mirrored(faces, p, y1, 1.0), _mirrored(faces, p, y2, 1.0), vector(image, b)
-                if not _is_open(faces, f, y2, y1):
+                if not _is_open(faces, f, y2, y1, reach):
                     continue
-                if worth * _share(faces, f, wavenumber, at_b, y2, y1) < least:
+                if worth * _share(faces, f, wavenumber, reach, at_b, y2, y1) < least:
                     continue
                 if used == len(out):
                     return -1
@@ -600,14 +650,21 @@ class Sequences:
         return Sequences(self.count[keep], self.edge[keep], self.chain[keep], self.reversible[keep])
 
     @staticmethod
+    def joined(parts: "list[Sequences]") -> "Sequences":
+        """Return the sequences of several lists, one list after the other."""
+        width = max(part.chain.shape[1] for part in parts)
+        chains = [np.pad(part.chain, ((0, 0), (0, width - part.chain.shape[1])), constant_values=-1) for part in parts]
+        return Sequences(
+            np.concatenate([part.count for part in parts]), np.concatenate([part.edge for part in parts]), np.concatenate(chains),
+            np.concatenate([part.reversible for part in parts]),
+        )  # fmt: skip
+
+    @staticmethod
     def union(parts: "list[Sequences]") -> "tuple[Sequences, list[np.ndarray]]":
         """Return the different sequences of several lists, and for each list the indices of its sequences."""
-        width = max(part.chain.shape[1] for part in parts)
-        rows = []
-        for part in parts:
-            chain = np.pad(part.chain, ((0, 0), (0, width - part.chain.shape[1])), constant_values=-1)
-            rows.append(np.concatenate([part.count, part.edge, chain, part.reversible[:, None]], axis=1))
-        every, index = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
+        every = Sequences.joined(parts)
+        rows = np.concatenate([every.count, every.edge, every.chain, every.reversible[:, None]], axis=1)
+        every, index = np.unique(rows, axis=0, return_inverse=True)
         bounds = np.cumsum([0] + [len(part) for part in parts])
         count, edge, chain = (np.ascontiguousarray(part) for part in np.split(every[:, :-1], (3, 5), axis=1))
         union = Sequences(count, edge, chain, every[:, -1].astype(bool))
@@ -616,13 +673,11 @@ class Sequences:
 
 @compiled
 def _closed(
-    faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, source: np.ndarray, receiver: np.ndarray,
+    faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, cell: Cell,
     chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (beam, face, -1) of all beams whose path over the face ends at the receiver; return their number, -1 if `out` is too short."""
-    used = 0
-    points, faces_of = np.empty((chain.shape[1] + 1, 3)), np.empty(chain.shape[1] + 1, np.int64)
-    end = receiver[0], receiver[1], receiver[2]
+    """Write (beam, face, -1) of all beams whose path over the face can end in the cell; return their number, -1 if `out` is too short."""
+    used, end, reach = 0, vector(cell.places, 0), cell.radius
     # Largest field at one metre of the beams with one reflection; such a beam is the reverse of a path's last leg.
     last = np.zeros(len(faces.offset))
     for b in range(len(order)):
@@ -630,14 +685,10 @@ def _closed(
             last[chain[b, 0]] = strength[b]
     for b in range(len(order)):
         m, at = order[b], vector(image, b)
-        faces_of[:m] = chain[b, :m]
         for p in range(len(faces.offset)):
-            faces_of[m] = p
-            if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end):
+            if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end, reach):
                 continue
-            if m and strength[b] * last[p] < least * distance(_mirrored(faces, p, at, 1.0), end):
-                continue
-            if not reflect_points(faces, source, faces_of[: m + 1], receiver, points):
+            if m and strength[b] * last[p] < least * (distance(_mirrored(faces, p, at, 1.0), end) - 2 * reach):
                 continue
             if used == len(out):
                 return -1
@@ -647,19 +698,18 @@ def _closed(
 
 
 def closed(
-    faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, least: float, source: np.ndarray,
-    receiver: np.ndarray, longest: int,
+    faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, least: float, cell: Cell, longest: int,
 ) -> Sequences:  # fmt: skip
-    """Return the sequences of at most `longest` faces, without edges, over which beams of the source reach the receiver.
+    """Return the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it.
 
     Args:
         balls: centre (P, 3) and radius (P,) of a ball around each face.
-        loudness: (P,) largest reflection coefficient of each face. least: weakest field that matters, 1/m. source, receiver: (3,) places.
+        loudness: (P,) largest reflection coefficient of each face. least: weakest field that matters, 1/m.
     """
     few = found.order < longest
     chain, order, image, strength = found.chain[few], found.order[few], found.image[few], found.strength[few]
     beam, face, _ = _listed(
-        lambda piece, pieces, out: _closed(faces, *balls, loudness, least, source, receiver, chain, order, image, strength, out), 1
+        lambda piece, pieces, out: _closed(faces, *balls, loudness, least, cell, chain, order, image, strength, out), 1
     ).T  # fmt: skip
     chains = np.full((len(beam), max(longest, 1)), -1)
     chains[:, : chain.shape[1]] = chain[beam, : chains.shape[1]]
@@ -670,19 +720,20 @@ def closed(
 
 
 @innermost
-def _single(faces: Faces, e: int, wavenumber: float, strength: float, least: float, at_a: Vector, at_b: Vector) -> bool:
+def _single(faces: Faces, e: int, wavenumber: float, reach: float, strength: float, least: float, at_a: Vector, at_b: Vector) -> bool:
     """Return whether a single diffraction at edge `e` between two images can be as strong as `least`; strength: field at one metre."""
     start, along = vector(faces.start, e), vector(faces.along, e)
     z = _place(start, along, at_a, at_b)
     x = moved(start, along, z)
-    worth = strength / (distance(at_a, x) + distance(x, at_b)) * _taper(start, along, faces.length[e], wavenumber, z, at_a, at_b)
-    return 1.5 * worth >= least and worth * _share(faces, e, wavenumber, at_a, x, at_b) >= least
+    worth = strength / max(distance(at_a, x) + distance(x, at_b) - 2 * reach, 1e-3)
+    worth *= _taper(start, along, faces.length[e], wavenumber, reach, z, at_a, at_b)
+    return 1.5 * worth >= least and worth * _share(faces, e, wavenumber, reach, at_a, x, at_b) >= least
 
 
 @compiled
 def _singles(
     faces: Faces, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray,
-    longest: int, own: np.ndarray, out: np.ndarray,
+    longest: int, own: np.ndarray, reach: float, out: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (arrival, -1, arrival) of single diffractions that can be as strong as `least`; returns their number, or -1 if `out` is too
     short.
@@ -693,7 +744,7 @@ def _singles(
             for b in range(a, first[e + 1]):
                 if order[a] + order[b] + own[e] > longest:
                     continue
-                if not _single(faces, e, wavenumber, strength[a] * strength[b], least, vector(image, a), vector(image, b)):
+                if not _single(faces, e, wavenumber, reach, strength[a] * strength[b], least, vector(image, a), vector(image, b)):
                     continue
                 if used == len(out):
                     return -1
@@ -724,14 +775,14 @@ def _joined(
 
 def sequences(
     faces: Faces, found: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, loudness: np.ndarray, wavenumber: float,
-    longest: int, least: float,
+    longest: int, least: float, reach: float,
 ) -> Sequences:  # fmt: skip
     """Join reached edges and their beams to sequences with edges that start and end at the sensor and can be as strong as `least`.
 
     Args:
         arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
         linked: (L, 3) of `links`.
-        loudness: (P,) largest reflection coefficient of each face. longest: largest number of reflections.
+        loudness: (P,) largest reflection coefficient of each face. longest: largest number of reflections. reach: radius of the cell, m.
     """
     falling = np.lexsort((-strength, arrivals[:, 0]))
     arrivals, strength = arrivals[falling], strength[falling]
@@ -741,7 +792,7 @@ def sequences(
     width = max(found.chain.shape[1], longest, 1)
     parts = []
     own = own_reflections(faces)
-    known = (first, order, image, strength, longest, own)
+    known = (first, order, image, strength, longest, own, reach)
     once = _listed(lambda piece, pieces, out: _singles(faces, wavenumber, least, *known, out), 1)
     limit = BOUND_OF_DOUBLES * least
     twice = _listed(
@@ -771,3 +822,94 @@ def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.nd
 
     rows = np.concatenate(each(listed, range(pieces)))
     return rows[np.lexsort(rows.T[::-1])]
+
+
+@innermost
+def _inside(faces: Faces, p: int, x: Vector, margin: float) -> bool:
+    """Return whether a point of the plane of face `p` lies in one of the face's triangles or within a margin of it."""
+    normal = vector(faces.normal, p)
+    for t in range(faces.first[p], faces.first[p + 1]):
+        inside = True
+        for i in range(3):
+            corner, j = vector(faces.triangle[t], i), (i + 1) % 3
+            side = toward(corner, vector(faces.triangle[t], j), 1.0)
+            turn = dot(normal, cross(side, toward(corner, x, 1.0)))
+            if turn < -margin * norm(side):
+                inside = False
+                break
+        if inside:
+            return True
+    return False
+
+
+@innermost
+def _meets(faces: Faces, source: Vector, chain: np.ndarray, end: Vector, margin: float, images: np.ndarray) -> bool:
+    """Return whether the path from `source` over `chain` to `end` exists if its ends move by less than a margin. images: memory."""
+    at = source
+    for i in range(len(chain)):
+        at = _mirrored(faces, chain[i], at, 1.0)
+        images[i, 0], images[i, 1], images[i, 2] = at
+    x = end
+    for i in range(len(chain) - 1, -1, -1):
+        normal, at = vector(faces.normal, chain[i]), vector(images, i)
+        above, below = dot(x, normal) - faces.offset[chain[i]], dot(at, normal) - faces.offset[chain[i]]
+        if above * below >= 0 and min(abs(above), abs(below)) > margin:
+            return False
+        heights = max(abs(above) + abs(below), 1e-12)
+        away = distance(x, at)
+        x = moved(x, toward(x, at, 1.0), abs(above) / heights)
+        # at grazing incidence, the point of reflection moves farther than the ends
+        if not _inside(faces, chain[i], x, margin * (1 + away / max(heights, margin))):
+            return False
+    return True
+
+
+@compiled
+def _near(
+    begin: int, stop: int, faces: Faces, wavenumber: float, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, place: np.ndarray,
+    margin: float, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Compute rows `begin` to `stop` - 1 of `near`."""
+    images, source = np.empty((chain.shape[1] + 1, 3)), (place[0], place[1], place[2])
+    for n in range(begin, stop):
+        m0, m1, m2 = count[n, 0], count[n, 1], count[n, 2]
+        first, between, last = chain[n, :m0], chain[n, m0 : m0 + m1], chain[n, m0 + m1 : m0 + m1 + m2][::-1]
+        e1, e2 = edge[n, 0], edge[n, 1]
+        if e1 < 0:
+            out[n] = _meets(faces, source, first, source, margin, images)
+            continue
+        mirrored, returned = image(faces, source, first, 1.0), image(faces, source, last, 1.0)
+        start1, along1 = vector(faces.start, e1), vector(faces.along, e1)
+        if e2 < 0:
+            z1 = _place(start1, along1, mirrored, returned)
+            touched = edge_point(faces, e1, z1)
+            out[n] = (
+                _taper(start1, along1, faces.length[e1], wavenumber, margin, z1, mirrored, returned) >= OUTSIDE
+                and _meets(faces, source, first, touched, margin, images)
+                and _meets(faces, source, last, touched, margin, images)
+            )
+            continue
+        # the second edge is unfolded to the space between the edges
+        back = between[::-1]
+        start2, along2 = image(faces, vector(faces.start, e2), back, 1.0), image(faces, vector(faces.along, e2), back, 0.0)
+        returned = image(faces, returned, back, 1.0)
+        z1, z2 = 0.5 * faces.length[e1], 0.5 * faces.length[e2]
+        for _ in range(2 * FEW):
+            z2 = _place(start2, along2, moved(start1, along1, z1), returned)
+            z1 = _place(start1, along1, mirrored, moved(start2, along2, z2))
+        touched1, touched2 = edge_point(faces, e1, z1), edge_point(faces, e2, z2)
+        y1, y2 = moved(start1, along1, z1), moved(start2, along2, z2)
+        out[n] = (
+            _taper(start1, along1, faces.length[e1], wavenumber, margin, z1, mirrored, y2) >= OUTSIDE
+            and _taper(start2, along2, faces.length[e2], wavenumber, margin, z2, y1, returned) >= OUTSIDE
+            and _meets(faces, source, first, touched1, margin, images)
+            and _meets(faces, touched1, between, touched2, margin, images)
+            and _meets(faces, source, last, touched2, margin, images)
+        )
+
+
+def near(faces: Faces, wavenumber: float, every: Sequences, place: np.ndarray, margin: float) -> np.ndarray:
+    """Return which sequences (K,) can have a path at a sensor position within `margin` metres of `place` (3,), whatever blocks the path."""
+    out = np.zeros(len(every), bool)
+    shared_out(_near, len(every), faces, wavenumber, every.count, every.chain, every.edge, np.ascontiguousarray(place), margin, out)
+    return out
