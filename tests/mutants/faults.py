@@ -120,7 +120,7 @@ simulation/flat/field: physics/test_three_dimensions
 across_share | into * into / size if size > 1e-20 else 0.5 | 1.0 | both edges of a corner have all of its wave
 ends_weight | -1.0 if (place <= length if far else place >= 0) else 1.0 | 0.0 | an edge ends abruptly
 _legs | path.share[i] += 0.5 | path.share[i] += 1.0 | a ray that grazes a face counts its reflection twice
-_kept | min(max(place, INSIDE_M), length - INSIDE_M) | place | an edge diffracts beyond its ends
+_kept | min(max(place, inside), length - inside) | place | an edge diffracts beyond its ends
 
 simulation/flat/faces: simulation/test_flat_faces
 _sectors | abs(opening * order_of_images - 1) < EXACT | False | inner corners of 90 degrees diffract

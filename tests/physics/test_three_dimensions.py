@@ -26,7 +26,8 @@ WAVELENGTH_M = 0.22
 DYNAMIC_DB = 30.0
 # largest rms difference in dB and largest complex error
 TARGETS = {"cube": (1.1, 0.045), "box_on_floor": (2.2, 0.17), "corner": (4.2, 0.18), "plate": (5.0, 0.26)}
-MISSED = {"plate": (5.0, 0.27)}  # the target of the complex error is 0.26
+# The simulator has no double diffraction where two edges meet, and no third diffraction, which grazing incidence on a sheet needs.
+MISSED = {"plate": (5.0, 0.27)}
 TURNED = 0.02  # largest change if scene and radar turn together
 
 
@@ -159,9 +160,19 @@ def check(name: str, known: Answers, moving: bool = False) -> None:
     assert error < largest
 
 
+@pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("name", SCENES)
-def test_echoes_of_bodies_match_full_wave_at_some_places(name):
-    check(name, few_answers(name))
+def test_echoes_of_bodies_match_full_wave_at_some_places(name, moving):
+    check(name, few_answers(name), moving)
+
+
+@pytest.mark.parametrize("wavelength_m", [1.0, 0.0125])
+@pytest.mark.parametrize("name", ["corner", "plate"])
+def test_echoes_do_not_depend_on_the_scale(name, wavelength_m):
+    """The change is at most 0.002. Thresholds in metres changed the corner by 0.19 between 10 and 24 GHz."""
+    known = few_answers(name)
+    before, after = simulated(name, known), simulated(name, known, wavelength_m)
+    assert np.linalg.norm(after - before) < 0.005 * np.linalg.norm(before)
 
 
 @pytest.mark.parametrize("name", ["box_on_floor", "corner"])
@@ -181,16 +192,10 @@ def test_stored_amplitudes_are_those_of_the_reference(name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("name", SCENES)
-def test_echoes_of_bodies_match_full_wave(name):
-    check(name, all_answers(name))
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="the paths of a moving radar have at most one diffraction")
-@pytest.mark.parametrize("name", ["cube", "box_on_floor", "corner", "plate"])
-def test_echoes_on_a_track_match_full_wave(name):
-    check(name, all_answers(name), moving=True)
+def test_echoes_of_bodies_match_full_wave(name, moving):
+    check(name, all_answers(name), moving)
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ LEVEL = 1e-6  # largest cosine between the normals of faces that count as perpen
 OPEN_RAD = 5e-6  # a direction this far inside a face runs along it; the corners of faces are rounded to 1e-7 m
 TILT_RAD = 1e-5  # a ray that grazes a face is turned by this to one side for the angles at its edges
 INSIDE = 0.01  # points of diffraction are at least this far inside the ends of an edge, in units of 1/k
-APART = 0.03  # two edges of a path whose points of diffraction are closer than this meet there and have no separate waves, in units of 1/k
+APART = 0.012  # an edge has no wave at points closer than this to its line, in units of 1/k
 FREE = 2 - 1e-6  # smallest opening of the free edge of a sheet
 _TURN = cmath.exp(0.25j * math.pi)
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
@@ -637,12 +637,15 @@ def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: W
         chain = path.chain[i, : path.count[i]]
         start, end = vector(path.node, i), image(faces, vector(path.node, i + 1), chain[::-1], 1.0)
         path.size[i] = distance(start, end)
-        # Four reflections in a corner of 90 degrees map the sensor to itself.
-        if path.size[i] < (APART / wavenumber if 0 < i < edges else 1e-6):
+        if path.size[i] < 1e-6:  # as after four reflections in a corner of 90 degrees, which map the sensor to itself
             return False
         way = toward(start, end, path.size[i])
         _set(path.leave, i, way)
         _set(path.arrive, i, image(faces, way, chain, 0.0))
+        if 0 < i < edges:
+            cosine1, cosine2 = dot(way, vector(faces.along, edge[i - 1])), dot(vector(path.arrive, i), vector(faces.along, edge[i]))
+            if path.size[i] * math.sqrt(max(1 - max(cosine1 * cosine1, cosine2 * cosine2), 0.0)) < APART / wavenumber:
+                return False
         path.share[i] = 1.0
         _set(path.beside, i, (0.0, 0.0, 0.0))
         here, there = vector(path.touched, i), vector(path.touched, i + 1)
