@@ -2,8 +2,9 @@
 
 A path leaves the source, reflects at faces, may be diffracted at an edge, reflects again, may be diffracted at a second edge, reflects
 again and ends at the receiver. The path is unfolded: faces before an edge mirror the source, faces after it mirror the receiver. The point
-of diffraction is Keller's, where the unfolded path is shortest. The field is multiplied by a weight for the ends of the edge, which comes
-from Fresnel integrals of the excess path lengths over the ends.
+of diffraction is Keller's, where the unfolded path is shortest, or the end of the edge that is closest to this point. The ends of an edge
+send waves, whose strength comes from Fresnel integrals of the excess path lengths over the ends. Where two edges of a face meet, the
+physical-optics part of this wave is divided between them.
 
 Fields use exp(+j omega t) and amplitudes without the propagation phase, for a source with a unit field at one metre. Let s1, s2, s3 be the
 unfolded distances between source, edges and receiver. For parallel edges the spreading of a double diffraction is 1/sqrt(s1 s2 s3 (s1 + s2
@@ -21,7 +22,7 @@ from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
-from radartwin.simulation.flat.wedge import coefficients, face_terms, scaled_tail
+from radartwin.simulation.flat.wedge import coefficients, face_terms, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
 ROUNDS = 40  # largest number of steps to find the two points of a double diffraction
@@ -318,8 +319,8 @@ def end_wave(wavenumber: float, excess: float, late: float) -> complex:
     Args:
         excess: length of the path over the end minus that over the point of diffraction, m. late: minus that over the path's own point, m.
     """
-    tail = scaled_tail(math.sqrt(wavenumber * max(excess, 0.0)))
-    return math.sqrt(2 / math.pi) / (1 - 1j) * tail * cmath.exp(-1j * wavenumber * late)
+    excess = max(excess, 0.0)
+    return half_plane(-math.sqrt(2 / math.pi * wavenumber * excess)) * cmath.exp(1j * wavenumber * (excess - late))
 
 
 @innermost
