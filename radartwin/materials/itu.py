@@ -54,7 +54,7 @@ P2040 = {
     "vinyl_tile": (Fit(3.62, 0, 0.0051, 0.8422, 1, 40),),
     "carpet_tile": (Fit(2.08, 0, 0.0009, 0.8200, 1, 40),),
     "asphalt_concrete": (Fit(4.83, 0, 0.0108, 1.3969, 1, 40),),
-    "metal": (Fit(1.0, 0, 1e7, 0, 1, 100),),
+    "metal": (Fit(1.0, 0, 1e7, 0, 0, np.inf),),  # the table says 1 to 100 GHz, but a good conductor reflects at every frequency
     "very_dry_ground": (Fit(3.0, 0, 0.00015, 2.52, 1, 10),),
     "medium_dry_ground": (Fit(15.0, -0.1, 0.035, 1.63, 1, 10),),
     "wet_ground": (Fit(30.0, -0.4, 0.15, 1.30, 1, 10),),

@@ -116,6 +116,12 @@ _nearest | KDTree(places).query(points)[1] | np.zeros(len(points), int) | all po
 simulation/flat/field: physics/test_flat_rooms
 keller | z_s * h_r + z_r * h_s | z_s * h_s + z_r * h_r | the point of diffraction is not Keller's
 
+simulation/flat/field: physics/test_three_dimensions
+across_share | into * into / size if size > 1e-20 else 0.5 | 1.0 | both edges of a corner have all of its wave
+ends_weight | -1.0 if (place <= length if far else place >= 0) else 1.0 | 0.0 | an edge ends abruptly
+_legs | path.share[i] += 0.5 | path.share[i] += 1.0 | a ray that grazes a face counts its reflection twice
+_kept | min(max(place, inside), length - inside) | place | an edge diffracts beyond its ends
+
 simulation/flat/faces: simulation/test_flat_faces
 _sectors | abs(opening * order_of_images - 1) < EXACT | False | inner corners of 90 degrees diffract
 _without_overlaps | shapely.difference(one.polygon, cover, grid_size=1e-7) | one.polygon | equal planes reflect twice

@@ -316,8 +316,15 @@ def test_stand_in_warns_once_per_process():
 def test_frequency_outside_every_fit_is_refused_with_the_range():
     with pytest.raises(MaterialError, match=r"concrete.*1 to 100 GHz"):
         permittivity("concrete", 105e9)
-    with pytest.raises(MaterialError, match=r"metal.*1 to 100 GHz"):
-        permittivity("metal", np.array([99e9, 101e9]))
+    with pytest.raises(MaterialError, match=r"ceiling_board.*1 to 100 GHz"):
+        permittivity("ceiling_board", np.array([99e9, 101e9]))
+
+
+def test_metal_reflects_at_every_frequency():
+    for frequency in (1e7, 3e8, 1.36e9, 1e12):
+        te, tm = reflection("metal", np.array(0.5), np.array(frequency))
+        assert abs(te + 1) < 0.01
+        assert abs(tm - 1) < 0.01
 
 
 def test_mixtures_lie_between_their_phases_and_match_hanai():

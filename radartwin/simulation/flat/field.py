@@ -2,14 +2,16 @@
 
 A path leaves the source, reflects at faces, may be diffracted at an edge, reflects again, may be diffracted at a second edge, reflects
 again and ends at the receiver. The path is unfolded: faces before an edge mirror the source, faces after it mirror the receiver. The point
-of diffraction is Keller's, where the unfolded path is shortest. The field is multiplied by a weight for the ends of the edge, which comes
-from Fresnel integrals of the excess path lengths over the ends.
+of diffraction is Keller's, where the unfolded path is shortest, or the end of the edge that is closest to this point. The ends of an edge
+send waves, whose strength comes from Fresnel integrals of the excess path lengths over the ends. Where two edges of a face meet, the
+physical-optics part of this wave is divided between them.
 
 Fields use exp(+j omega t) and amplitudes without the propagation phase, for a source with a unit field at one metre. Let s1, s2, s3 be the
 unfolded distances between source, edges and receiver. For parallel edges the spreading of a double diffraction is 1/sqrt(s1 s2 s3 (s1 + s2
 + s3)).
 """
 
+import cmath
 import math
 from typing import NamedTuple
 
@@ -20,15 +22,22 @@ from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
-from radartwin.simulation.flat.wedge import coefficients, half_plane
+from radartwin.simulation.flat.wedge import coefficients, face_terms, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
 ROUNDS = 40  # largest number of steps to find the two points of a double diffraction
-OUTSIDE = 0.02  # a diffraction is left out if its weight for the ends of the edge is below this
-INSIDE_M = 1e-5  # visibility is tested at least this far inside the ends of an edge
+OUTSIDE = 0.004  # a diffraction is left out if its weight for the ends of the edge is below this
+INSIDE_M = 1e-4  # visibility is tested at least this far inside the ends of an edge
 OUTSIDE_M = 2e-6  # visibility is tested this far outside an edge
 NUDGE = 0.05 * np.array([0.74, 0.53, 0.41])  # offset of the sensor in tests whether a path exists, in units of 1/k
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which an edge diffracts
+LEVEL = 1e-6  # largest cosine between the normals of faces that count as perpendicular
+OPEN_RAD = 5e-6  # a direction this far inside a face runs along it; the corners of faces are rounded to 1e-7 m
+TILT_RAD = 1e-5  # a ray that grazes a face is turned by this to one side for the angles at its edges
+INSIDE = 0.01  # points of diffraction are at least this far inside the ends of an edge, in units of 1/k
+APART = 0.012  # an edge has no wave at points closer than this to its line, in units of 1/k
+FREE = 2 - 1e-6  # smallest opening of the free edge of a sheet
+_TURN = cmath.exp(0.25j * math.pi)
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
 
 
@@ -47,30 +56,64 @@ class Tables(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Hold the memory of W workers (threads of the processor or of a GPU), for sequences of C faces and Q frequency nodes.
+    """Hold one path and its fields in each of W workers (threads of the processor or of a GPU).
+
+    A path with E edges has the nodes 0 to E + 1: the source, a point of each edge and the receiver. Leg i goes from node i to node i + 1
+    over a chain of reflections.
 
     Attributes:
-        points: (W, 3, C + 1, 3). chain: (W, C). found: (W, MAX_PANES). field: (W, 2, Q, 3). level: (W, Q). matrix: (W, 2, 3, 2, 2).
+        node: (W, 4, 3) nodes. touched: (W, 4, 3) the same nodes for tests of existence, inside the ends of an edge and beside it.
+        chain: (W, 3, C) faces of the legs. count: (W, 3) their number. points: (W, 3, C + 1, 3) points of reflection.
+        leave, arrive: (W, 3, 3) directions of travel at the two ends of a leg. size: (W, 3) length of a leg.
+        share: (W, 3) weight of a leg that grazes a face. beside: (W, 3, 3) offset of a leg onto one side of this face.
+        matrix: (W, 2, 3, 2, 2) of `edge_terms` for each edge. bend: (W, 2) factors of the slope terms.
+        field: (W, 2, Q, 3) the field, and its derivative or another field. level: (W, Q) received field.
+        other_order: (W, C) of `reversed_at_corners`. found: (W, MAX_PANES) panes on a leg.
     """
 
-    points: np.ndarray
+    node: np.ndarray
+    touched: np.ndarray
     chain: np.ndarray
-    found: np.ndarray
+    count: np.ndarray
+    points: np.ndarray
+    leave: np.ndarray
+    arrive: np.ndarray
+    size: np.ndarray
+    share: np.ndarray
+    beside: np.ndarray
+    matrix: np.ndarray
+    bend: np.ndarray
     field: np.ndarray
     level: np.ndarray
-    matrix: np.ndarray
+    other_order: np.ndarray
+    found: np.ndarray
 
     @staticmethod
     def of(workers: int, faces: int, nodes: int) -> "Work":
-        """Return memory without values for a number of workers."""
-        return Work(
-            np.empty((workers, 3, faces + 1, 3)),
-            np.empty((workers, faces), np.int64),
-            np.empty((workers, MAX_PANES), np.int64),
-            np.empty((workers, 2, nodes, 3), np.complex128),
-            np.empty((workers, nodes), np.complex128),
-            np.empty((workers, 2, 3, 2, 2), np.complex128),
+        """Return memory without values for a number of workers, sequences of `faces` faces and `nodes` frequency nodes."""
+        shapes = (
+            (4, 3), (4, 3), (3, faces), (3,), (3, faces + 1, 3), (3, 3), (3, 3), (3,), (3,), (3, 3), (2, 3, 2, 2), (2,), (2, nodes, 3),
+            (nodes,), (faces,), (MAX_PANES,),
+        )  # fmt: skip
+        kinds = (
+            float,
+            float,
+            np.int64,
+            np.int64,
+            float,
+            float,
+            float,
+            float,
+            float,
+            float,
+            complex,
+            complex,
+            complex,
+            complex,
+            np.int64,
+            np.int64,
         )
+        return Work(*(np.empty((workers, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
 
 
 @innermost
@@ -218,18 +261,18 @@ def reflected(faces: Faces, te: np.ndarray, tm: np.ndarray, field: np.ndarray, d
 @innermost
 def travelled(
     faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: Point, chain: np.ndarray,
-    start: Point, points: np.ndarray, step: int, end: Point, found: np.ndarray,
+    start: Point, points: np.ndarray, end: Point, found: np.ndarray,
 ) -> None:  # fmt: skip
     """Apply to a field (Q, 3), in place, the reflections of a chain and the panes between `start`, the points of reflection and `end`.
 
     Args:
-        points: (len(chain), 3) points of reflection, in the order of the path for step=1 and in reverse order for step=-1.
+        points: (len(chain), 3) points of reflection, in the order of the path.
         found: (MAX_PANES,) memory.
     """
     m = len(chain)
     at, way = (start[0], start[1], start[2]), (direction[0], direction[1], direction[2])
     for i in range(m + 1):
-        to = vector(points, i if step > 0 else m - 1 - i) if i < m else (end[0], end[1], end[2])
+        to = vector(points, i) if i < m else (end[0], end[1], end[2])
         cross_panes(tree, tables.through_te, tables.through_tm, at, to, found, max(crossed(tree, at, to, opaque, found), 0), field)
         if i < m:
             way = reflected(faces, tables.te, tables.tm, field, way, chain[i : i + 1])
@@ -243,6 +286,15 @@ def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
     along_into = x * faces.into[e, 0] + y * faces.into[e, 1] + z * faces.into[e, 2]
     value = math.atan2(along_up, along_into)
     return value if value >= -1e-9 else value + 2 * math.pi
+
+
+@innermost
+def open_angle(faces: Faces, e: int, direction: Vector) -> float:
+    """Return the angle of a direction as `angle`; a direction at most OPEN_RAD inside a face of the edge has the angle of this face."""
+    value, last = angle(faces, e, direction[0], direction[1], direction[2]), faces.opening[e] * math.pi
+    if value <= last:
+        return value
+    return last if value < last + OPEN_RAD else 0.0 if value > 2 * math.pi - OPEN_RAD else value
 
 
 @innermost
@@ -261,21 +313,58 @@ def keller(start: Point, along: Point, source: Point, receiver: Point) -> float:
 
 
 @innermost
-def ends_weight(start: Point, along: Point, length: float, place: float, source: Point, receiver: Point, wavenumber: float) -> complex:
-    """Return the weight of an edge from 0 to `length` relative to an infinite edge, with the point of diffraction at `place`.
+def end_wave(wavenumber: float, excess: float, late: float) -> complex:
+    """Return the wave of an end of an edge relative to the wave of the infinite edge: 1/2 for an end at the point of diffraction.
 
-    Where two edges of a face meet, the wave of the corner is part of both. Each edge carries half of this wave. The weight of an end is
-    therefore the mean of two weights: of a smooth end (Fresnel integral) and of an abrupt end.
+    Args:
+        excess: length of the path over the end minus that over the point of diffraction, m. late: minus that over the path's own point, m.
     """
-    x, end = moved(start, along, place), moved(start, along, length)
-    total = distance(x, source) + distance(x, receiver)
-    excess_a = distance(start, source) + distance(start, receiver) - total
-    excess_b = distance(end, source) + distance(end, receiver) - total
-    scale = 2 * wavenumber / math.pi
-    t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if place < 0 else -1.0)
-    t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if place < length else -1.0)
-    abrupt = (1.0 if place < length else 0.0) - (1.0 if place < 0 else 0.0)
-    return 0.5 * (half_plane(t_b) - half_plane(t_a) + abrupt)
+    excess = max(excess, 0.0)
+    return half_plane(-math.sqrt(2 / math.pi * wavenumber * excess)) * cmath.exp(1j * wavenumber * (excess - late))
+
+
+@innermost
+def across_share(faces: Faces, e: int, side: int, bend: Vector) -> float:
+    """Return the part of the wave of an end of edge `e` that belongs to this edge on face 0 (side 0) or face n (side 1).
+
+    In physical optics, the field of a face is an integral along its border. Where two edges meet, each contributes a part of the wave of
+    the corner. Ref: W. B. Gordon, IEEE Trans. AP 23 (1975) 590.
+
+    bend: gradient of the path length at the end.
+    """
+    turn = faces.opening[e] * math.pi if side == 1 else 0.0
+    into = math.cos(turn) * dot(bend, vector(faces.into, e)) + math.sin(turn) * dot(bend, vector(faces.up, e))
+    along = dot(bend, vector(faces.along, e))
+    size = into * into + along * along
+    return into * into / size if size > 1e-20 else 0.5
+
+
+@innermost
+def ends_weight(faces: Faces, e: int, x: Point, source: Point, receiver: Point, wavenumber: float) -> tuple[complex, complex, complex]:
+    """Return the weight of an edge relative to an infinite edge, and the parts of the weight that faces 0 and n leave to other edges.
+
+    The waves of the ends belong to the edge, except for the parts of physical optics that belong to the neighbouring edges
+    (`across_share`).
+
+    Args:
+        x: point of the edge whose path length is the phase of the weight. source, receiver: unfolded points before and after the edge.
+    """
+    start, along, length = vector(faces.start, e), vector(faces.along, e), faces.length[e]
+    place = keller(start, along, source, receiver)
+    least = distance(moved(start, along, place), source) + distance(moved(start, along, place), receiver)
+    here = distance(x, source) + distance(x, receiver)
+    weight, other_0, other_n = (1.0 + 0j if 0 <= place <= length else 0j), 0j, 0j
+    for far in range(2):
+        end = moved(start, along, length if far else 0.0)
+        before, after = distance(source, end), distance(end, receiver)
+        # the wave of an end is subtracted where the point of diffraction lies on the edge's side of this end, otherwise added
+        sign = -1.0 if (place <= length if far else place >= 0) else 1.0
+        wave = sign * end_wave(wavenumber, before + after - least, before + after - here)
+        bend = toward(toward(end, receiver, max(after, 1e-12)), toward(source, end, max(before, 1e-12)), 1.0)
+        weight += wave
+        other_0 += wave * (1 - across_share(faces, e, 0, bend))
+        other_n += wave * (1 - across_share(faces, e, 1, bend))
+    return weight, other_0, other_n
 
 
 @innermost
@@ -342,8 +431,9 @@ def passing_matrix(
 
 @innermost
 def edge_terms(
-    faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float, out: np.ndarray
-) -> None:
+    faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float,
+    weights: tuple[complex, complex, complex], out: np.ndarray,
+) -> None:  # fmt: skip
     """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
     Behind faces that transmit, the field jumps by the part of the wave that the faces do not transmit. This part multiplies the shadow
@@ -353,15 +443,16 @@ def edge_terms(
 
     Args:
         before, after: directions of travel (3,). distance_m: distance parameter without the square of the sine.
+        weights: of `ends_weight`.
     """
     for i in range(3):
         out[i, 0, 0], out[i, 0, 1], out[i, 1, 0], out[i, 1, 1] = 0j, 0j, 0j, 0j
-    cosine = dot(before, vector(faces.along, e))
-    sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
+    cosine, cosine_after = dot(before, vector(faces.along, e)), dot(after, vector(faces.along, e))
+    # beyond the end of an edge, the two angles between ray and edge differ
+    sine = math.sqrt(max(math.sqrt(max((1 - cosine * cosine) * (1 - cosine_after * cosine_after), 0.0)), SMALL_SINE * SMALL_SINE))
     n = faces.opening[e]
-    phi0 = angle(faces, e, -before[0], -before[1], -before[2])
-    phi = angle(faces, e, after[0], after[1], after[2])
-    if max(phi, phi0) > n * math.pi + 1e-9:
+    phi0, phi = open_angle(faces, e, (-before[0], -before[1], -before[2])), open_angle(faces, e, after)
+    if max(phi, phi0) > n * math.pi:
         return
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
@@ -369,13 +460,22 @@ def edge_terms(
     lost = 1 - ss, -sh, -hs, 1 - hh
     ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
     ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
-    out[0, 0, 0] = shadow * lost[0] + ss0 * mirror_0 + ssn * mirror_n
+    weight = weights[0]
+    # physical optics of the lit faces, whose waves of the ends belong in part to other edges
+    kl = wavenumber * distance_m * sine * sine
+    dark_0, bright_0 = face_terms(phi, phi0, kl)
+    dark_n, bright_n = face_terms(n * math.pi - phi, n * math.pi - phi0, kl)
+    scale = -_TURN.conjugate() / (2 * math.sqrt(2 * math.pi * wavenumber) * sine)
+    shadow = weight * shadow - scale * (weights[1] * dark_0 + weights[2] * dark_n)
+    mirror_0 = weight * mirror_0 - scale * weights[1] * bright_0
+    mirror_n = weight * mirror_n - scale * weights[2] * bright_n
     turned = sh0 * mirror_0 + shn * mirror_n
+    out[0, 0, 0] = shadow * lost[0] + ss0 * mirror_0 + ssn * mirror_n
     out[0, 0, 1] = shadow * lost[1] + turned
     out[0, 1, 0] = shadow * lost[2] - turned
     out[0, 1, 1] = shadow * lost[3] + hh0 * mirror_0 + hhn * mirror_n
-    out[1, 0, 0], out[1, 1, 1] = slope * lost[0] - bend, slope * lost[3] + bend
-    out[2, 0, 0], out[2, 1, 1] = -slope * lost[0] - bend, -slope * lost[3] + bend
+    out[1, 0, 0], out[1, 1, 1] = weight * (slope * lost[0] - bend), weight * (slope * lost[3] + bend)
+    out[2, 0, 0], out[2, 1, 1] = weight * (-slope * lost[0] - bend), weight * (-slope * lost[3] + bend)
 
 
 @innermost
@@ -415,216 +515,299 @@ def evaluate(
 
     Args:
         opaque: (surfaces,) bool. tables: of the surfaces.
-        nudge: (3,) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset, a
-            sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
+        nudge: (F, 3) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset,
+            a sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
         work: memory of `step` workers.
     """
-    worker = begin % step
-    points, points2, points3 = work.points[worker, 0], work.points[worker, 1], work.points[worker, 2]
-    found, other_order, level = work.found[worker], work.chain[worker], work.level[worker]
-    field, slope = work.field[worker, 0], work.field[worker, 1]
-    matrix1, matrix2 = work.matrix[worker, 0], work.matrix[worker, 1]
-    te, tm = tables.te, tables.tm
+    w = begin % step
+    path = Work(
+        work.node[w], work.touched[w], work.chain[w], work.count[w], work.points[w], work.leave[w], work.arrive[w], work.size[w],
+        work.share[w], work.beside[w], work.matrix[w], work.bend[w], work.field[w], work.level[w], work.other_order[w], work.found[w],
+    )  # fmt: skip
+    field, level = path.field[0], path.level
     for n in range(begin, stop, step):
         s = which[n]
         place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
-        source, receiver = moved(place, nudge, 1.0), moved(place, nudge, 2.0)
-        m0, m1, m2 = count[s, 0], count[s, 1], count[s, 2]
-        first, between, last = chain[s, :m0], chain[s, m0 : m0 + m1], chain[s, m0 + m1 : m0 + m1 + m2]
-        e1, e2 = edge[s, 0], edge[s, 1]
-        if e1 < 0:
-            if not reflect_points(faces, source, first, receiver, points):
-                continue
-            exact = image(faces, place, first, 1.0)
-            size = distance(exact, place)
-            if size < 1e-6:  # four reflections in a corner of 90 degrees map the sensor to itself
-                continue
-            back = toward(exact, place, size)
-            there = image(faces, back, first[::-1], 0.0)
-            orders = 2 if reversed_at_corners(first, points, CORNER / wavenumber, other_order) else 1
-            factor = 1 / (orders * size)
-            polarised(field, transverse(antenna, there))
-            reflected(faces, te, tm, field, there, first)
-            if orders == 2:
-                polarised(slope, transverse(antenna, there))
-                reflected(faces, te, tm, slope, there, other_order[:m0])
-                _add(field, slope, 1.0)
-            if _received(field, transverse(antenna, back), factor, level) < least[pose[n]]:
-                continue
-            panes = panes_on(tree, opaque, source, points, m0, receiver, found)
-            if panes < 0:
-                continue
-            if panes:
-                polarised(field, transverse(antenna, there))
-                travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, receiver, found)
-                if orders == 2:
-                    polarised(slope, transverse(antenna, there))
-                    travelled(faces, tree, opaque, tables, slope, there, other_order[:m0], source, points, 1, receiver, found)
-                    _add(field, slope, 1.0)
-                _received(field, transverse(antenna, back), factor, level)
-            _met(points, m0, met[n], 0)
-            _copied(level, amplitude[n])
-            length[n, 0], length[n, 2] = 0.5 * size, 0.5 * size
-            for k in range(3):
-                departure[n, k], arrival[n, k] = there[k], -back[k]
+        edges = int(edge[s, 0] >= 0) + int(edge[s, 1] >= 0)
+        _divide(count[s], chain[s], edges, path)
+        source, receiver = moved(place, vector(nudge, pose[n]), 1.0), moved(place, vector(nudge, pose[n]), 2.0)
+        _set(path.touched, 0, source)
+        _set(path.touched, edges + 1, receiver)
+        _set(path.node, 0, source if edges else place)
+        _set(path.node, edges + 1, receiver if edges else place)
+        _diffraction_points(faces, edge[s], edges, wavenumber, path)
+        if not _legs(faces, edge[s], edges, wavenumber, path):
             continue
-        mirrored, returned = image(faces, source, first, 1.0), image(faces, receiver, last[::-1], 1.0)
-        start1, along1 = vector(faces.start, e1), vector(faces.along, e1)
-        if e2 < 0:
-            z = keller(start1, along1, mirrored, returned)
-            touched = edge_point(faces, e1, z)
-            if not reflect_points(faces, source, first, touched, points):
-                continue
-            if not reflect_points(faces, receiver, last[::-1], touched, points2):
-                continue
-            weight = ends_weight(start1, along1, faces.length[e1], z, mirrored, returned, wavenumber)
-            if abs(weight) < OUTSIDE:
-                continue
-            x = moved(start1, along1, z)
-            s1, s3 = distance(mirrored, x), distance(x, returned)
-            if min(s1, s3) < 1e-6:
-                continue
-            before, after = toward(mirrored, x, s1), toward(x, returned, s3)
-            there, back = image(faces, before, first[::-1], 0.0), image(faces, after, last, 0.0)
-            edge_terms(faces, tables, e1, before, after, s1 * s3 / (s1 + s3), wavenumber, matrix1)
-            enters, leaves = soft_and_hard(along1, before), soft_and_hard(along1, after)
-            weight /= math.sqrt(s1 * s3 * (s1 + s3))
-            polarised(field, transverse(antenna, there))
-            reflected(faces, te, tm, field, there, first)
-            _passed(field, matrix1, 0, enters, leaves, field)
-            reflected(faces, te, tm, field, after, last)
-            if _received(field, transverse(antenna, back), weight, level) < least[pose[n]]:
-                continue
-            panes = panes_on(tree, opaque, source, points, m0, touched, found)
-            if panes < 0:
-                continue
-            more = panes_on(tree, opaque, receiver, points2, m2, touched, found)
-            if more < 0:
-                continue
-            if panes + more:
-                polarised(field, transverse(antenna, there))
-                travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched, found)
-                _passed(field, matrix1, 0, enters, leaves, field)
-                travelled(faces, tree, opaque, tables, field, after, last, touched, points2, -1, receiver, found)
-                _received(field, transverse(antenna, back), weight, level)
-            _met(points, m0, met[n], 0)
-            _met(points2[:m2][::-1], m2, met[n], m0 + 1)
-            _copied(level, amplitude[n])
-            length[n, 0] = distance(image(faces, place, first, 1.0), x)
-            length[n, 2] = distance(x, image(faces, place, last[::-1], 1.0))
-            for k in range(3):
-                met[n, m0, k], departure[n, k], arrival[n, k] = touched[k], there[k], -back[k]
+        factor = _edges(faces, tables, edge[s], edges, wavenumber, path)
+        if factor == 0:
             continue
-        # two edges: the second edge and all after it are unfolded to the space between the edges
-        back_chain = between[::-1]
-        start2 = image(faces, vector(faces.start, e2), back_chain, 1.0)
-        along2 = image(faces, vector(faces.along, e2), back_chain, 0.0)
-        receiver2 = image(faces, returned, back_chain, 1.0)
-        place1, place2 = 0.5 * faces.length[e1], 0.5 * faces.length[e2]
+        twice = edges == 0 and reversed_at_corners(path.chain[0, : path.count[0]], path.points[0], CORNER / wavenumber, path.other_order)
+        if twice:
+            factor *= 0.5
+        back = vector(path.arrive, edges)
+        # the test of visibility is expensive, so that weak paths are left out before it
+        _carry(faces, tree, opaque, tables, edge[s], edges, antenna, twice, False, path)
+        if _received(field, transverse(antenna, back), factor, level) < least[pose[n]]:
+            continue
+        panes = 0
+        for i in range(edges + 1):
+            if panes >= 0:
+                shift = vector(path.beside, i)
+                here, there = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
+                more = panes_on(tree, opaque, here, path.points[i], path.count[i], there, path.found)
+                panes = panes + more if more >= 0 else -1
+        if panes < 0:
+            continue
+        if panes:
+            _carry(faces, tree, opaque, tables, edge[s], edges, antenna, twice, True, path)
+            _received(field, transverse(antenna, back), factor, level)
+        for q in range(len(level)):
+            amplitude[n, q] = level[q]
+        _met(path, edges, met[n])
+        length[n, 0] = length[n, 2] = 0.5 * path.size[0]
+        if edges:
+            length[n, 0] = distance(image(faces, place, path.chain[0, : path.count[0]], 1.0), vector(path.node, 1))
+            length[n, 1] = path.size[1] if edges == 2 else 0.0
+            length[n, 2] = distance(vector(path.node, edges), image(faces, place, path.chain[edges, : path.count[edges]][::-1], 1.0))
+        for k in range(3):
+            departure[n, k], arrival[n, k] = path.leave[0, k], -back[k]
+
+
+@innermost
+def _set(values: np.ndarray, i: int, x: Vector) -> None:
+    """Write a point to row `i` of an array (N, 3)."""
+    values[i, 0], values[i, 1], values[i, 2] = x
+
+
+@innermost
+def _divide(count: np.ndarray, chain: np.ndarray, edges: int, path: Work) -> None:
+    """Divide the faces (C,) of a sequence into the chains of its legs. count: (3,) faces before, between and after the edges."""
+    used = 0
+    for i in range(edges + 1):
+        path.count[i] = count[i if edges != 1 or i == 0 else 2]
+        for j in range(path.count[i]):
+            path.chain[i, j] = chain[used + j]
+        used += path.count[i]
+
+
+@innermost
+def _kept(place: float, length: float, wavenumber: float) -> float:
+    """Return the place on an edge of the given length that is nearest to `place`."""
+    inside = min(INSIDE / wavenumber, 0.25 * length)
+    return min(max(place, inside), length - inside)
+
+
+@innermost
+def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> None:
+    """Write the points of diffraction of the shortest path to the rows 1 to `edges` of `path.node` and `path.touched`.
+
+    The faces before the first edge mirror the source. All that follows the first edge is mirrored to the space of this edge.
+    """
+    if edges == 0:
+        return
+    source = image(faces, vector(path.node, 0), path.chain[0, : path.count[0]], 1.0)
+    receiver = vector(path.node, edges + 1)
+    for i in range(edges, 0, -1):
+        receiver = image(faces, receiver, path.chain[i, : path.count[i]][::-1], 1.0)
+    start1, along1, length1 = vector(faces.start, edge[0]), vector(faces.along, edge[0]), faces.length[edge[0]]
+    places = _kept(keller(start1, along1, source, receiver), length1, wavenumber), 0.0
+    if edges == 2:
+        back, length2 = path.chain[1, : path.count[1]][::-1], faces.length[edge[1]]
+        start2, along2 = image(faces, vector(faces.start, edge[1]), back, 1.0), image(faces, vector(faces.along, edge[1]), back, 0.0)
+        place1, place2 = 0.5 * length1, 0.0
         for _ in range(ROUNDS):
             known = place1
-            place2 = keller(start2, along2, moved(start1, along1, place1), receiver2)
-            place1 = keller(start1, along1, mirrored, moved(start2, along2, place2))
+            place2 = _kept(keller(start2, along2, moved(start1, along1, place1), receiver), length2, wavenumber)
+            place1 = _kept(keller(start1, along1, source, moved(start2, along2, place2)), length1, wavenumber)
             if abs(place1 - known) < 1e-8:
                 break
-        x1, x2 = moved(start1, along1, place1), moved(start2, along2, place2)
-        s1, s2, s3 = distance(mirrored, x1), distance(x1, x2), distance(x2, receiver2)
-        if min(s1, min(s2, s3)) < 1e-6:
-            continue
-        touched1, touched2 = edge_point(faces, e1, place1), edge_point(faces, e2, place2)
-        if not reflect_points(faces, source, first, touched1, points) or not reflect_points(faces, touched1, between, touched2, points2):
-            continue
-        if not reflect_points(faces, receiver, last[::-1], touched2, points3):
-            continue
-        weight = ends_weight(start1, along1, faces.length[e1], place1, mirrored, x2, wavenumber)
-        weight *= ends_weight(start2, along2, faces.length[e2], place2, x1, receiver2, wavenumber)
-        if abs(weight) < OUTSIDE:
-            continue
-        before, middle, after = toward(mirrored, x1, s1), toward(x1, x2, s2), toward(x2, receiver2, s3)
-        middle2, after2 = image(faces, middle, between, 0.0), image(faces, after, between, 0.0)
-        there, back = image(faces, before, first[::-1], 0.0), image(faces, after2, last, 0.0)
-        edge_terms(faces, tables, e1, before, middle, s1 * s2 / (s1 + s2), wavenumber, matrix1)
-        # curvature of the wave from the first edge, in the plane of ray and second edge
-        frame, second, axis2 = soft_and_hard(along1, middle), soft_and_hard(along2, middle), vector(faces.along, e2)
-        turn = dot(frame[0], second[0]) ** 2
-        rho = 1 / (turn / (s1 + s2) + (1 - turn) / s2)
-        parameter = s3 * (rho + s3) * s2 * (s1 + s2) / (rho * (s2 + s3) * (s1 + s2 + s3))
-        edge_terms(faces, tables, e2, middle2, after2, parameter, wavenumber, matrix2)
-        enters, leaves2, enters2 = soft_and_hard(along1, before), soft_and_hard(axis2, after2), soft_and_hard(axis2, middle2)
-        # a larger angle at the first edge moves the ray at the second edge along `rise`; the source's angle there grows along `other`
-        rise, other = image(faces, cross(along1, middle), between, 0.0), cross(middle2, axis2)
-        size = norm(rise) * norm(other)
-        gradient = dot(rise, other) / size / s2 if size > 0 else 0.0
-        bend = gradient / (1j * wavenumber * math.sqrt(max(1 - dot(axis2, middle2) ** 2, SMALL_SINE * SMALL_SINE)))
-        weight *= math.sqrt(rho / (s3 * (rho + s3))) / math.sqrt(s1 * s2 * (s1 + s2))
-        if m1 == 0 and share_face(faces, e1, e2):
-            weight *= 0.5  # the ray grazes the common face, so that the incident field already contains the reflected field
-        polarised(field, transverse(antenna, there))
-        reflected(faces, te, tm, field, there, first)
-        _passed(field, matrix1, 1, enters, frame, slope)
-        _passed(field, matrix1, 0, enters, frame, field)
-        reflected(faces, te, tm, field, middle, between)
-        reflected(faces, te, tm, slope, middle, between)
-        _passed(slope, matrix2, 2, enters2, leaves2, slope)
-        _passed(field, matrix2, 0, enters2, leaves2, field)
-        _add(field, slope, bend)
-        reflected(faces, te, tm, field, after2, last)
-        if _received(field, transverse(antenna, back), weight, level) < least[pose[n]]:
-            continue
-        panes = panes_on(tree, opaque, source, points, m0, touched1, found)
-        more = panes_on(tree, opaque, touched1, points2, m1, touched2, found) if panes >= 0 else -1
-        most = panes_on(tree, opaque, receiver, points3, m2, touched2, found) if more >= 0 else -1
-        if most < 0:
-            continue
-        if panes + more + most:
-            polarised(field, transverse(antenna, there))
-            travelled(faces, tree, opaque, tables, field, there, first, source, points, 1, touched1, found)
-            _passed(field, matrix1, 1, enters, frame, slope)
-            _passed(field, matrix1, 0, enters, frame, field)
-            travelled(faces, tree, opaque, tables, field, middle, between, touched1, points2, 1, touched2, found)
-            travelled(faces, tree, opaque, tables, slope, middle, between, touched1, points2, 1, touched2, found)
-            _passed(slope, matrix2, 2, enters2, leaves2, slope)
-            _passed(field, matrix2, 0, enters2, leaves2, field)
-            _add(field, slope, bend)
-            travelled(faces, tree, opaque, tables, field, after2, last, touched2, points3, -1, receiver, found)
-            _received(field, transverse(antenna, back), weight, level)
-        _met(points, m0, met[n], 0)
-        _met(points2, m1, met[n], m0 + 1)
-        _met(points3[:m2][::-1], m2, met[n], m0 + m1 + 2)
-        _copied(level, amplitude[n])
-        exact = image(faces, image(faces, place, last[::-1], 1.0), back_chain, 1.0)
-        length[n, 0], length[n, 1] = distance(image(faces, place, first, 1.0), x1), s2
-        length[n, 2] = distance(x2, exact)
-        for k in range(3):
-            met[n, m0, k], met[n, m0 + 1 + m1, k], departure[n, k], arrival[n, k] = touched1[k], touched2[k], there[k], -back[k]
+        places = place1, place2
+    for i in range(edges):
+        _set(path.node, i + 1, moved(vector(faces.start, edge[i]), vector(faces.along, edge[i]), places[i]))
+        _set(path.touched, i + 1, edge_point(faces, edge[i], places[i]))
 
 
 @innermost
-def _met(points: np.ndarray, count: int, out: np.ndarray, first: int) -> None:
-    """Copy points (count, 3) to the rows of `out` (V, 3) from `first`."""
-    for i in range(count):
-        for k in range(3):
-            out[first + i, k] = points[i, k]
+def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> bool:
+    """Write the points of reflection, the lengths and the directions of all legs of a path; return whether all legs exist."""
+    for i in range(edges + 1):
+        chain = path.chain[i, : path.count[i]]
+        start, end = vector(path.node, i), image(faces, vector(path.node, i + 1), chain[::-1], 1.0)
+        path.size[i] = distance(start, end)
+        if path.size[i] < 1e-6:  # as after four reflections in a corner of 90 degrees, which map the sensor to itself
+            return False
+        way = toward(start, end, path.size[i])
+        _set(path.leave, i, way)
+        _set(path.arrive, i, image(faces, way, chain, 0.0))
+        if 0 < i < edges:
+            cosine1, cosine2 = dot(way, vector(faces.along, edge[i - 1])), dot(vector(path.arrive, i), vector(faces.along, edge[i]))
+            if path.size[i] * math.sqrt(max(1 - max(cosine1 * cosine1, cosine2 * cosine2), 0.0)) < APART / wavenumber:
+                return False
+        path.share[i] = 1.0
+        _set(path.beside, i, (0.0, 0.0, 0.0))
+        here, there = vector(path.touched, i), vector(path.touched, i + 1)
+        p = grazed_face(faces, edge[i - 1], edge[i], chain, way) if 0 < i < edges else -1
+        if p >= 0:
+            # The ray grazes the common face. The incident field at the second edge then contains the reflected field already. Both sides
+            # of a sheet carry such a ray.
+            path.share[i] = 0.0
+            for side in range(2):
+                shift = beside(faces, edge[i - 1], edge[i], p, side)
+                open_side = shift[0] != 0 or shift[1] != 0 or shift[2] != 0
+                if open_side and reflect_points(faces, moved(here, shift, 1.0), chain, moved(there, shift, 1.0), path.points[i]):
+                    path.share[i] += 0.5
+                    _set(path.beside, i, shift)
+            here, there = moved(here, vector(path.beside, i), 1.0), moved(there, vector(path.beside, i), 1.0)
+        if path.share[i] == 0 or not reflect_points(faces, here, chain, there, path.points[i]):
+            return False
+    return True
 
 
 @innermost
-def _copied(level: np.ndarray, out: np.ndarray) -> None:
-    for q in range(len(level)):
-        out[q] = level[q]
+def _edges(faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> complex:
+    """Write the diffraction matrices and the factors of the slope terms of a path; return its spreading times the weights of its edges.
+
+    The function returns 0 if the path has no field.
+    """
+    # radii of curvature of the wave: across the previous edge, and in the plane of this edge and the ray
+    across, within = path.size[0], path.size[0]
+    factor = 1 / path.size[0] + 0j
+    for i in range(edges):
+        e, line, x = edge[i], vector(faces.along, edge[i]), vector(path.node, i + 1)
+        before, after, s = vector(path.arrive, i), vector(path.leave, i + 1), path.size[i + 1]
+        # weight for the ends of the edge, seen from the unfolded previous point and the unfolded following point
+        weights = ends_weight(faces, e, x, moved(x, before, -path.size[i]), moved(x, after, s), wavenumber)
+        if abs(weights[0]) < OUTSIDE:
+            return 0j
+        # curvature of the wave from the previous edge, in the plane of ray and edge
+        rho, path.bend[i] = within, 0j
+        if i > 0:
+            chain, known, begin = path.chain[i, : path.count[i]], vector(faces.along, edge[i - 1]), vector(path.leave, i)
+            turn = dot(image(faces, soft_and_hard(known, begin)[0], chain, 0.0), soft_and_hard(line, before)[0]) ** 2
+            rho = 1 / (turn / within + (1 - turn) / across)
+            # slope term: a larger angle at the previous edge moves the ray along `rise`; the source's angle here grows along `other`
+            rise, other = image(faces, cross(known, begin), chain, 0.0), cross(before, line)
+            area = norm(rise) * norm(other)
+            gradient = dot(rise, other) / area / path.size[i] if area > 0 else 0.0
+            path.bend[i] = gradient / (1j * wavenumber * math.sqrt(max(1 - dot(line, before) ** 2, SMALL_SINE * SMALL_SINE)))
+            factor *= path.share[i]
+        parameter = s * (rho + s) * across * within / (rho * (across + s) * (within + s))
+        # a ray that grazes a face has the angle of the side on which it runs
+        before, after = (
+            moved(before, vector(path.beside, i), -TILT_RAD / OUTSIDE_M),
+            moved(after, vector(path.beside, i + 1), TILT_RAD / OUTSIDE_M),
+        )
+        edge_terms(faces, tables, e, before, after, parameter, wavenumber, weights, path.matrix[i])
+        # spreading from the edge to the next point
+        factor *= math.sqrt(rho / (s * (rho + s)))
+        across, within = s, rho + s
+    return factor
 
 
 @innermost
-def share_face(faces: Faces, e1: int, e2: int) -> bool:
-    """Return whether two edges belong to one face."""
+def _carry(
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, edge: np.ndarray, edges: int, antenna: Point, twice: bool,
+    through: bool, path: Work,
+) -> None:  # fmt: skip
+    """Carry the field (Q, 3) of the source to the end of a path. Spreading is not part of the field.
+
+    Args:
+        antenna: axis of the antenna. twice: whether to add the field over the faces in `path.other_order`.
+        through: whether legs cross panes.
+    """
+    field, slope = path.field[0], path.field[1]
+    polarised(field, transverse(antenna, vector(path.leave, 0)))
+    if twice:
+        polarised(slope, transverse(antenna, vector(path.leave, 0)))
+        _over_leg(faces, tree, opaque, tables, path.other_order[: path.count[0]], 0, through, path, slope)
+    for i in range(edges + 1):
+        _over_leg(faces, tree, opaque, tables, path.chain[i, : path.count[i]], i, through, path, field)
+        if i > 0 and edges == 2:
+            _over_leg(faces, tree, opaque, tables, path.chain[i, : path.count[i]], i, through, path, slope)
+        if i == edges:
+            break
+        line = vector(faces.along, edge[i])
+        enters, leaves = soft_and_hard(line, vector(path.arrive, i)), soft_and_hard(line, vector(path.leave, i + 1))
+        # `slope` is the derivative of the field by the angle of the ray behind the previous edge
+        if i > 0:
+            _passed(slope, path.matrix[i], 2, enters, leaves, slope)
+        elif edges == 2:
+            _passed(field, path.matrix[i], 1, enters, leaves, slope)
+        _passed(field, path.matrix[i], 0, enters, leaves, field)
+        if i > 0:
+            _add(field, slope, path.bend[i])
+    if twice:
+        _add(field, slope, 1.0)
+
+
+@innermost
+def _over_leg(
+    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, chain: np.ndarray, i: int, through: bool, path: Work,
+    field: np.ndarray,
+) -> None:  # fmt: skip
+    """Apply to a field (Q, 3), in place, the reflections of leg `i` at the faces of a chain and, if `through`, the panes on this leg."""
+    if through:
+        shift = vector(path.beside, i)
+        start, end = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
+        travelled(faces, tree, opaque, tables, field, vector(path.leave, i), chain, start, path.points[i], end, path.found)
+    else:
+        reflected(faces, tables.te, tables.tm, field, vector(path.leave, i), chain)
+
+
+@innermost
+def _met(path: Work, edges: int, out: np.ndarray) -> None:
+    """Write the points of reflection and diffraction of a path in their order to the rows of `out` (V, 3)."""
+    row = 0
+    for i in range(edges + 1):
+        for j in range(path.count[i]):
+            _set(out, row + j, vector(path.points[i], j))
+        row += path.count[i] + 1
+        if i < edges:
+            _set(out, row - 1, vector(path.touched, i + 1))
+
+
+@innermost
+def grazed_face(faces: Faces, e1: int, e2: int, chain: np.ndarray, way: Vector) -> int:
+    """Return the face of two edges along which a ray between them runs, over the faces of a chain, or -1 if there is no such face.
+
+    way: direction of the ray at the first edge.
+    """
     for i in range(2):
         for j in range(2):
-            if faces.sides[e1, i] == faces.sides[e2, j]:
-                return True
-    return False
+            p = faces.sides[e1, i]
+            if p != faces.sides[e2, j]:
+                continue
+            turn = faces.opening[e1] * math.pi if i == 1 else 0.0
+            within = math.cos(turn) * dot(way, vector(faces.into, e1)) + math.sin(turn) * dot(way, vector(faces.up, e1)) > 0
+            for k in range(len(chain)):
+                within = within and abs(dot(vector(faces.normal, p), vector(faces.normal, chain[k]))) < LEVEL
+            if within:
+                return p
+    return -1
+
+
+@innermost
+def beside(faces: Faces, e1: int, e2: int, p: int, i: int) -> Vector:
+    """Return the offset of a ray that grazes the face `p` of two edges, onto the side of its normal (i = 0) or onto the other side.
+
+    The offset is zero if a wedge fills this side.
+    """
+    normal = vector(faces.normal, p)
+    height = OUTSIDE_M if i == 0 else -OUTSIDE_M
+    for j in range(2):
+        e = e1 if j == 0 else e2
+        if faces.opening[e] < FREE:
+            turn = 0.0 if p == faces.sides[e, 0] else faces.opening[e] * math.pi
+            # direction from the face into the open sector
+            sign = 1.0 if p == faces.sides[e, 0] else -1.0
+            out = sign * (math.cos(turn) * dot(normal, vector(faces.up, e)) - math.sin(turn) * dot(normal, vector(faces.into, e)))
+            if out * height < 0:
+                return 0.0, 0.0, 0.0
+    return height * normal[0], height * normal[1], height * normal[2]
 
 
 @innermost

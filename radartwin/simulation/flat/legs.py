@@ -389,7 +389,7 @@ def _evaluate(
         way = toward(images[m], end, rest)
         there, axis = image(faces, way, chain[::-1], 0.0), vector(axes, place[n])
         polarised(field, transverse(axis, there))
-        travelled(faces, tree, opaque, tables, field, there, chain, source, met[1 : m + 1], 1, end, found)
+        travelled(faces, tree, opaque, tables, field, there, chain, source, met[1 : m + 1], end, found)
         unit = transverse(image(faces, axis, chain, 0.0), way)
         for k in range(len(field)):
             level = field[k, 0] * unit[0] + field[k, 1] * unit[1] + field[k, 2] * unit[2]

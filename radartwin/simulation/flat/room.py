@@ -308,7 +308,7 @@ class FlatRoom:
         Args:
             places: (P, 4, 4) poses in the cell; the first is its centre. twice: whether paths may have two diffractions.
         """
-        at = places[:, :3, 3] + 1.5 * field.NUDGE / self.wavenumber
+        at = places[:, :3, 3] + 1.5 * places[:, :3, :3] @ field.NUDGE / self.wavenumber
         reach = CELL_M + TEST_M
         beside = [_shifted(places[:1], TEST_M / 2 * way)[:, :3, 3] for way in (*np.eye(3), *-np.eye(3))]
         cell, forward = search.Cell(np.concatenate([at, *beside]), reach), places[0, :3, 0]
@@ -378,7 +378,7 @@ class FlatRoom:
         )  # fmt: skip
         arguments = (
             self.faces, self.blocking if blocking is None else blocking, self.table.opaque, tables,
-            self.wavenumber, field.NUDGE / self.wavenumber,
+            self.wavenumber, poses[:, :3, :3] @ field.NUDGE / self.wavenumber,
             every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
             np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
         )  # fmt: skip

@@ -21,7 +21,7 @@ import numpy as np
 from radartwin.compiled import compiled, cores, each, innermost, shared_out
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import OUTSIDE, angle, edge_point, image, panes_on, reflect_points
+from radartwin.simulation.flat.field import OUTSIDE, beside, edge_point, grazed_face, image, open_angle, panes_on, reflect_points
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 
@@ -469,8 +469,8 @@ def _share(faces: Faces, e: int, wavenumber: float, radius: float, source: Vecto
 @innermost
 def _is_open(faces: Faces, e: int, x: Vector, end: Vector, radius: float) -> bool:
     """Return whether the line from a point x of edge `e` to a ball around `end` can run in the open sector of the edge."""
-    turn, most = angle(faces, e, end[0] - x[0], end[1] - x[1], end[2] - x[2]), faces.opening[e] * math.pi
-    if turn <= most + 1e-9:
+    turn, most = open_angle(faces, e, toward(x, end, 1.0)), faces.opening[e] * math.pi
+    if turn <= most:
         return True
     # distance of the end from the edge's line, on which the angle depends
     away = math.sqrt(max(distance(x, end) ** 2 - dot(toward(x, end, 1.0), vector(faces.along, e)) ** 2, 0.0))
@@ -521,9 +521,16 @@ def _linked(
                 for i in range(len(samples) * len(samples)):
                     start = edge_point(faces, e, samples[i % len(samples)] * faces.length[e])
                     end = edge_point(faces, f, samples[(i + i // len(samples)) % len(samples)] * faces.length[f])
-                    over = p < 0 or reflect_points(faces, start, chain, end, points)
-                    if over and panes_on(tree, opaque, start, points, int(p >= 0), end, found) >= 0:
-                        seen = True
+                    way = toward(start, _mirrored(faces, p, end, 1.0) if p >= 0 else end, 1.0)
+                    common = grazed_face(faces, e, f, chain[: int(p >= 0)], way)
+                    for side in range(2 if common >= 0 else 1):
+                        shift = beside(faces, e, f, common, side) if common >= 0 else (0.0, 0.0, 0.0)
+                        if common >= 0 and shift[0] == 0 and shift[1] == 0 and shift[2] == 0:
+                            continue
+                        here, there = moved(start, shift, 1.0), moved(end, shift, 1.0)
+                        over = p < 0 or reflect_points(faces, here, chain, there, points)
+                        seen = seen or (over and panes_on(tree, opaque, here, points, int(p >= 0), there, found) >= 0)
+                    if seen:
                         break
                 if not seen:
                     continue

@@ -106,3 +106,22 @@ def coefficients(
     mirror_n, bend_n = _term(1.0, phi + phi0, n, kl)
     mirror_0, bend_0 = _term(-1.0, phi + phi0, n, kl)
     return c * (shadow_n + shadow_0), c * mirror_0, c * mirror_n, c * (slope_n + slope_0), c * (bend_n + bend_0)
+
+
+@compiled
+def face_terms(phi: float, phi0: float, kl: float) -> tuple[complex, complex]:
+    """Return the terms of the shadow boundary and of the reflection boundary of one face in physical optics.
+
+    The terms have the jumps of the terms of `coefficients` at the boundaries. Physical optics is not reciprocal, so that the function
+    returns the mean over both directions of the path. A face that is not lit has no terms. The change from a lit to an unlit face is
+    smooth, because a wave that grazes the face has a transition there.
+
+    Args:
+        phi, phi0: angles of observer and source from the face, rad. kl: distance parameter times wavenumber.
+    """
+    there = 0.25 * (1 + math.erf(math.sqrt(2 * kl) * math.cos(0.5 * phi0)))
+    back = 0.25 * (1 + math.erf(math.sqrt(2 * kl) * math.cos(0.5 * phi)))
+    if there + back < 1e-6:
+        return 0j, 0j
+    shadow = there * _term(-1.0, phi - phi0, 1.0, kl)[0] + back * _term(-1.0, phi0 - phi, 1.0, kl)[0]
+    return shadow, (there + back) * _term(-1.0, phi + phi0, 1.0, kl)[0]
