@@ -14,7 +14,6 @@ from radartwin.simulation.checks import check_option, check_positive, check_whol
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-PIECES = 3  # number of pieces, along each grid axis, into which the tracer divides a ray tube that straddles an edge
 MAX_TUBES = 200_000_000  # largest number of ray tubes per call of `rcs`; tracing this number of tubes takes some minutes
 
 
@@ -32,8 +31,9 @@ def rcs(
 ) -> float:
     """Compute the monostatic radar cross-section of a mesh in square metres, by ray tubes.
 
-    `simulate` adds the waves of the edges of flat objects (fringes), which `rcs` leaves out: at 2 m, the cross-section of a plate of 5 to
-    10 cm that is turned by 20 to 60 degrees is 1 to 9 dB lower than the echo that `simulate` gives.
+    The function includes the waves of the edges (fringes) of closed metal bodies. `simulate` also adds those of open sheets, which `rcs`
+    leaves out: at 2 m, the cross-section of a plate of 5 to 10 cm that is turned by 20 to 60 degrees is 1 to 9 dB lower than the echo that
+    `simulate` gives.
 
     Args:
         mesh: surface with coordinates in metres. Edges sharper than 30 degrees stay sharp; across all other edges the surface is curved.
@@ -85,7 +85,7 @@ def rcs(
     transmit, receive = (Antennas(position, up[None], letter == "H") for letter in polarization)
     total = 0.0 + 0.0j
     for grid in grids:
-        hits = tubes.trace(target, table, grid, transmit, receive, TraceOptions(max_bounces, pieces=PIECES))
+        hits = tubes.trace(target, table, grid, transmit, receive, TraceOptions(max_bounces))
         phase = np.exp(1j * wavenumber * (hits.length_in_m + hits.length_out_m))
         total += complex((hits.amplitude[:, 0] * phase).sum())
     if far:

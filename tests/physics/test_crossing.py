@@ -126,7 +126,7 @@ def tube_echo(panes, end=None, frequency=FREQUENCY, cross=False, bounces=1):
     end = start if end is None else np.array([end])
     grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
-    hits = tubes.trace(built, table, grid, Antennas(start, UP, cross), Antennas(end, UP, cross), TraceOptions(bounces, pieces=3))
+    hits = tubes.trace(built, table, grid, Antennas(start, UP, cross), Antennas(end, UP, cross), TraceOptions(bounces))
     return coherent(hits, hits.first_m > 1.9)
 
 

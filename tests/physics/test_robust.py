@@ -29,7 +29,7 @@ from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 FIELDS = ("amplitude", "length_in_m", "length_out_m", "departure", "arrival", "first_m")
 
 
-def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
+def traced(mesh, position, *, rays=None, bounces=4, hats=False):
     """Return the ray hits of a mesh from a phase centre: over the bounding box of the mesh, or over the full sphere with `rays` tubes."""
     variant.activate()
     built = geometry.build([mesh])
@@ -38,9 +38,7 @@ def traced(mesh, position, *, rays=None, bounces=4, pieces=3, hats=False):
     antenna = Antennas(source, UP)
     one = None if rays else tube_grid.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.3, 0.6))
     grids = [one] if one is not None else tube_grid.all_around(source, np.eye(3)[None], rays or 60_000)
-    hits = Hits.concatenate(
-        [tubes.trace(built, table, grid, antenna, antenna, TraceOptions(bounces, hats=hats, pieces=pieces)) for grid in grids]
-    )
+    hits = Hits.concatenate([tubes.trace(built, table, grid, antenna, antenna, TraceOptions(bounces, hats=hats)) for grid in grids])
     for name in FIELDS:
         assert np.isfinite(getattr(hits, name)).all(), name
     return hits
@@ -85,7 +83,7 @@ def test_grazing_incidence_is_finite_and_small(angle_deg):
 
 
 def test_wall_one_centimetre_away_is_an_image():
-    hits = traced(objects.plate(2.0, 2.0), [0.01, 0, 0], rays=400_000, hats=True, pieces=1)
+    hits = traced(objects.plate(2.0, 2.0), [0.01, 0, 0], rays=400_000, hats=True)
     image = -WAVELENGTH / (4 * np.pi * 0.02) * np.exp(1j * K * 0.02)
     value = coherent(hits)
     assert np.isfinite(value)
@@ -95,7 +93,7 @@ def test_wall_one_centimetre_away_is_an_image():
 def test_sensor_in_a_closed_room():
     room = trimesh.creation.box((3.0, 2.0, 2.5))
     room.invert()
-    hits = traced(room, [0.3, -0.2, 0.1], rays=100_000, bounces=8, hats=True, pieces=1)
+    hits = traced(room, [0.3, -0.2, 0.1], rays=100_000, bounces=8, hats=True)
     assert set(hits.bounce) == set(range(1, 9))
     for bounce in range(1, 9):
         assert abs(coherent(hits.where(hits.bounce == bounce))) < 1

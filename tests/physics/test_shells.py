@@ -31,7 +31,7 @@ def echo(meshes, materials, *, start=SENSOR, end=SENSOR, beyond_m=0.0, within_m=
         table = replace(table, surfaces=(("metal", 0.0),) * len(materials), through_te=blocked, through_tm=blocked)
     grid = tube_grid.towards(built.hull_points(), start, built.centre, WAVELENGTH / 4, built.grid_shift)
     assert grid is not None
-    hits = tubes.trace(built, table, grid, Antennas(start, UP), Antennas(end, UP), TraceOptions(1, pieces=3, prune=prune))
+    hits = tubes.trace(built, table, grid, Antennas(start, UP), Antennas(end, UP), TraceOptions(1, prune=prune))
     return coherent(hits, (hits.length_in_m > beyond_m) & (hits.length_in_m < within_m))
 
 

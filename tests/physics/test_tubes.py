@@ -36,7 +36,7 @@ def test_sphere_and_wall_match_geometric_optics(density, bound_db):
         target = geometry.build([objects.sphere(radius, 4).apply_translation(at)])
         grid = tube_grid.towards(target.hull_points(), sensor[None], target.centre, WAVELENGTH / np.sqrt(density), (0.14, 0.95))
         assert grid is not None
-        hits[letter] = tubes.trace(built, table, grid, antenna, antenna, TraceOptions(3, built.surface, first, pieces=3))
+        hits[letter] = tubes.trace(built, table, grid, antenna, antenna, TraceOptions(3, built.surface, first))
     for name, bound in bound_db.items():
         source, receiver = (image if name[end] == "W" else sensor for end in (0, -1))
         level, length, _ = geometric_optics_of_a_sphere(centre, radius, source, receiver)
@@ -109,29 +109,48 @@ def test_dihedral_turns_polarisation_by_twice_its_own_angle(angle_deg, co, cross
     assert levels["HV"] == pytest.approx(levels["VH"], rel=1e-3, abs=1e-6)
 
 
-def test_divided_tubes_sum_to_one():
-    """The weights of triangular and box-shaped tube profiles, whole and divided, sum to one at random points of the ray grid."""
+@pytest.mark.parametrize("bounces", [1, 2])
+def test_divided_tubes_sum_to_one(bounces):
+    """The weights of whole tubes, of narrow tubes and of the pieces along the rims sum to one at random points of the ray grid on a can, of
+    which the radar sees the side and the upper end.
+    """
     variant.activate()
-    from radartwin.simulation.curved import division
+    from radartwin.simulation.curved import borders, division
+    from radartwin.simulation.curved.borders import PIECES
+    from radartwin.simulation.curved.device import Device
+    from radartwin.simulation.curved.flight import WHOLE
 
-    pieces, rng = 3, np.random.default_rng(1)
-    line, one = np.zeros((1, 3)), np.zeros(1)
-    grid = tube_grid.TubeGrid(line, line, line, line, one, one, one, one, 7, 6)
-    met = rng.integers(1, 3, (1, 7 * 6 + 8 * 7)).astype(np.uint32)
-    index, share, whole = division.divided(met, grid, 0, pieces, True)
-    at = rng.uniform([1, 1], [5, 4], (200, 2))
-    hats, boxes = np.zeros(200), np.zeros(200)
-    for i, s, w in zip(index, share, whole, strict=True):
-        if i < 42:
-            centre, size = np.array([i % 7, i // 7]), 1.0
+    built = geometry.build([objects.cylinder(0.02, 0.05)])
+    source = np.array([[1.0, 0.2, 0.7], [0.8, -0.1, 0.9]])
+    grid = tube_grid.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.25, 0.25))
+    assert grid is not None
+    options = TraceOptions(bounces)
+    device, poses = Device.of(built, options), (0, 2)
+    sequences = division.patch_sequences(device, grid, poses, options, None) if bounces > 1 else None
+    index, share, cut = division.divided(borders.cut(built, grid, poses), sequences, grid, poses, True, True)
+    at = np.random.default_rng(1).uniform(1, np.array([grid.count_u, grid.count_v]) - 3, (500, 2))
+    if sequences is not None:  # cells beside the body have no tubes
+        met = sequences[1, : grid.per_pose].reshape(grid.count_v, grid.count_u) > 0
+        i, j = np.floor(at).astype(int).T
+        at = at[met[j, i] & met[j + 1, i] & met[j, i + 1] & met[j + 1, i + 1]]
+    total, kinds = np.zeros(len(at)), set()
+    for i, s in zip(index, share, strict=True):
+        if i // grid.per_pose != 1:
+            continue
+        number = s // (WHOLE + 1) - 1
+        cell = i - grid.per_pose
+        centre = np.array([cell % grid.count_u, cell // grid.count_u]) if number < 0 else cut.centre[number]
+        off = at - centre
+        if s & WHOLE:
+            off *= PIECES if number >= 0 else 1
+            square = (off[:, 0] > 0) + 2 * (off[:, 1] > 0)
+            total += np.clip(1 - np.abs(off), 0, None).prod(axis=1) * (s >> square & 1)
         else:
-            cell, width = i - 42, 7 * pieces + pieces - 1
-            centre, size = (np.array([cell % width, cell // width]) - (pieces - 1)) / pieces, 1 / pieces
-        off = np.abs(at - centre) / size
-        hats += s * np.clip(1 - off, 0, None).prod(axis=1)
-        boxes += w * (off < 0.5).all(axis=1)
-    np.testing.assert_allclose(hats, 1, atol=1e-12)
-    np.testing.assert_array_equal(boxes, 1)
+            a, b = cut.corner[number], np.roll(cut.corner[number], -1, axis=0)
+            total += ((b - a)[:, 0] * (off[:, None] - a)[..., 1] - (b - a)[:, 1] * (off[:, None] - a)[..., 0] >= 0).all(axis=1)
+        kinds.add((number >= 0, bool(s & WHOLE)))
+    np.testing.assert_allclose(total, 1, atol=1e-5)
+    assert len(kinds) == bounces + 1
 
 
 @pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
@@ -153,7 +172,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
     turn = np.radians(25.0)  # angle between the focal lines and the axes of the ray grid
     axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
     foot_u, foot_v = (-(axes.T / np.array(foci_m)) @ axes)[:2].tolist()
-    names = "index", "pose", "origin", "weight", "hat_share", "in_box", "departure", "across", "encounters", "length", "first"
+    names = "index", "pose", "origin", "weight", "share", "departure", "across", "encounters", "length", "first"
     none: Any = {name: None for name in names}
     tube = flight.Tubes(
         **none, direction=mi.Vector3f(0, 0, 1), position_du=mi.Vector3f(1, 0, 0), position_dv=mi.Vector3f(0, 1, 0),
@@ -174,7 +193,7 @@ def test_a_diverging_tube_passes_no_caustic_within_nanometres(sign):
 
     from radartwin.simulation.curved import contact, flight
 
-    names = "index", "pose", "origin", "weight", "hat_share", "in_box", "departure", "across", "encounters", "length", "first"
+    names = "index", "pose", "origin", "weight", "share", "departure", "across", "encounters", "length", "first"
     none: Any = dict.fromkeys(names)
     tube = flight.Tubes(
         **none, direction=mi.Vector3f(0, 1, 0), position_du=mi.Vector3f(sign * 0.00230769, 0, sign * 0.00386094),

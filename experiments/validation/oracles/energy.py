@@ -21,8 +21,6 @@ from radartwin.simulation import diffuse, geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, TraceOptions
 
-PIECES = 3  # a tube that crosses an edge is split into this number of parts per direction
-
 
 def bistatic(
     mesh: trimesh.Trimesh, sources: np.ndarray, receivers: np.ndarray, *, cross: bool = False, density: float = 16.0, bounces: int = 1
@@ -38,7 +36,7 @@ def bistatic(
     assert grid is not None
     axis = np.tile([0.1, 0.2, 0.97], (len(sources), 1))
     transmit, receive = Antennas(sources, axis), Antennas(receivers, axis, cross)
-    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(bounces, pieces=PIECES))
+    hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(bounces))
     value = hits.amplitude[:, 0] * np.exp(1j * WAVENUMBER * (hits.length_in_m + hits.length_out_m))
     total = np.zeros(len(sources), complex)
     np.add.at(total, hits.pose, value)

@@ -11,21 +11,24 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from radartwin.simulation.curved.borders import CORNERS, PIECES, Pieces
 from radartwin.simulation.curved.device import vectors
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.drjit_arrays import upload
 
+WHOLE = 15  # share of a tube that contributes in all four squares around its centre ray
+
 
 @dataclass(frozen=True)
 class TubeSelection:
-    """List the N tubes of a grid to trace, which are whole grid cells or pieces of divided cells."""
+    """List the N tubes of a grid to trace, which are whole grid cells or pieces of cells."""
 
-    # (N,) uint32 tube indices. An index below the number of cells of all poses selects a whole cell. A larger index selects a piece of a
-    # finer grid, which has `pieces` times as many cells along each axis and extends (pieces - 1)/2 pieces beyond the cells on every side.
-    index: np.ndarray
-    hat_share: np.ndarray | None = None  # (N,) factor of each tube's hat weight; None if all tubes are whole cells
-    in_box: np.ndarray | None = None  # (N,) whether each tube contributes on surfaces with box weights; None if all tubes are whole cells
-    pieces: int = 1  # number of pieces of a divided cell along each grid axis, an odd number
+    index: np.ndarray  # (N,) uint32 indices of grid cells, counted over all poses; for a piece, only the pose counts
+    # (N,) four bits that tell in which squares around its centre ray a tube contributes: towards (-u, -v), (+u, -v), (-u, +v) and (+u, +v).
+    # For piece p of `cut`, the share is (WHOLE + 1)(p + 1). For a narrow tube of a finer grid, at the place of piece p, the four bits are
+    # added. None: all tubes contribute in all four squares.
+    share: np.ndarray | None = None
+    cut: Pieces | None = None
 
 
 @dataclass
@@ -54,27 +57,37 @@ class GridArrays:
 
 
 @dataclass
-class Pieces:
+class PieceArrays:
     """Hold the pieces of a `TubeSelection` on the device."""
 
-    hat_share: Any
-    in_box: Any
-    first: Any  # index of the first piece
-    per_pose: Any  # number of pieces per pose
-    count_u: Any  # number of pieces along u
-    size: Any  # width of a piece, in cells
-    offset: Any  # number of cells by which the pieces extend beyond the grid on every side
+    share: Any  # share of each tube, as in TubeSelection
+    centre: Any  # (P x 2,) centroids, as in `borders.Pieces`
+    corner: Any  # (P x CORNERS x 2,) corners, as in `borders.Pieces`
+    size: Any  # width of a narrow tube, in cells
 
     @staticmethod
-    def of(grid: TubeGrid, selection: TubeSelection) -> "Pieces | None":
+    def of(selection: TubeSelection) -> "PieceArrays | None":
         """Copy the pieces of a selection to the device; None if all tubes are whole cells."""
-        if selection.hat_share is None or selection.in_box is None:
+        if selection.share is None or selection.cut is None:
             return None
-        margin = selection.pieces - 1
-        fine_u, fine_v = (selection.pieces * count + margin for count in (grid.count_u, grid.count_v))
-        numbers = (dr.opaque(mi.UInt32, number) for number in (grid.poses * grid.per_pose, fine_u * fine_v, fine_u))
-        widths = (dr.opaque(mi.Float, width) for width in (1 / selection.pieces, margin / selection.pieces))
-        return Pieces(upload(mi.Float, selection.hat_share), upload(mi.Bool, selection.in_box), *numbers, *widths)
+        return PieceArrays(
+            upload(mi.UInt32, selection.share),
+            upload(mi.Float, selection.cut.centre),
+            upload(mi.Float, selection.cut.corner),
+            dr.opaque(mi.Float, 1 / PIECES),
+        )
+
+    def middles(self, cell: list[Any]) -> list[Any]:
+        """Return the coordinates of the tubes' centre rays along both grid axes, which are `cell` for tubes that are no pieces."""
+        cut = self.share > WHOLE
+        first = 2 * (self.share // (WHOLE + 1) - 1)
+        return [dr.select(cut, dr.gather(mi.Float, self.centre, first + i, cut), at) for i, at in enumerate(cell)]
+
+    @staticmethod
+    def corners(source: Any, share: Any, cut: Any) -> list[tuple[Any, Any]]:
+        """Return the corners of pieces relative to their centre rays, in cells, from the array `source` (`corner`)."""
+        first = 2 * CORNERS * (share // (WHOLE + 1) - 1)
+        return [tuple(dr.gather(mi.Float, source, first + 2 * k + i, cut) for i in range(2)) for k in range(CORNERS)]
 
 
 @dataclass
@@ -90,8 +103,7 @@ class Tubes:
     direction_du: Any  # derivative of the ray's direction along the grid's u axis, per grid cell
     direction_dv: Any  # derivative of the ray's direction along the grid's v axis, per grid cell
     weight: Any  # solid angle of the tube at the source in steradians, or the tube's area in square metres for a plane wave
-    hat_share: Any  # factor of the tube's hat weight, as in TubeSelection
-    in_box: Any  # whether the tube contributes on surfaces with box weights, as in TubeSelection
+    share: Any  # share of the tube, as in TubeSelection; None if all tubes are whole
     departure: Any  # unit direction of the ray at the source
     across: Any  # unit vector across the direction, along which the field's first component lies, see `jones`
     encounters: list[Any]  # facets that the tube has met, as `contact.Encounter`
@@ -177,7 +189,7 @@ def rays(grid: GridArrays, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, An
     return origin, direction, direction_du, direction_dv, step_u * step_v * scale * scale * scale
 
 
-def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: Pieces | None) -> Tubes:
+def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: PieceArrays | None) -> Tubes:
     """Start tubes of a grid at their source.
 
     Args:
@@ -185,23 +197,19 @@ def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: Pieces |
         axis: F antenna axes. The electric field of a tube lies along the projection of the axis perpendicular to its ray.
         cross: whether the electric field is turned by 90 degrees about the ray, for horizontal (H) polarisation.
         index: indices of the tubes to start, as in `TubeSelection`.
-        pieces: pieces of divided cells among these tubes; None if all tubes are whole cells.
+        pieces: pieces of cells among these tubes; None if all tubes are whole cells.
     """
-    per_pose, count_u = grid.per_pose, grid.count_u
-    cell, size, offset = index, mi.Float(1.0), mi.Float(0.0)
+    pose = index // grid.per_pose
+    cell = index - pose * grid.per_pose
+    cell_v = cell // grid.count_u
+    cell_u = cell - cell_v * grid.count_u
+    at = [mi.Float(cell_u), mi.Float(cell_v)]
+    origin, direction, direction_du, direction_dv, weight = rays(grid, pose, *(at if pieces is None else pieces.middles(at)))
+    share = None
     if pieces is not None:
-        piece = index >= pieces.first
-        cell = dr.select(piece, index - pieces.first, index)
-        per_pose, count_u = dr.select(piece, pieces.per_pose, per_pose), dr.select(piece, pieces.count_u, count_u)
-        size, offset = dr.select(piece, pieces.size, size), dr.select(piece, pieces.offset, offset)
-    pose = cell // per_pose
-    cell = cell - pose * per_pose  # an in-place operation would be wrong, because `cell` and `index` may be the same array
-    cell_v = cell // count_u
-    cell_u = cell - cell_v * count_u
-    origin, direction, direction_du, direction_dv, weight = rays(
-        grid, pose, mi.Float(cell_u) * size - offset, mi.Float(cell_v) * size - offset
-    )
-    direction_du, direction_dv, weight = direction_du * size, direction_dv * size, weight * size * size
+        share = mi.UInt32(pieces.share)
+        size = dr.select((share > WHOLE) & (share & WHOLE != 0), pieces.size, 1.0)
+        direction_du, direction_dv, weight = direction_du * size, direction_dv * size, weight * size * size
     field = project(dr.gather(mi.Vector3f, axis, pose), direction)
     if cross:  # the H vector is the cross product of the direction towards the radar with the V vector; the ray points away from the radar
         field = dr.cross(-direction, field)
@@ -212,9 +220,8 @@ def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: Pieces |
     position_du, position_dv = (direction_du, direction_dv) if grid.plane else (mi.Vector3f(nothing), mi.Vector3f(nothing))
     if grid.plane:
         direction_du, direction_dv = mi.Vector3f(nothing), mi.Vector3f(nothing)
-    hat_share, in_box = (None, None) if pieces is None else (pieces.hat_share, pieces.in_box)
     zero = mi.Float64(none)
     return Tubes(
-        index, pose, origin, direction, position_du, position_dv, direction_du, direction_dv, weight, hat_share, in_box,
+        index, pose, origin, direction, position_du, position_dv, direction_du, direction_dv, weight, share,
         mi.Vector3f(direction), field, [], none, zero, mi.Float64(zero),
     )  # fmt: skip

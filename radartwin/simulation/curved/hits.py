@@ -42,9 +42,6 @@ class TraceOptions:
     bounces: np.ndarray | None = None  # (F,) largest number of reflections of each sensor pose; None: `max_bounces` for all poses
     least: np.ndarray | None = None  # (F,) amplitudes below which the tracer drops hits of each sensor pose; None drops no further hits
     hats: bool = False  # True gives all tubes hat weights, which rooms need; False gives hat weights only to tubes on curved facets
-    # Number of pieces along each grid axis, an odd number. The tracer divides a tube into pieces if the tube straddles two smooth surface
-    # patches, or if a curved surface reflects the tube onto another surface.
-    pieces: int = 1
 
 
 @dataclass(frozen=True)

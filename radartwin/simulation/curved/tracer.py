@@ -56,16 +56,16 @@ class Setting:
         seen = active & (dr.dot(outgoing, contact.normal) > contacts.COS_GRAZING) & (dr.dot(outgoing, contact.flat_normal) > 0)
         return Reception(outgoing, length, across, self.grid.plane), seen
 
-    def lanes(self, tubes: Tubes, contact: Contact, reception: Reception, walls: list, active: Any) -> list[Any]:
+    def lanes(self, tubes: Tubes, contact: Contact, reception: Reception, walls: list, active: Any, corner: Any) -> list[Any]:
         """Compute the echo of the tubes. Returns the arrays that `Tracer._hits` reads."""
-        echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active)
+        echo = scatter.scatter(self.device, tubes, contact, reception, self.wavenumber, active, corner)
         return [
             tubes.pose, tubes.length, mi.Float64(reception.length), tubes.departure, reception.direction, tubes.first,
             echo, tubes.encounters, walls,
             contact.facet_point + contact.flat_normal * self.device.lift, reception.across,
         ]  # fmt: skip
 
-    def single_bounce(self, index: Any, pieces: flight.Pieces | None) -> tuple[list[Any], Any]:
+    def single_bounce(self, index: Any, pieces: flight.PieceArrays | None) -> tuple[list[Any], Any]:
         """Trace tubes to their first facet and back.
 
         Returns:
@@ -75,7 +75,7 @@ class Setting:
         contact, active = contacts.meet(self.device, tubes, True, contacts.cast(self.device, tubes, True))
         active = self.device.in_cluster(contact.face, active)
         reception, seen = self.reception(tubes.pose, contact, active)
-        lanes = self.lanes(tubes, contact, reception, [], active)
+        lanes = self.lanes(tubes, contact, reception, [], active, None if pieces is None else pieces.corner)
         dr.eval(lanes, seen)
         return lanes, seen
 
@@ -111,6 +111,7 @@ class Tracer:
         self.walls = None if shells is None else Walls(self.device, shells.faces)
         self.panes = None if panes is None else Panes(self.device, panes)
         self.most = None if options.bounces is None else upload(mi.UInt32, options.bounces)
+        self.wavelength_m = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.setting = Setting(
             self.device, flight.GridArrays.of(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
@@ -122,7 +123,7 @@ class Tracer:
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
         variant.share_threads()
-        blocks = division.blocks(self.device, self.grid, self.geometry.corners, self.options, self.walls)
+        blocks = division.blocks(self.device, self.grid, self.geometry, self.options, self.walls, self.panes is not None, self.wavelength_m)
         return [part for selection in blocks for part in self._block(selection)]
 
     def _block(self, selection: flight.TubeSelection) -> Iterator[Hits]:
@@ -132,23 +133,24 @@ class Tracer:
         have crossed the same number of panes.
         """
         strongest = np.zeros(self.grid.poses)
-        index, pieces = upload(mi.UInt32, selection.index), flight.Pieces.of(self.grid, selection)
+        index, pieces = upload(mi.UInt32, selection.index), flight.PieceArrays.of(selection)
         if self.single:
             recorded = _SINGLE_BOUNCE[self.transmit.cross, self.receive.cross, self.grid.plane]
             yield from self._hits(*recorded(self.setting, index, pieces), 1, strongest)
             return
         tubes = flight.start(self.setting.grid, self.setting.transmit_axis, self.setting.transmit_cross, index, pieces)
         active = contacts.cast(self.device, tubes, True)
+        corner = None if pieces is None else pieces.corner
         waiting: dict[tuple[int, int], list[Tubes]] = {(1, 0): [tubes]}
         while waiting:
             done = min(waiting, key=sum)  # no other waiting tubes can still come to the same (bounce, crossed)
-            found, onward = self._step(Tubes.joined(waiting.pop(done)), *done, active, strongest)
+            found, onward = self._step(Tubes.joined(waiting.pop(done)), *done, active, strongest, corner)
             yield from found
             for going, following in onward:
                 waiting.setdefault(following, []).append(going)
             active = mi.Bool(True)
 
-    def _step(self, tubes: Tubes, bounce: int, crossed: int, active: Any, strongest: np.ndarray) -> tuple[list[Hits], list]:
+    def _step(self, tubes: Tubes, bounce: int, crossed: int, active: Any, strongest: np.ndarray, corner: Any) -> tuple[list[Hits], list]:
         """Reflect tubes at the facets that `contacts.cast` found for them.
 
         Args:
@@ -167,7 +169,7 @@ class Tracer:
         # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
         clear = self.monostatic and bounce == 1 and crossed == 0
         reception, walls, seen = self._reception(tubes, contact, near, clear, active)
-        lanes = self.setting.lanes(tubes, contact, reception, walls, active)
+        lanes = self.setting.lanes(tubes, contact, reception, walls, active, corner)
         if bounce < options.max_bounces:
             reflected = active
             if options.bounces is not None:

@@ -27,11 +27,6 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, LEGS, TARGET_ERROR, TRACED, both_gains, largest, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
-FEW_TUBES = 300  # if an object has at most this many tubes, tubes that straddle its edges are divided
-# Tubes between object and room that are at most this many wavelengths wide are not divided. Division would take half of their tracing time.
-# At 0.5 tubes per square wavelength, their error is the same with and without division: 0.01 to 0.04 of the signal of a can, a mug and a
-# bottle at 1 and 2 m.
-UNDIVIDED = 1.5
 COUPLED = 3_000_000  # largest number of paths between a small static object and the room at all traced poses; limits memory
 STRONGEST = 0.5  # if direct paths are only estimated, paths below this share of the strongest one are dropped
 GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
@@ -119,8 +114,7 @@ def group_paths(
         weakest = prune * strongest[pose[rows]] / np.maximum(strength[rows], 1e-30)  # the ray tracer multiplies this by EARLY
         estimated = not (over or direct)
         limits = max_bounces - reflections[rows], weakest, STRONGEST if estimated else share_of_pair
-        divide = not over or cell > UNDIVIDED * radar.wavelength_m
-        part = _traced(built, table, ends, rows, cell, *limits, divide)
+        part = _traced(built, table, ends, rows, cell, *limits)
         if part is None:
             return None
         level = largest(part.amplitude) * strength[part.pose] * (part.bounce + reflections[part.pose] <= max_bounces)
@@ -172,12 +166,11 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> Paths:
 
 def _traced(
     built: Geometry, table: ReflectionTable, ends: "list[_End]", rows: np.ndarray, cell_m: float, bounces: np.ndarray, least: np.ndarray,
-    prune: float, divide: bool,
+    prune: float,
 ) -> Hits | None:  # fmt: skip
     """Trace the object for the chosen pairs of an outgoing and a returning leg, with at most `bounces` (rows,) reflections at the object.
 
-    Hits below the amplitude `least` (rows,), and hits below `prune` times the strongest hit of their pair, may be missing. `divide` tells
-    whether to divide tubes that straddle edges of a small object.
+    Hits below the amplitude `least` (rows,), and hits below `prune` times the strongest hit of their pair, may be missing.
 
     An object of flat faces is traced by its polygons, any other object by ray tubes. Return None if an object that needs tubes is too close
     to the sensor for a planar ray grid.
@@ -191,8 +184,7 @@ def _traced(
     if grid is None:
         return None
     transmit, receive = (Antennas(end.place[rows], end.axis[rows]) for end in ends)
-    pieces = 3 if divide and grid.per_pose <= FEW_TUBES else 1
-    options = TraceOptions(int(bounces.max()), prune=prune, bounces=bounces, least=least, pieces=pieces)
+    options = TraceOptions(int(bounces.max()), prune=prune, bounces=bounces, least=least)
     hits = tubes.trace(built, table, grid, transmit, receive, options)
     return replace(hits, pose=rows[hits.pose])
 

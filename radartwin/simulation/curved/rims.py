@@ -1,0 +1,249 @@
+"""Compute the echoes of fringe currents along the sharp convex rims of closed metal bodies.
+
+Near an edge, the currents differ from those of physical optics. The difference radiates like currents along the edge. For each of the two
+faces at an edge, with z = x cross n along the edge, x into the face and n its outward normal, the moments of these currents per length are
+
+    T_x = B,    T_z = A + mu cot(b) B - cot(b)/sin(b) (1/N - U) H_z,
+    A = E_z/sin(b)^2 [sin(p/N)/(N D) - U sin(p)/(mu + cos(p))],
+    B = H_z/sin(b) [sin((pi - a)/N)/(N D sin(a)) - U/(mu + cos(p))],
+    D = cos(p/N) - cos((pi - a)/N),    cos(a) = mu = [s . x + (s . z - cos(b)) cot(b)]/sin(b),
+
+in units of 2j/(k Z), and the scattered field of a piece dl is S = T/(2 pi) dl, perpendicular to the direction s of the receiver.
+
+- N pi -> angle outside the wedge. b -> angle between the incident ray and the edge. p -> angle of the source about the edge, from the face.
+- U -> 1 if the face is lit, otherwise 0. E, H -> incident field and its magnetic field times the impedance Z of free space.
+
+The first term in each bracket is the exact current of a wedge, integrated over the face along the direction in which the wave of the edge
+runs, and the second term is the current of physical optics. Their poles cancel. The formula holds off the Keller cone, where the part of a
+rim radiates to a receiver in any direction. It is infinite for a receiver straight ahead of the wave that runs along a face (mu = 1).
+Ref: A. Michaeli, IEEE Trans. AP 32 (1984) 252 and 34 (1986) 912.
+
+Edges of open sheets, inner edges and edges of dielectrics have no fringe currents here. Edges of
+faces narrower than half a wavelength, such as seams, have none either, and waves from one rim to another are left out.
+"""
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from radartwin.compiled import compiled, fixed, innermost, shared_out
+from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.simulation.curved import borders
+from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
+from radartwin.simulation.curved.tube_grid import TubeGrid
+from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.pruning import EARLY
+from radartwin.simulation.reflection_table import ReflectionTable
+
+METAL = 0.8  # smallest magnitude of the reflection coefficient of a metal, also of a rough one, at normal incidence
+NARROW = 0.5  # smallest width in wavelengths of a patch whose edges have fringe currents; the theory is one of wide faces
+SMALL_SINE = 1e-3  # smallest sine between ray and edge for which fringe currents radiate
+AHEAD = 1e-3  # smallest difference of mu from 1
+POLE = 1e-6  # smallest magnitude of a denominator whose zero cancels with another one; there, the source is turned by ten times this angle
+
+
+class Rims(NamedTuple):
+    """Hold M short straight pieces of edges.
+
+    Attributes:
+        middle: (M, 3) metres. length: (M,) metres. opening: (M,) angle outside the wedge as a multiple of pi.
+        into, normal: (M, 2, 3) unit vectors of both faces, perpendicular to the edge: into the face, and its outward normal.
+    """
+
+    middle: np.ndarray
+    length: np.ndarray
+    opening: np.ndarray
+    into: np.ndarray
+    normal: np.ndarray
+
+
+def find(geometry: Geometry, table: ReflectionTable, options: TraceOptions) -> Rims:
+    """Return the convex edges between metal faces of closed bodies, in pieces of at most a wavelength."""
+    edges = borders.edges(geometry)
+    metal = np.abs(table.te[:, -1]).min(axis=1) > METAL
+    keep = edges.solid & edges.convex & metal[geometry.surface[edges.face]].all(axis=1)
+    if options.cluster is not None:
+        keep &= (options.cluster[edges.face] == options.first_cluster).any(axis=1)
+    wavelength = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
+    keep &= (_width_m(geometry, edges)[geometry.patch[edges.face]] > NARROW * wavelength).all(axis=1)
+    ends, face = edges.ends[keep], edges.face[keep]
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    along = along / length[:, None]
+    # the smooth normals of both faces at the edge, which its corners share with it
+    at = (geometry.corners[face][:, :, :, None] == ends[:, None, None]).all(axis=4).any(axis=3)
+    normal = np.einsum("efci,efc->efi", geometry.normals[face], at)
+    normal -= np.einsum("efi,ei->ef", normal, along)[..., None] * along[:, None]
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    into = np.cross(along[:, None], normal)
+    towards = geometry.corners[face].mean(axis=2) - ends[:, None].mean(axis=2)
+    into *= np.sign(np.einsum("efi,efi->ef", into, towards))[..., None]
+    opening = 1 + np.arccos(np.clip(np.einsum("ei,ei->e", normal[:, 0], normal[:, 1]), -1, 1)) / np.pi
+    parts = np.ceil(length / wavelength).astype(int)
+    of = np.repeat(np.arange(len(parts)), parts)
+    place = (np.arange(len(of)) - (np.cumsum(parts) - parts)[of] + 0.5) / parts[of]
+    middle = ends[of, 0] + (place * length[of])[:, None] * along[of]
+    return Rims(*map(fixed, (middle, (length / np.maximum(parts, 1))[of], opening[of], into[of], normal[of])))
+
+
+def _width_m(geometry: Geometry, edges: borders.Edges) -> np.ndarray:
+    """Return the mean width of each smooth patch in metres, which is twice its area over the length of its borders."""
+    corners = geometry.corners
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    length = np.repeat(np.linalg.norm(edges.ends[:, 1] - edges.ends[:, 0], axis=1), 2)
+    border = np.bincount(geometry.patch[edges.face].ravel(), length, geometry.patch.max(initial=0) + 1)
+    return 2 * np.bincount(geometry.patch, area, len(border)) / np.maximum(border, 1e-9)
+
+
+def hits(
+    geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: Antennas, receive: Antennas, options: TraceOptions
+) -> Hits | None:  # fmt: skip
+    """Return the echoes of fringe currents as hits of one bounce; None if the geometry has no such edges. The arguments are those of
+    `tubes.trace`.
+    """
+    rims = find(geometry, table, options)
+    if not len(rims.length):
+        return None
+    poses, wavenumbers = grid.poses, 2 * np.pi * table.frequencies_hz / SPEED_OF_LIGHT
+    amplitude = np.zeros((poses, len(rims.length)), complex)
+    places = [fixed(np.asarray(values, float)) for values in (grid.source, grid.forward, transmit.axis, receive.position, receive.axis)]
+    shared_out(_strengths, poses, rims, *places, transmit.cross, receive.cross, grid.plane, float(wavenumbers.mean()), amplitude)
+    level = np.abs(amplitude) / (2 * wavenumbers.min())
+    floor = options.prune * level.max(axis=1)
+    if options.least is not None:
+        floor = np.maximum(floor, EARLY * options.least)
+    pose, piece = np.nonzero((level > 0) & (level >= floor[:, None]))
+    if not geometry.convex or options.occluder is not None:
+        seen = _visible(geometry, rims, grid, receive.position, pose, piece, options)
+        pose, piece = pose[seen], piece[seen]
+    way, back = rims.middle[piece] - grid.source[pose], rims.middle[piece] - receive.position[pose]
+    if grid.plane:
+        departure = arrival = grid.forward[pose]
+    else:
+        departure, arrival = (w / np.linalg.norm(w, axis=1, keepdims=True) for w in (way, back))
+    length_in, length_out = (np.einsum("ni,ni->n", w, d) for w, d in ((way, departure), (back, arrival)))
+    # Signals have the phase factor exp(+j k L), so that amplitudes are conjugated.
+    value = amplitude[pose, piece].conj()[:, None] / (2 * wavenumbers)
+    return Hits(pose, np.ones(len(pose), int), value, length_in, length_out, departure, arrival, length_in)
+
+
+def _visible(geometry, rims, grid, receiver, pose, piece, options) -> np.ndarray:
+    """Return the mask of those pieces that source and receiver see at each pose."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from radartwin.simulation.curved import contact
+    from radartwin.simulation.curved.device import vectors
+    from radartwin.simulation.drjit_arrays import upload
+
+    outward = rims.normal.sum(axis=1)
+    outward *= 10 * geometry.lift_m / np.linalg.norm(outward, axis=1, keepdims=True)
+    start = rims.middle[piece] + outward[piece]
+    seen = mi.Bool(True)
+    if not len(pose):
+        return np.zeros(0, bool)
+    origin = vectors(start)
+    for end in {id(e): e for e in (grid.source, receiver)}.values():
+        away = -grid.forward[pose] if grid.plane else end[pose] - start
+        distance = np.linalg.norm(away, axis=1)
+        reach = dr.opaque(mi.Float, np.inf) if grid.plane else upload(mi.Float, (1 - contact.SHADOW_SHORT) * distance)
+        seen &= ~geometry.scene().ray_test(contact.limited(origin, vectors(away / distance[:, None]), reach))
+        if options.occluder is not None:
+            seen &= ~contact.blocked(options.occluder, upload(mi.UInt32, pose), vectors(end[pose]), origin, True)
+    return np.broadcast_to(seen.numpy(), len(pose))
+
+
+@compiled
+def _strengths(begin, stop, rims, source, forward, transmit, receiver, receive, sent_cross, got_cross, plane, wavenumber, out):
+    """Write the scattered field S of each piece at the poses `begin` to `stop` - 1 for an incident field of 1 V/m at one metre from the
+    source, times the spreading to the receiver, to `out` (poses, M). It is zero for pieces that the body itself hides.
+    """
+    electric, got, magnetic, way, away = np.empty((5, 3))
+    for f in range(begin, stop):
+        for m in range(len(rims.length)):
+            there, back = 0.0, 0.0
+            for i in range(3):
+                way[i] = forward[f, i] if plane else rims.middle[m, i] - source[f, i]
+                away[i] = -forward[f, i] if plane else receiver[f, i] - rims.middle[m, i]
+                there += way[i] * way[i]
+                back += away[i] * away[i]
+            there, back = math.sqrt(there), math.sqrt(back)
+            for i in range(3):
+                way[i] /= there
+                away[i] /= back
+            if _inside(rims, m, way, -1.0) or _inside(rims, m, away, 1.0):
+                continue
+            _across(transmit[f], way, -1.0 if sent_cross else 0.0, electric)
+            _across(receive[f], away, 1.0 if got_cross else 0.0, got)
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                magnetic[i] = way[j] * electric[k] - way[k] * electric[j]
+            total = 0j
+            for side in range(2):
+                total += _face(rims.into[m, side], rims.normal[m, side], rims.opening[m], way, away, electric, magnetic, got)
+            # the phase along the straight piece
+            along = _triple(rims.into[m, 0], rims.normal[m, 0], way) - _triple(rims.into[m, 0], rims.normal[m, 0], away)
+            turn = 0.5 * wavenumber * rims.length[m] * along
+            width = math.sin(turn) / turn if abs(turn) > 1e-6 else 1.0
+            out[f, m] = total * width * rims.length[m] / (2 * math.pi * (1.0 if plane else there * back))
+
+
+@innermost
+def _inside(rims, m, ray, sign):
+    """Return whether the ray of direction sign x `ray` from an edge lies inside the wedge, that is, behind both faces."""
+    return sign * _dot(rims.normal[m, 0], ray) < 0 and sign * _dot(rims.normal[m, 1], ray) < 0
+
+
+@innermost
+def _across(axis, direction, turned, out):
+    """Write the component of an antenna's axis perpendicular to a ray, normalised to unit length, to `out`. If `turned` is not zero, the
+    vector is turned by `turned` (+-1) times 90 degrees about the ray.
+    """
+    along = _dot(axis, direction)
+    size = math.sqrt(max(_dot(axis, axis) - along * along, 1e-12))
+    x, y, z = (axis[0] - along * direction[0]) / size, (axis[1] - along * direction[1]) / size, (axis[2] - along * direction[2]) / size
+    if turned != 0:
+        a, b, c = turned * direction[0], turned * direction[1], turned * direction[2]
+        x, y, z = b * z - c * y, c * x - a * z, a * y - b * x
+    out[0], out[1], out[2] = x, y, z
+
+
+@innermost
+def _triple(a, b, c):
+    """Return (a cross b) . c."""
+    return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2]
+
+
+@innermost
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@innermost
+def _face(x, n, opening, way, away, electric, magnetic, got):
+    """Return the received moment of the fringe currents on one face, got . T of the module's docstring."""
+    cosine = _triple(x, n, way)
+    sine = math.sqrt(max(0.0, 1 - cosine * cosine))
+    if sine < SMALL_SINE:
+        return 0j
+    source = math.atan2(-_dot(way, n), -_dot(way, x)) % (2 * math.pi)
+    cot = cosine / sine
+    mu = min((_dot(away, x) + (_triple(x, n, away) - cosine) * cot) / sine, 1 - AHEAD)
+    if abs(mu + 1) < POLE:
+        mu -= 10 * POLE
+    lit = source < math.pi
+    if abs(mu + math.cos(source)) < POLE:
+        source += 10 * POLE * (1 if source < 1 else -1)
+    around = math.pi - cmath.acos(complex(mu, 0.0)) if mu > -1 else complex(0.0, math.acosh(-mu))  # pi - a
+    pole = opening * (math.cos(source / opening) - cmath.cos(around / opening))
+    soft = math.sin(source / opening) / pole
+    hard = cmath.sin(around / opening) / (pole * cmath.sin(around))
+    if lit:
+        soft -= math.sin(source) / (mu + math.cos(source))
+        hard -= 1 / (mu + math.cos(source))
+    a = _triple(x, n, electric) / (sine * sine) * soft
+    b = _triple(x, n, magnetic) / sine * hard
+    end = cot / sine * (1 / opening - (1.0 if lit else 0.0)) * _triple(x, n, magnetic)
+    return _dot(got, x) * b + _triple(x, n, got) * (a + mu * cot * b - end)
