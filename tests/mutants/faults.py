@@ -121,7 +121,7 @@ simulation/flat/shadows: physics/test_shadows
 factor | _side(outlines, e, source, receiver) * value | -_side(outlines, e, source, receiver) * value | edge waves have the wrong sign
 
 simulation/flat/polygons: physics/test_objects_before_walls
-_polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, REACH) | 1.0 | the currents that form the shadow count twice
+_polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach) | 1.0 | the currents that form the shadow count twice
 _fringe | shortn * (1 + net) | 0 * (1 + net) | grazing fringe currents do not end with their face
 _fringe | (shortn + begunn) * (1 - mirroredn) | 0 * (1 - mirroredn) | grazing fringe currents of an unlit face do not end
 _beyond | 0.25 * math.pi - u_b * u_b | 0.25 * math.pi + u_b * u_b | the end of a face has the wrong phase

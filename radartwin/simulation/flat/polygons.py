@@ -54,7 +54,7 @@ from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import Tables, angle, face_matrix, keller, looked_up, soft_and_hard, transverse
 from radartwin.simulation.flat.kirchhoff import edge_share
 from radartwin.simulation.flat.obstacles import Hierarchy
-from radartwin.simulation.flat.shadows import REACH
+from radartwin.simulation.flat.shadows import reach_around
 from radartwin.simulation.flat.vectors import distance, dot
 from radartwin.simulation.flat.wedge import scaled_tail
 from radartwin.simulation.geometry import Geometry
@@ -97,13 +97,16 @@ class _Parts(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Hold source and receiver (3,), both antenna axes (3,), and whether both are at one place."""
+    """Hold source and receiver (3,), both antenna axes (3,), whether both are at one place, and the Fresnel coordinate of their line up to
+    which the shadow of the object contains the edges (`reach_around`).
+    """
 
     source: np.ndarray
     receiver: np.ndarray
     transmit: np.ndarray
     receive: np.ndarray
     together: bool
+    reach: float
 
 
 class _Out(NamedTuple):
@@ -126,12 +129,15 @@ class Polyhedron:
     Attributes:
         faces: faces and wedges. parts: convex parts of the faces. blocking: all triangles, for lines of sight to edges.
         convex: whether the object is one closed convex body, on which no face shadows another one and no path has two reflections.
+        centre, radius: (3,) and metres, of a ball around the object.
     """
 
     faces: Faces
     parts: _Parts
     blocking: Hierarchy
     convex: bool
+    centre: np.ndarray
+    radius: float
 
 
 def build(geometry: Geometry) -> Polyhedron | None:
@@ -155,7 +161,9 @@ def build(geometry: Geometry) -> Polyhedron | None:
     solid = np.array([bool((geometry.hollow_m[geometry.surface == s] > 0).all()) for s in faces.surface])
     parts = _Parts(np.array(face), np.array(corner), np.array(count), solid)
     label = np.zeros(len(faces.triangle), np.int64)
-    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex)
+    low, high = geometry.corners.min(axis=(0, 1)), geometry.corners.max(axis=(0, 1))
+    radius = float(np.linalg.norm(geometry.corners - (low + high) / 2, axis=2).max())
+    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex, (low + high) / 2, radius)
 
 
 def of(geometry: Geometry, table: ReflectionTable) -> Polyhedron | None:
@@ -207,7 +215,10 @@ def paths(
                 np.zeros(1, np.int64),
             )  # fmt: skip
             pair = np.empty(room, np.int64)
-            if _all(begin, stop, body.faces, body.parts, body.blocking, te, tm, wavenumbers, *places, together, most, fringes, out, pair):
+            ball = body.centre, body.radius
+            if _all(
+                begin, stop, body.faces, body.parts, body.blocking, *ball, te, tm, wavenumbers, *places, together, most, fringes, out, pair
+            ):
                 n = int(out.used[0])
                 found.append((begin, [pair[:n], *(array[:n] for array in out[:5])]))
                 return
@@ -223,14 +234,15 @@ def paths(
 
 @compiled
 def _all(
-    begin: int, stop: int, faces: Faces, parts: _Parts, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray,
-    source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray, together: np.ndarray, most: int, fringes: bool,
-    out: _Out, pair: np.ndarray,
+    begin: int, stop: int, faces: Faces, parts: _Parts, tree: Hierarchy, centre: np.ndarray, radius: float, te: np.ndarray,
+    tm: np.ndarray, wavenumbers: np.ndarray, source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray,
+    together: np.ndarray, most: int, fringes: bool, out: _Out, pair: np.ndarray,
 ) -> bool:  # fmt: skip
     """Write the paths of pairs `begin` to `stop` - 1; returns False if `out` is too short."""
     first = 0
     for n in range(begin, stop):
-        ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n])
+        reach = reach_around(centre, radius, source[n], receiver[n], wavenumbers[len(wavenumbers) // 2])
+        ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n], reach)
         if not _reflections(faces, parts, te, tm, wavenumbers, ends, most, out):
             return False
         if fringes and not _fringes(faces, tree, te, tm, wavenumbers, ends, out):
@@ -641,7 +653,7 @@ def _polygon(
         pieces, smooth = _divisions(a, b, mirrored, receiver, wavenumber)
         pieces, smooth = max(pieces, 1), max(smooth, 1)
         known = np.empty((2 * smooth + 1, nodes), np.complex128)
-        shade = 1 - edge_share(a, along, apex, receiver, wavenumber, REACH)
+        shade = 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach)
         for j in range(2 * smooth + 1):
             _factor(faces, te, tm, ends, chain, apex, a + (j / (2 * smooth)) * (b - a), shade, rho)
             for q in range(nodes):
@@ -853,7 +865,7 @@ def _fringes(faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wave
         pieces, smooth = _divisions(a, b, ends.source, ends.receiver, wavenumber)
         pieces, smooth = max(pieces, 1), max(smooth, 1)
         known = np.empty((2 * smooth + 1, nodes), np.complex128)
-        shaded = edge_share(a, along, ends.source, ends.receiver, wavenumber, REACH)
+        shaded = edge_share(a, along, ends.source, ends.receiver, wavenumber, ends.reach)
         for j in range(2 * smooth + 1):
             _fringe(faces, te, tm, wavenumber, ends, e, a + (j / (2 * smooth)) * (b - a), shaded, value)
             known[j] = value

@@ -23,7 +23,7 @@ from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
-from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near
+from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near, reach_around
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import TARGET_ERROR
@@ -484,6 +484,7 @@ def _waves(
     frame = _frame((sign * way[0], sign * way[1], sign * way[2]))
     total = before + length + after
     layers, count = 0, 0
+    reach = reach_around(body.centre, body.radius[0], source, receiver, wavenumber)
     for e in range(len(edges)):
         x, y, z = edges[e, 0, 0] - viewer[0], edges[e, 0, 1] - viewer[1], edges[e, 0, 2] - viewer[2]
         near_m = frame[2][0] * x + frame[2][1] * y + frame[2][2] * z
@@ -502,7 +503,7 @@ def _waves(
         if size < 1e-9:
             continue
         along = toward(edges[e, 0], edges[e, 1], size)
-        value, at = edge_part(edges[e, 0], along, size, source, receiver, wavenumber, REACH)
+        value, at = edge_part(edges[e, 0], along, size, source, receiver, wavenumber, reach)
         if value == 0:
             continue
         x_at = moved(edges[e, 0], along, min(max(at, 0.0), size))
