@@ -744,11 +744,24 @@ def _excess(x: float, n: float, taken: complex) -> complex:
 def _contained(a: float, b: float, shaded: float) -> tuple[float, float]:
     """Return the shares of the reflected lobe and of the shadow lobe of a face that polygons and shadow contain.
 
-    a, b: angles as in `_beyond`; a is positive if the face is lit. shaded: share of the edge's wave in the object's shadow.
+    a, b: as in `_beyond`; a is positive if the face is lit. shaded: share of the edge's wave in the object's shadow.
     """
     if a <= 0:
         return 0.0, 0.0
     return (1.0, 1.0) if b < math.pi else (0.0, shaded)
+
+
+@innermost
+def _between(a: float, b: float, reach: float) -> complex:
+    """Return the part of the shadow lobe of a face that the shadow moves to an edge because the outline lies between both edges of a face
+    seen edge-on (`silhouette`), relative to the lobe, for exp(-j k L). The arguments are those of `_beyond`.
+    """
+    outer = a * a * reach / math.pi
+    if outer >= 1:
+        return 0j
+    weight = (1 - outer) ** 2
+    turn = -reach * (math.cos(a) - math.cos(b))
+    return (1 - complex(math.cos(turn), math.sin(turn))) * (-1 if a > 0 else 1) * weight / (1 + weight)
 
 
 @innermost
@@ -823,7 +836,7 @@ def _fringe(
     mirrored0, shadow0 = _contained(a0, b0, shaded)
     mirroredn, shadown = _contained(an, bn, shaded)
     net = shadown - shadow0
-    taken = shortn * (1 + net) - short0 * (1 - net) - net
+    taken = shortn * (1 + net) - short0 * (1 - net) - net - shaded * (_between(an, bn, reachn) - _between(a0, b0, reach0))
     if phi > phi0:  # cot(x/2) of both shadow terms is equal, but for the sign
         shadow = _excess(math.pi - (phi - phi0), n, taken) + _excess(math.pi + (phi - phi0), n, 0j)
     else:
