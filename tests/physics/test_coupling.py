@@ -330,26 +330,15 @@ def test_plate_before_a_wall_casts_a_two_way_shadow(named, y, z, limit):
     assert abs(behind(plate, (0.9, y, z), named) - (1 - 2 * once + twice)) < limit
 
 
-@pytest.mark.parametrize(
-    ("y", "limit"),
-    [
-        (0.305, 0.1),
-        pytest.param(
-            0.0,
-            0.03,
-            marks=pytest.mark.xfail(
-                strict=True, reason="known error: 0.10 of the field, wanted 0.03; a shadow leaves out edges far from the line of sight"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize(("y", "limit"), [(0.305, 0.05), (0.0, 0.03)])
 def test_wall_is_seen_through_a_hoop(y, limit):
     """The echo of a wall behind a moving square hoop, with an opening of 60 cm and bars 1 cm wide, is the field behind two hoops in a row.
-    A hoop around the line of sight changes it by less than 1 dB; in the other case, a bar crosses the line of sight.
+    A hoop around the line of sight changes it by less than 1 dB; in the other case, a bar crosses the line of sight. The bars are flat,
+    as in the reference: a depth of 1 cm would hide a third more at the side of the view.
     """
     ways = ((-0.31, -0.3), (0.3, 0.31))
-    bars = [objects.box((0, low, -0.31), (0.01, high, 0.31)) for low, high in ways]
-    bars += [objects.box((0, -0.3, low), (0.01, 0.3, high)) for low, high in ways]
+    bars = [objects.box((-5e-5, low, -0.31), (5e-5, high, 0.31)) for low, high in ways]
+    bars += [objects.box((-5e-5, -0.3, low), (5e-5, 0.3, high)) for low, high in ways]
     pieces = [((low + y, high + y), (-0.31, 0.31)) for low, high in ways] + [((-0.3 + y, 0.3 + y), way) for way in ways]
     once = sum(opening(*a, 0.9, 4.3) * opening(*b, 0.9, 4.3) for a, b in pieces)
     twice = sum(two_openings(*a, 0.9, 3.4, to=c) * two_openings(*b, 0.9, 3.4, to=d) for a, b in pieces for c, d in pieces)
