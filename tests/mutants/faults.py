@@ -126,6 +126,12 @@ _fringe | shortn * (1 + net) | 0 * (1 + net) | grazing fringe currents do not en
 _fringe | (shortn + begunn) * (1 - mirroredn) | 0 * (1 - mirroredn) | grazing fringe currents of an unlit face do not end
 _beyond | 0.25 * math.pi - u_b * u_b | 0.25 * math.pi + u_b * u_b | the end of a face has the wrong phase
 
+simulation/flat/silhouette: physics/test_objects_before_walls
+_mean_depth | (1 - square) ** 2 | 1e-9 | the outline of a turning body jumps from edge to edge
+
+simulation/flat/shadows: physics/test_objects_before_walls
+reach_around | share * max((aside + radius) / (0.9 * unit) - REACH, 0.0) | 0.0 | far edges of a hoop around the line do not count
+
 simulation/flat/silhouette: physics/test_silhouette
 _find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 _borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped

@@ -23,7 +23,10 @@ Physical optics has the wrong currents near edges. The difference radiates like 
 
 for each of four angles x. The first part is the coefficient of a wedge of opening n pi. The second part is the same coefficient of the
 currents of physical optics on a lit face. Both have the same pole at a shadow or reflection boundary, so that the difference is smooth.
-Only edges that source and receiver see directly have fringe currents.
+Only edges that source and receiver see directly have fringe currents. The currents of a ray that grazes a face end with the face.
+
+The currents of the incident field form the shadow of the object. The shadow (`silhouette`) contains their field near the line from source
+to receiver, so that polygons leave it out there and keep the reflected field.
 
 Every side and every edge is divided into short pieces, and each piece is one path, so that each part of the echo has its own delay and
 direction. Where the excess length E is below a wavelength, sides and mirror reflection cannot be told apart. There, a smooth weight moves
