@@ -155,6 +155,18 @@ edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) +
 simulation/flat/shadows: physics/test_shadows
 factor | _side(outlines, e, source, receiver) * value | -_side(outlines, e, source, receiver) * value | edge waves have the wrong sign
 
+simulation/flat/polygons: physics/test_objects_before_walls
+_polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach) | 1.0 | the currents that form the shadow count twice
+_fringe | shortn * (1 + net) | 0 * (1 + net) | grazing fringe currents do not end with their face
+_fringe | (shortn + begunn) * (1 - mirroredn) | 0 * (1 - mirroredn) | grazing fringe currents of an unlit face do not end
+_beyond | 0.25 * math.pi - u_b * u_b | 0.25 * math.pi + u_b * u_b | the end of a face has the wrong phase
+
+simulation/flat/silhouette: physics/test_objects_before_walls
+_mean_depth | (1 - square) ** 2 | 1e-9 | the outline of a turning body jumps from edge to edge
+
+simulation/flat/shadows: physics/test_objects_before_walls
+reach_around | share * max((aside + radius) / (0.9 * unit) - REACH, 0.0) | 0.0 | far edges of a hoop around the line do not count
+
 simulation/flat/silhouette: physics/test_silhouette
 _find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 _borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped

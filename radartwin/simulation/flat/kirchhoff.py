@@ -157,6 +157,39 @@ def edge_part(
         start, along, side: the edge's start (3,), its unit direction (3,) and its length. source, receiver: (3,) ends of the straight
             path. wavenumber: rad/m.
     """
+    z_s, z_r, h_s, h_r, length, least = _over(start, along, source, receiver)
+    total, scale = math.sqrt(h_s) + math.sqrt(h_r), 2 * wavenumber / math.pi
+    if scale * least > reach * reach:
+        return 0j, 0.0
+    z = (z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s)) / max(total, 1e-12)
+    excess_a = math.sqrt(h_s + z_s * z_s) + math.sqrt(h_r + z_r * z_r) - length - least
+    excess_b = math.sqrt(h_s + (z_s - side) ** 2) + math.sqrt(h_r + (z_r - side) ** 2) - length - least
+    t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if z < 0 else -1.0)
+    t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if z < side else -1.0)
+    if t_a > reach or t_b < -reach:
+        return 0j, z
+    d = math.sqrt(scale * max(least, 0.0))
+    return _share(d, reach) / (2 * math.pi) * edge_wave(d, t_a, t_b), z
+
+
+@innermost
+def edge_share(start: Point, along: Point, source: Point, receiver: Point, wavenumber: float, reach: float) -> float:
+    """Return the share (0 to 1) of the wave of an edge of infinite length that `edge_part` returns."""
+    least = _over(start, along, source, receiver)[5]
+    return _share(math.sqrt(2 * wavenumber / math.pi * max(least, 0.0)), reach)
+
+
+@innermost
+def _share(d: float, reach: float) -> float:
+    outer = 16 * d - 15 * reach
+    return 1.0 if outer <= 0 else math.cos(0.5 * math.pi * min(outer / reach, 1.0)) ** 2
+
+
+@innermost
+def _over(start: Point, along: Point, source: Point, receiver: Point) -> tuple[float, float, float, float, float, float]:
+    """Return the places of source and receiver along the line of an edge and their squared distances from it, the length of the straight
+    path, and the least excess length of a path over the line.
+    """
     z_s, z_r, length = 0.0, 0.0, 0.0
     for k in range(3):
         z_s += (source[k] - start[k]) * along[k]
@@ -168,18 +201,4 @@ def edge_part(
         h_s += (source[k] - start[k] - z_s * along[k]) ** 2
         h_r += (receiver[k] - start[k] - z_r * along[k]) ** 2
     total = math.sqrt(h_s) + math.sqrt(h_r)
-    least = math.sqrt(total * total + (z_s - z_r) ** 2) - length
-    scale = 2 * wavenumber / math.pi
-    if scale * least > reach * reach:
-        return 0j, 0.0
-    z = (z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s)) / max(total, 1e-12)
-    excess_a = math.sqrt(h_s + z_s * z_s) + math.sqrt(h_r + z_r * z_r) - length - least
-    excess_b = math.sqrt(h_s + (z_s - side) ** 2) + math.sqrt(h_r + (z_r - side) ** 2) - length - least
-    t_a = math.sqrt(scale * max(excess_a, 0.0)) * (1.0 if z < 0 else -1.0)
-    t_b = math.sqrt(scale * max(excess_b, 0.0)) * (1.0 if z < side else -1.0)
-    if t_a > reach or t_b < -reach:
-        return 0j, z
-    d = math.sqrt(scale * max(least, 0.0))
-    outer = 16 * d - 15 * reach
-    taper = 1.0 if outer <= 0 else math.cos(0.5 * math.pi * min(outer / reach, 1.0)) ** 2
-    return taper / (2 * math.pi) * edge_wave(d, t_a, t_b), z
+    return z_s, z_r, h_s, h_r, length, math.sqrt(total * total + (z_s - z_r) ** 2) - length

@@ -23,7 +23,10 @@ Physical optics has the wrong currents near edges. The difference radiates like 
 
 for each of four angles x. The first part is the coefficient of a wedge of opening n pi. The second part is the same coefficient of the
 currents of physical optics on a lit face. Both have the same pole at a shadow or reflection boundary, so that the difference is smooth.
-Only edges that source and receiver see directly have fringe currents.
+Only edges that source and receiver see directly have fringe currents. The currents of a ray that grazes a face end with the face.
+
+The currents of the incident field form the shadow of the object. The shadow (`silhouette`) contains their field near the line from source
+to receiver, so that polygons leave it out there and keep the reflected field.
 
 Every side and every edge is divided into short pieces, and each piece is one path, so that each part of the echo has its own delay and
 direction. Where the excess length E is below a wavelength, sides and mirror reflection cannot be told apart. There, a smooth weight moves
@@ -52,8 +55,11 @@ from radartwin.simulation.flat import obstacles
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import Tables, angle, face_matrix, keller, looked_up, soft_and_hard, transverse
+from radartwin.simulation.flat.kirchhoff import edge_share
 from radartwin.simulation.flat.obstacles import Hierarchy
+from radartwin.simulation.flat.shadows import reach_around
 from radartwin.simulation.flat.vectors import distance, dot
+from radartwin.simulation.flat.wedge import scaled_tail
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import ReflectionTable, chebyshev_nodes, lagrange_basis
 
@@ -94,13 +100,16 @@ class _Parts(NamedTuple):
 
 
 class _Ends(NamedTuple):
-    """Hold source and receiver (3,), both antenna axes (3,), and whether both are at one place."""
+    """Hold source and receiver (3,), both antenna axes (3,), whether both are at one place, and the Fresnel coordinate of their line up to
+    which the shadow of the object contains the edges (`reach_around`).
+    """
 
     source: np.ndarray
     receiver: np.ndarray
     transmit: np.ndarray
     receive: np.ndarray
     together: bool
+    reach: float
 
 
 class _Out(NamedTuple):
@@ -123,12 +132,15 @@ class Polyhedron:
     Attributes:
         faces: faces and wedges. parts: convex parts of the faces. blocking: all triangles, for lines of sight to edges.
         convex: whether the object is one closed convex body, on which no face shadows another one and no path has two reflections.
+        centre, radius: (3,) and metres, of a ball around the object.
     """
 
     faces: Faces
     parts: _Parts
     blocking: Hierarchy
     convex: bool
+    centre: np.ndarray
+    radius: float
 
 
 def build(geometry: Geometry) -> Polyhedron | None:
@@ -152,7 +164,9 @@ def build(geometry: Geometry) -> Polyhedron | None:
     solid = np.array([bool((geometry.hollow_m[geometry.surface == s] > 0).all()) for s in faces.surface])
     parts = _Parts(np.array(face), np.array(corner), np.array(count), solid)
     label = np.zeros(len(faces.triangle), np.int64)
-    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex)
+    low, high = geometry.corners.min(axis=(0, 1)), geometry.corners.max(axis=(0, 1))
+    radius = float(np.linalg.norm(geometry.corners - (low + high) / 2, axis=2).max())
+    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex, (low + high) / 2, radius)
 
 
 def of(geometry: Geometry, table: ReflectionTable) -> Polyhedron | None:
@@ -204,7 +218,10 @@ def paths(
                 np.zeros(1, np.int64),
             )  # fmt: skip
             pair = np.empty(room, np.int64)
-            if _all(begin, stop, body.faces, body.parts, body.blocking, te, tm, wavenumbers, *places, together, most, fringes, out, pair):
+            ball = body.centre, body.radius
+            if _all(
+                begin, stop, body.faces, body.parts, body.blocking, *ball, te, tm, wavenumbers, *places, together, most, fringes, out, pair
+            ):
                 n = int(out.used[0])
                 found.append((begin, [pair[:n], *(array[:n] for array in out[:5])]))
                 return
@@ -220,14 +237,15 @@ def paths(
 
 @compiled
 def _all(
-    begin: int, stop: int, faces: Faces, parts: _Parts, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray,
-    source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray, together: np.ndarray, most: int, fringes: bool,
-    out: _Out, pair: np.ndarray,
+    begin: int, stop: int, faces: Faces, parts: _Parts, tree: Hierarchy, centre: np.ndarray, radius: float, te: np.ndarray,
+    tm: np.ndarray, wavenumbers: np.ndarray, source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray,
+    together: np.ndarray, most: int, fringes: bool, out: _Out, pair: np.ndarray,
 ) -> bool:  # fmt: skip
     """Write the paths of pairs `begin` to `stop` - 1; returns False if `out` is too short."""
     first = 0
     for n in range(begin, stop):
-        ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n])
+        reach = reach_around(centre, radius, source[n], receiver[n], wavenumbers[len(wavenumbers) // 2])
+        ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n], reach)
         if not _reflections(faces, parts, te, tm, wavenumbers, ends, most, out):
             return False
         if fringes and not _fringes(faces, tree, te, tm, wavenumbers, ends, out):
@@ -418,9 +436,13 @@ def _reflections(
 
 @compiled
 def _factor(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray, x: np.ndarray, out: np.ndarray
-) -> None:
-    """Write rho (Q,) at a point of the last face of a chain. apex: source, mirrored at all faces but the last."""
+    faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray, x: np.ndarray, shade: float,
+    out: np.ndarray,
+) -> None:  # fmt: skip
+    """Write rho (Q,) at a point of the last face of a chain.
+
+    apex: source, mirrored at all faces but the last. shade: factor of the currents of the incident field, which form the shadow.
+    """
     ki = x - apex
     ki /= math.sqrt(dot(ki, ki))
     s = ends.receiver - x
@@ -460,7 +482,7 @@ def _factor(
             ra = a * looked_up(te, faces.surface[p], abs(along), q)
             rb = b * looked_up(tm, faces.surface[p], abs(along), q)
             if i == m - 1:
-                out[q] = -(a * gains[0] + b * gains[1] + ra * gains[2] + rb * gains[3]) / sight
+                out[q] = -(shade * (a * gains[0] + b * gains[1]) + ra * gains[2] + rb * gains[3]) / sight
             else:
                 for k in range(3):
                     re[q, k] = ra.real * te_part[k] + rb.real * tm_after[k]
@@ -621,7 +643,7 @@ def _polygon(
     for q in range(nodes):
         scale[q] = 0.5 / wavenumbers[q]  # wavelength/(4 pi)
     if inside:
-        _factor(faces, te, tm, ends, chain, apex, mirror, rho)
+        _factor(faces, te, tm, ends, chain, apex, mirror, 0.0, rho)
         for q in range(nodes):
             together[q] = scale[q] / straight * rho[q].conjugate()
     own = np.empty(nodes, np.complex128)
@@ -634,8 +656,9 @@ def _polygon(
         pieces, smooth = _divisions(a, b, mirrored, receiver, wavenumber)
         pieces, smooth = max(pieces, 1), max(smooth, 1)
         known = np.empty((2 * smooth + 1, nodes), np.complex128)
+        shade = 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach)
         for j in range(2 * smooth + 1):
-            _factor(faces, te, tm, ends, chain, apex, a + (j / (2 * smooth)) * (b - a), rho)
+            _factor(faces, te, tm, ends, chain, apex, a + (j / (2 * smooth)) * (b - a), shade, rho)
             for q in range(nodes):
                 known[j, q] = rho[q].conjugate()
         foot = keller(a, along, mirrored, receiver)
@@ -713,18 +736,84 @@ def _parabola(known: np.ndarray, parts: int, place: float, q: int) -> complex:
 
 
 @innermost
-def _excess(x: float, n: float, lit: bool) -> float:
-    """Return cot(x/(2 n))/n, minus cot(x/2) on a lit face."""
-    if not lit:
-        return 1 / (n * math.tan(x / (2 * n)))
+def _excess(x: float, n: float, taken: complex) -> complex:
+    """Return cot(x/(2 n))/n, minus the share `taken` of cot(x/2)."""
     if abs(x) < 1e-4:
-        return x / 6 * (1 - 1 / (n * n))
-    return 1 / (n * math.tan(x / (2 * n))) - 1 / math.tan(x / 2)
+        return x / 6 * (1 - 1 / (n * n)) + ((1 - taken) * 2 / x if taken != 1 else 0)
+    return 1 / (n * math.tan(x / (2 * n))) - taken / math.tan(x / 2)
+
+
+@innermost
+def _contained(a: float, b: float, shaded: float) -> tuple[float, float]:
+    """Return the shares of the reflected lobe and of the shadow lobe of a face that polygons and shadow contain.
+
+    a, b: as in `_beyond`; a is positive if the face is lit. shaded: share of the edge's wave in the object's shadow.
+    """
+    if a <= 0:
+        return 0.0, 0.0
+    return (1.0, 1.0) if b < math.pi else (0.0, shaded)
+
+
+@innermost
+def _between(a: float, b: float, reach: float) -> complex:
+    """Return the part of the shadow lobe of a face that the shadow moves to an edge because the outline lies between both edges of a face
+    seen edge-on (`silhouette`), relative to the lobe, for exp(-j k L). The arguments are those of `_beyond`.
+    """
+    outer = a * a * reach / math.pi
+    if outer >= 1:
+        return 0j
+    weight = (1 - outer) ** 2
+    turn = -reach * (math.cos(a) - math.cos(b))
+    return (1 - complex(math.cos(turn), math.sin(turn))) * (-1 if a > 0 else 1) * weight / (1 + weight)
+
+
+@innermost
+def _beyond(a: float, b: float, reach: float) -> complex:
+    """Return the share of the grazing fringe currents on an infinite face that lies beyond the end of a face, for exp(-j k L).
+
+    The currents of an edge's wave along a face are those of a half-plane, a Fresnel integral. They radiate the pole 1/(a + b) of the
+    wedge's coefficient if the face is infinite. The share is 1 for a short face and 0 for a long one.
+
+    Args:
+        a, b: angles in rad between the plane of the face and the rays of source and receiver. reach: wavenumber times length of the face.
+    """
+    if max(abs(a), b) > 0.5 * math.pi or b < 0:
+        return 0j
+    s_a, s_b, scale = math.sin(0.5 * abs(a)), math.sin(0.5 * b), math.sqrt(2 * reach)
+    u_a, u_b = scale * s_a, scale * s_b
+    if max(u_a, u_b) < 0.03:  # series, so that the product of pole and 1 - share stays finite
+        share = 1 - 1j * u_b * (u_a + u_b)
+    else:
+        if abs(u_a - u_b) < 1e-3 * (u_a + u_b):
+            rest = scaled_tail(u_a) * (1 - 2j * u_a * u_a) + u_a
+        else:
+            rest = (u_b * scaled_tail(u_a) - u_a * scaled_tail(u_b)) / (u_b - u_a)
+        turn = 0.25 * math.pi - u_b * u_b
+        share = 2 / math.sqrt(math.pi) * complex(math.cos(turn), math.sin(turn)) * rest
+    return math.cos(a) * math.cos(b) * share
 
 
 @compiled
-def _fringe(faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, e: int, x: np.ndarray, out: np.ndarray) -> None:
-    """Write the received strength (Q,) of the fringe currents of edge `e` at x, per metre of the edge, without spreading and phase."""
+def _width(faces: Faces, p: int, x: np.ndarray, way: np.ndarray) -> float:
+    """Return the distance in metres from a point on the border of face `p` along a direction in its plane to the opposite border."""
+    least = np.inf
+    for i in range(faces.corners[p]):
+        corner = faces.outline[p, i]
+        outwards = np.cross(faces.outline[p, (i + 1) % faces.corners[p]] - corner, faces.normal[p])
+        slope = dot(way, outwards)
+        if slope > 1e-6 * math.sqrt(dot(outwards, outwards)):
+            least = min(least, max(dot(corner - x, outwards), 0.0) / slope)
+    return least
+
+
+@compiled
+def _fringe(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumber: float, ends: _Ends, e: int, x: np.ndarray, shaded: float, out: np.ndarray
+) -> None:
+    """Write the received strength (Q,) of the fringe currents of edge `e` at x, per metre of the edge, without spreading and phase.
+
+    shaded: share of the edge's wave that the shadow of the object contains.
+    """
     out[:] = 0
     before, after = x - ends.source, ends.receiver - x
     before /= math.sqrt(dot(before, before))
@@ -737,11 +826,26 @@ def _fringe(faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, e: int, x
     phi = angle(faces, e, after[0], after[1], after[2])
     if max(phi, phi0) > n * math.pi:
         return
-    lit0, litn = phi0 < math.pi, n * math.pi - phi0 < math.pi
-    shadow = _excess(math.pi - (phi - phi0), n, lit0) + _excess(math.pi + (phi - phi0), n, litn)
-    mirror0 = _excess(math.pi - (phi + phi0), n, lit0)
-    mirrorn = _excess(math.pi + (phi + phi0) - 2 * n * math.pi, n, litn)
     sine = math.sqrt(1 - cosine * cosine)
+    # Angles of source and receiver above the plane of each face, seen from the edge's continuation; both are small for grazing rays.
+    a0, b0, an, bn = math.pi - phi0, phi, phi0 - (n - 1) * math.pi, n * math.pi - phi
+    intn = math.cos(n * math.pi) * faces.into[e] + math.sin(n * math.pi) * faces.up[e]
+    reach0 = wavenumber * sine * _width(faces, faces.sides[e, 0], x, faces.into[e])
+    reachn = wavenumber * sine * _width(faces, faces.sides[e, 1], x, intn)
+    short0, shortn = _beyond(a0, b0, reach0), _beyond(an, bn, reachn)
+    # The same for a face that the source grazes, where the receiver is near the face's continuation
+    begun0, begunn = _beyond(math.pi - phi, phi0, reach0), _beyond(math.pi - bn, n * math.pi - phi0, reachn)
+    # The shares of physical optics: the polygons contain both lobes on the receiver's side of a lit face, the shadow contains the other.
+    mirrored0, shadow0 = _contained(a0, b0, shaded)
+    mirroredn, shadown = _contained(an, bn, shaded)
+    net = shadown - shadow0
+    taken = shortn * (1 + net) - short0 * (1 - net) - net - shaded * (_between(an, bn, reachn) - _between(a0, b0, reach0))
+    if phi > phi0:  # cot(x/2) of both shadow terms is equal, but for the sign
+        shadow = _excess(math.pi - (phi - phi0), n, taken) + _excess(math.pi + (phi - phi0), n, 0j)
+    else:
+        shadow = _excess(math.pi - (phi - phi0), n, 0j) + _excess(math.pi + (phi - phi0), n, -taken)
+    mirror0 = _excess(math.pi - (phi + phi0), n, mirrored0 + (short0 + begun0) * (1 - mirrored0))
+    mirrorn = _excess(math.pi + (phi + phi0) - 2 * n * math.pi, n, mirroredn + (shortn + begunn) * (1 - mirroredn))
     enters, leaves = soft_and_hard(along, before), soft_and_hard(along, after)
     sent, got = transverse(ends.transmit, before), transverse(ends.receive, after)
     s_in, h_in, s_out, h_out = dot(sent, enters[0]), dot(sent, enters[1]), dot(got, leaves[0]), dot(got, leaves[1])
@@ -777,8 +881,9 @@ def _fringes(faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wave
         pieces, smooth = _divisions(a, b, ends.source, ends.receiver, wavenumber)
         pieces, smooth = max(pieces, 1), max(smooth, 1)
         known = np.empty((2 * smooth + 1, nodes), np.complex128)
+        shaded = edge_share(a, along, ends.source, ends.receiver, wavenumber, ends.reach)
         for j in range(2 * smooth + 1):
-            _fringe(faces, te, tm, ends, e, a + (j / (2 * smooth)) * (b - a), value)
+            _fringe(faces, te, tm, wavenumber, ends, e, a + (j / (2 * smooth)) * (b - a), shaded, value)
             known[j] = value
         half = 0.5 * size / pieces
         middle = 0.5 * limit

@@ -21,7 +21,9 @@ from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector, crosse
 from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 from radartwin.simulation.geometry import Geometry
 
-REACH = 8.0  # largest Fresnel coordinate, across an edge or along it to its nearer end; an edge beyond it changes a factor by at most 0.04
+# Largest Fresnel coordinate, across an edge or along it to its nearer end. An edge beyond it changes a factor by at most 0.04; the edges of
+# a hoop around the line add up (`reach_around`).
+REACH = 8.0
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
 IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
@@ -159,6 +161,22 @@ def near(centre: Vector, radius: float, source: Vector, way: Vector, low: float,
     thickest = min(max(0.5 * total, along - radius), along + radius)
     share = (thickest - 0.5 * total) / (0.5 * (total + excess))
     return aside < radius + 0.5 * math.sqrt(excess * (2 * total + excess) * max(1 - share * share, 0.0))
+
+
+@innermost
+def reach_around(centre: Vector, radius: float, source: Vector, receiver: Vector, wavenumber: float) -> float:
+    """Return the Fresnel coordinate up to which the edges of a body in a ball change the field of a line: all edges if the line passes
+    through the ball, and REACH if the ball is farther than REACH from the line.
+    """
+    length = distance(source, receiver)
+    if length < 1e-9:
+        return REACH
+    way = toward(source, receiver, length)
+    along = min(max(dot(centre, way) - dot(source, way), 0.0), length)
+    aside = distance(centre, moved(source, way, along))
+    unit = math.sqrt(math.pi / wavenumber * max(along * (length - along) / length, 1e-6))  # width of one Fresnel coordinate
+    share = min(max(1 - (aside - radius) / (REACH * unit), 0.0), 1.0)
+    return REACH + share * max((aside + radius) / (0.9 * unit) - REACH, 0.0)
 
 
 @innermost

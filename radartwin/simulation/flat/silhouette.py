@@ -3,7 +3,9 @@
 The outline is a set of closed polygons around everything that the body hides from the point. Overlapping parts of the body count once, and
 a hole is a polygon of its own. Horizontal rows divide the view of the body. In each row, the edges at which the body begins or ends give
 the intervals that it covers. The ends of the intervals of successive rows form the polygons, whose points lie on the body. Points that
-move a polygon by less than a tolerance are left out, so that the number of its edges does not depend on the facets of the mesh.
+move a polygon by less than a tolerance are left out, so that the number of its edges does not depend on the facets of the mesh. Where a
+flat face is seen almost edge-on, both of its edges hide the same lines. The polygon passes between them, at the mean of their depths, so
+that it does not jump from one edge to the other one when the body turns.
 
 The factor of a line is 1 where it is clear and 0 where the body blocks it, plus the edge waves (`kirchhoff`) of the outline. A line that
 ends at the sensor uses the outline as seen from the sensor, in both directions, so that its factor is reciprocal. Any other line of a path
@@ -23,7 +25,7 @@ from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
-from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near
+from radartwin.simulation.flat.shadows import BEYOND_M, IN_PLANE_M, REACH, SEEN, near, reach_around
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import TARGET_ERROR
@@ -31,6 +33,7 @@ from radartwin.simulation.pruning import TARGET_ERROR
 TOLERANCE = TARGET_ERROR  # of an outline, divided by the square root of wavelength times distance; about the error of a shadow factor
 MAX_ROWS = 512
 FEW = 64  # up to this number of mesh edges in an outline, the picture also has rows at their ends
+FOLDED = 0.94  # an edge is sharp if the cosine between its faces is smaller, or if it has one face
 MAX_INTERVALS = 32  # largest number of intervals of a row; a row with more closes its narrowest gaps
 MAX_SEGMENTS = 192  # largest number of edges of an outline; an outline that needs more gets a larger tolerance
 CLIP = 0.02  # faces with a corner nearer than this share of the distance to the body, or behind the viewer, hide nothing
@@ -45,6 +48,7 @@ class Skin(NamedTuple):
         ends: (E, 2) vertices of each edge. faces: (E, 2) its faces; -1: none. forward: (E, 2) whether the order of the corners of each of
             these faces runs along the edge.
         centre: (3,) of a ball around the body. radius: (1,) of this ball.
+        sharp: (S, 2, 3) ends of all edges between faces of different directions; none if they are more than FEW.
         tree: triangles of the body. opaque: (surfaces,) true.
     """
 
@@ -57,6 +61,7 @@ class Skin(NamedTuple):
     forward: np.ndarray
     centre: np.ndarray
     radius: np.ndarray
+    sharp: np.ndarray
     tree: Hierarchy
     opaque: np.ndarray
 
@@ -81,11 +86,14 @@ def skin(geometry: Geometry) -> Skin:
     other = np.concatenate([first[pair] + 1, np.full(len(alone), -1)])
     faces = np.stack([face[rows], np.where(other < 0, -1, face[other])], axis=1)
     ways = np.stack([forward[rows], forward[other]], axis=1)
+    unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    folded = (other < 0) | (np.einsum("ni,ni->n", unit[faces[:, 0]], unit[faces[:, 1]]) < FOLDED)
+    sharp = vertex[ends[rows][folded]] if folded.sum() <= FEW else np.zeros((0, 2, 3))
     low, high = vertex.min(axis=0), vertex.max(axis=0)
     centre = (low + high) / 2
     radius = np.linalg.norm(vertex - centre, axis=1).max(keepdims=True)
     return Skin(
-        vertex, triangles, normal, geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius,
+        vertex, triangles, normal, geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius, sharp,
         build(geometry.corners, geometry.surface), np.ones(int(geometry.surface.max(initial=0)) + 1, bool),
     )  # fmt: skip
 
@@ -112,7 +120,7 @@ def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) 
         left, right, count = _intervals(body, edges, steps, seen, rows)
         found = _polygons(rows, left, right, count, tolerance, viewer, frame, away, out)
         if found >= 0:
-            return found
+            return _between(body.sharp, viewer, wavenumber, frame, away, out, found)
         tolerance, few = 2 * tolerance, False
 
 
@@ -306,6 +314,93 @@ def _polygons(
     return used
 
 
+@compiled
+def _between(
+    sharp: np.ndarray, viewer: np.ndarray, wavenumber: float, frame: tuple, away: float, out: np.ndarray, number: int
+) -> int:  # fmt: skip
+    """Move the corners of polygons along their lines of sight to the mean depth of sharp edges beside them. Returns the number of edges.
+
+    The first `number` edges of `out` (MAX_SEGMENTS, 2, 3) change. The polygons get additional corners where corners of the body are near.
+    """
+    if len(sharp) == 0:
+        return number
+    seen, point = np.empty((len(sharp), 2, 3)), np.empty(3)
+    for i in range(len(sharp)):
+        for k in range(2):
+            _pictured(sharp[i, k], viewer, frame, away, seen[i, k])
+    low, high, count = np.inf, -np.inf, 0
+    for i in range(len(sharp)):  # keep the edges in front of the viewer
+        if min(seen[i, 0, 2], seen[i, 1, 2]) > CLIP * away:
+            low, high = min(low, seen[i, 0, 2], seen[i, 1, 2]), max(high, seen[i, 0, 2], seen[i, 1, 2])
+            seen[count] = seen[i]
+            count += 1
+    seen = seen[:count]
+    # Two edges at a distance x in the picture count together if the phase k x^2/depth between them is below about 2 rad.
+    if not high - low > 1e-6:
+        return number
+    reach = math.sqrt(math.pi / wavenumber * (high - low)) * 2 * away / (low + high)
+    a, b, places = np.empty(3), np.empty(3), np.empty(2 * len(sharp))
+    for e in range(number):
+        _pictured(out[e, 0], viewer, frame, away, a)
+        _pictured(out[e, 1], viewer, frame, away, b)
+        x, y = b[0] - a[0], b[1] - a[1]
+        square, count = x * x + y * y, 0
+        if square > 1e-12:
+            for i in range(len(seen)):
+                for k in range(2):
+                    u, v = seen[i, k, 0] - a[0], seen[i, k, 1] - a[1]
+                    share = (u * x + v * y) / square
+                    if 1e-3 < share < 1 - 1e-3 and abs(u * y - v * x) < reach * math.sqrt(square):
+                        places[count] = share
+                        count += 1
+        at, end = np.sort(places[:count]), 1.0
+        for i in range(count - 1, -1, -1):
+            if end - at[i] < 1e-3 or number == len(out):
+                continue
+            end = at[i]
+            for k in range(3):
+                point[k] = (1 - end) * a[k] + end * b[k]
+                out[number, 1, k] = out[e, 1, k]
+            _place(out[number, 0], viewer, frame, away, point)
+            for k in range(3):
+                out[e, 1, k] = out[number, 0, k]
+            number += 1
+    for e in range(number):
+        for k in range(2):
+            _pictured(out[e, k], viewer, frame, away, point)
+            point[2] = _mean_depth(seen, point, reach)
+            _place(out[e, k], viewer, frame, away, point)
+    return number
+
+
+@innermost
+def _pictured(point: np.ndarray, viewer: np.ndarray, frame: tuple, away: float, out: np.ndarray) -> None:
+    """Write the place (to the right, up, depth) of a point (3,) in the picture to `out`."""
+    x, y, z = point[0] - viewer[0], point[1] - viewer[1], point[2] - viewer[2]
+    out[2] = frame[2][0] * x + frame[2][1] * y + frame[2][2] * z
+    out[0] = (frame[0][0] * x + frame[0][1] * y + frame[0][2] * z) * away / out[2]
+    out[1] = (frame[1][0] * x + frame[1][1] * y + frame[1][2] * z) * away / out[2]
+
+
+@innermost
+def _mean_depth(seen: np.ndarray, point: np.ndarray, reach: float) -> float:
+    """Return the mean depth of the edges (S, 2, 3) in the picture that are within `reach` of a point, with weights that fall with the
+    distance.
+    """
+    total, weights = 0.0, 0.0
+    for i in range(len(seen)):
+        x, y = seen[i, 1, 0] - seen[i, 0, 0], seen[i, 1, 1] - seen[i, 0, 1]
+        u, v = point[0] - seen[i, 0, 0], point[1] - seen[i, 0, 1]
+        share = min(max((u * x + v * y) / max(x * x + y * y, 1e-18), 0.0), 1.0)
+        square = ((u - share * x) ** 2 + (v - share * y) ** 2) / (reach * reach)
+        if square < 1:
+            weight = (1 - square) ** 2
+            # along a straight edge, the inverse of the depth is linear in the picture
+            total += weight / ((1 - share) / seen[i, 0, 2] + share / seen[i, 1, 2])
+            weights += weight
+    return total / weights if weights > 1e-3 else point[2]
+
+
 @innermost
 def _continue(left: np.ndarray, right: np.ndarray, count: np.ndarray, row: int) -> bool:
     """Return whether each interval of a row overlaps the interval of the row before with the same number, and no other."""
@@ -484,6 +579,7 @@ def _waves(
     frame = _frame((sign * way[0], sign * way[1], sign * way[2]))
     total = before + length + after
     layers, count = 0, 0
+    reach = reach_around(body.centre, body.radius[0], source, receiver, wavenumber)
     for e in range(len(edges)):
         x, y, z = edges[e, 0, 0] - viewer[0], edges[e, 0, 1] - viewer[1], edges[e, 0, 2] - viewer[2]
         near_m = frame[2][0] * x + frame[2][1] * y + frame[2][2] * z
@@ -502,7 +598,7 @@ def _waves(
         if size < 1e-9:
             continue
         along = toward(edges[e, 0], edges[e, 1], size)
-        value, at = edge_part(edges[e, 0], along, size, source, receiver, wavenumber, REACH)
+        value, at = edge_part(edges[e, 0], along, size, source, receiver, wavenumber, reach)
         if value == 0:
             continue
         x_at = moved(edges[e, 0], along, min(max(at, 0.0), size))
@@ -635,6 +731,9 @@ def _over_mirrors(
                     onwards = _onwards(
                         body, outlines, number, view[n], from_start[n], met, normal, i, last, place[e], after, wavenumber, work, worker
                     )  # fmt: skip
+                    # at the border of the shadow, where half of the field passes, the wave continues as the undisturbed line does
+                    undisturbed = min((2 * abs(part[e])) ** 4, 1.0)
+                    onwards += undisturbed * (factor[i] - onwards)
                 total += part[e] * onwards
         out[n] = total
 
