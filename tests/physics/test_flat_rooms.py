@@ -468,7 +468,7 @@ def test_no_path_along_a_motion_is_listed_in_both_directions():
     strength, which differs from place to place.
     """
     drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.6, 0.4), (0.4, 0.6, 0.4), 7), TraceSettings())
-    searched = drives._searched
+    searched = drives.searched
     assert searched is not None
     every = searched.sequences
     listed = set()
