@@ -117,7 +117,8 @@ def test_divided_tubes_sum_to_one(bounces):
     variant.activate()
     from radartwin.simulation.curved import borders, division
     from radartwin.simulation.curved.device import Device
-    from radartwin.simulation.curved.flight import PIECES, WHOLE
+    from radartwin.simulation.curved.borders import PIECES
+    from radartwin.simulation.curved.flight import WHOLE
 
     built = geometry.build([objects.cylinder(0.02, 0.05)])
     source = np.array([[1.0, 0.2, 0.7], [0.8, -0.1, 0.9]])
@@ -126,7 +127,7 @@ def test_divided_tubes_sum_to_one(bounces):
     options = TraceOptions(bounces)
     device, poses = Device.of(built, options), (0, 2)
     sequences = division.patch_sequences(device, grid, poses, options, None) if bounces > 1 else None
-    index, share, cut = division.divided(borders.cut(built, grid, poses), sequences, grid, poses, True)
+    index, share, cut = division.divided(borders.cut(built, grid, poses), sequences, grid, poses, True, True)
     at = np.random.default_rng(1).uniform(1, np.array([grid.count_u, grid.count_v]) - 3, (500, 2))
     if sequences is not None:  # cells beside the body have no tubes
         met = sequences[1, : grid.per_pose].reshape(grid.count_v, grid.count_u) > 0

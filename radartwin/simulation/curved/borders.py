@@ -21,6 +21,7 @@ from radartwin.simulation.curved.tube_grid import MIN_DEPTH, TubeGrid
 from radartwin.simulation.geometry import SMOOTH_EDGE_RAD, Geometry
 
 CORNERS = 6  # largest number of corners of a piece
+PIECES = 3  # number of smaller tubes, along each grid axis, in the width of a tube
 LINES = 4  # largest number of cuts through one square; further borders in the square are ignored
 SAME_LINE = 0.02  # borders that are closer than this to an earlier cut, in cells, do not cut it again
 SLIVER = 1e-3  # smallest area of a piece, in cells
@@ -86,13 +87,17 @@ def _found(geometry: Geometry) -> Edges:
     return Edges(*map(fixed, (ends, normals[face], solid, face, convex)))
 
 
-def cut(geometry: Geometry, grid: TubeGrid, poses: tuple[int, int]) -> Pieces:
+def cut(geometry: Geometry, grid: TubeGrid, poses: tuple[int, int], fine: np.ndarray | None = None) -> Pieces:
     """Cut the squares of the sensor poses `poses[0]` to `poses[1]` - 1 of a grid along the borders of the geometry's patches.
+
+    The pieces in the squares of the mask `fine` (poses, rows + 1, columns + 1) are PIECES times smaller along each axis.
 
     Returns:
         The pieces of all squares that a border crosses, in ascending order of squares.
     """
     some = edges(geometry)
+    if fine is None:
+        fine = np.zeros((1, grid.count_v + 1, grid.count_u + 1), bool)
     found: list[tuple[int, Pieces]] = []
     frame = np.stack([grid.forward, grid.u_axis, grid.v_axis], axis=1)
     scale = np.stack([grid.low_u, grid.low_v, grid.step_u, grid.step_v], axis=1)
@@ -102,7 +107,7 @@ def cut(geometry: Geometry, grid: TubeGrid, poses: tuple[int, int]) -> Pieces:
         while True:
             out = Pieces(np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, CORNERS, 2)))
             first = poses[0] + begin, poses[0] + stop
-            count = _cut(*first, *some[:3], grid.source, frame, scale, grid.count_v + 1, grid.count_u + 1, grid.plane, out)
+            count = _cut(*first, *some[:3], grid.source, frame, scale, fine, poses[0], grid.plane, out)
             if count >= 0:
                 found.append((begin, Pieces(*(array[:count] for array in out))))
                 return
@@ -113,13 +118,14 @@ def cut(geometry: Geometry, grid: TubeGrid, poses: tuple[int, int]) -> Pieces:
 
 
 @compiled
-def _cut(begin, stop, ends, normal, solid, source, frame, scale, rows, columns, plane, out):  # fmt: skip
+def _cut(begin, stop, ends, normal, solid, source, frame, scale, fine, origin, plane, out):  # fmt: skip
     """Compute `cut` for the poses `begin` to `stop` - 1. Returns the number of pieces, or -1 if `out` is too short."""
     used = 0
+    rows, columns = fine.shape[1:]
     capacity = 4 * (rows + columns) + 4 * len(ends)
     cell, line = np.empty(capacity, np.int64), np.empty((capacity, 4))
     at = np.empty((2, 2))
-    pieces, counts = np.empty((2 << LINES, _MOST, 2)), np.empty(2 << LINES, np.int64)
+    pieces, counts = np.empty((PIECES * PIECES << LINES, _MOST, 2)), np.empty(PIECES * PIECES << LINES, np.int64)
     spare, lines = np.empty((2, _MOST, 2)), np.empty((LINES, 3))
     for f in range(begin, stop):
         # The parts of the borders in each square, as `line`: both ends relative to the centre of the square.
@@ -143,8 +149,9 @@ def _cut(begin, stop, ends, normal, solid, source, frame, scale, rows, columns, 
             while high < number and cell[order[high]] == here:
                 high += 1
             square = f * rows * columns + here
+            side = PIECES if fine[(f - origin) % len(fine), here // columns, here % columns] else 1
             used = _divide(
-                order[low:high], line, square, rows, columns, pieces, counts, spare, lines, out.square, out.centre, out.corner, used
+                order[low:high], line, square, rows, columns, side, pieces, counts, spare, lines, out.square, out.centre, out.corner, used
             )
             if used < 0:
                 return -1
@@ -208,8 +215,8 @@ def _mark(at, rows, columns, cell, line, number):
 
 
 @innermost
-def _divide(order, line, cell, rows, columns, pieces, counts, spare, lines, out_square, out_centre, out_corner, used):  # fmt: skip
-    """Cut one square along the lines `order` and write its pieces. Returns the number of pieces, or -1 if the output is too short."""
+def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines, out_square, out_centre, out_corner, used):  # fmt: skip
+    """Cut one square, or the `side`^2 smaller ones in it, along the lines `order`, and write the pieces. Returns the number of pieces, or -1 if the output is too short."""
     row, column = cell % (rows * columns) // columns, cell % columns
     # the cuts, longest first, as coefficients of the signed distance a x + b y - c
     cuts = 0
@@ -232,11 +239,13 @@ def _divide(order, line, cell, rows, columns, pieces, counts, spare, lines, out_
             a, b = (line[best, 3] - line[best, 1]) / size, (line[best, 0] - line[best, 2]) / size
             lines[cuts, 0], lines[cuts, 1], lines[cuts, 2] = a, b, a * line[best, 0] + b * line[best, 1]
             cuts += 1
-    # the pieces of the square
-    for i in range(4):
-        pieces[0, i, 0] = 0.5 if i in (1, 2) else -0.5
-        pieces[0, i, 1] = 0.5 if i > 1 else -0.5
-    counts[0], number = 4, 1
+    # the square, or the side x side smaller ones that it consists of
+    number = side * side
+    for p in range(number):
+        for i in range(4):
+            pieces[p, i, 0] = (p % side + (1 if i in (1, 2) else 0)) / side - 0.5
+            pieces[p, i, 1] = (p // side + (1 if i > 1 else 0)) / side - 0.5
+        counts[p] = 4
     for i in range(cuts):
         for p in range(number):
             left = _side(pieces[p], counts[p], lines[i, 0], lines[i, 1], lines[i, 2], spare[0])
@@ -264,7 +273,7 @@ def _divide(order, line, cell, rows, columns, pieces, counts, spare, lines, out_
                 area += part
                 x += part * (ax + bx) / 3
                 y += part * (ay + by) / 3
-            if area > SLIVER:
+            if area > SLIVER / (side * side):
                 x, y = pieces[p, 0, 0] + x / area, pieces[p, 0, 1] + y / area
                 out_square[used], out_centre[used, 0], out_centre[used, 1] = cell, column - 0.5 + x, row - 0.5 + y
                 for k in range(CORNERS):

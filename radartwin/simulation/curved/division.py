@@ -16,10 +16,10 @@ import numpy as np
 
 from radartwin.errors import BackendError
 from radartwin.simulation.curved import borders, tube_grid
-from radartwin.simulation.curved.borders import CORNERS, Pieces
+from radartwin.simulation.curved.borders import CORNERS, PIECES, Pieces
 from radartwin.simulation.curved.contact import cast, leave, meet
 from radartwin.simulation.curved.device import Device
-from radartwin.simulation.curved.flight import PIECES, WHOLE, GridArrays, Tubes, TubeSelection, rays
+from radartwin.simulation.curved.flight import WHOLE, GridArrays, Tubes, TubeSelection, rays
 from radartwin.simulation.curved.hits import TraceOptions
 from radartwin.simulation.curved.transit import Walls
 from radartwin.simulation.curved.tube_grid import TubeGrid
@@ -28,6 +28,9 @@ from radartwin.simulation.geometry import Geometry
 MAX_TUBES = (1 << 32) - 1  # largest number of tubes in a grid, because tube indices have 32 bits
 FEW_TUBES = 300  # an object with at most this many tubes has so small radii of curvature that tubes at its shadow line are divided
 TUBES_PER_BLOCK = 1 << 20  # number of tubes traced at once; it limits the memory of a kernel to a few hundred megabytes
+import os
+NOSPREAD=int(os.environ.get("NOSPREAD","0"))
+SEVERAL = 1 << 30  # bit in the number of a patch sequence, set if it has several patches
 SPREADING = 1 << 31  # bit in the number of a patch sequence, set if a curved surface reflects the test ray onto another surface
 
 
@@ -60,14 +63,15 @@ def blocks(
             parts = (part for pose in range(grid.poses) for part in _parts(_covered(grid, pose, geometry.corners)))
         yield from (TubeSelection(index.astype(np.uint32)) for index in parts if len(index))
         return
-    # Test rays do not pass panes. On a large body without a second reflection, only borders matter.
-    tested = not panes and (options.max_bounces > 1 or walls is not None or grid.per_pose <= FEW_TUBES)
+    few = grid.per_pose <= FEW_TUBES
+    # Test rays do not pass panes, and the far wall of a curved shell has its shadow line where the near wall has it.
+    tested = not panes and (few or (options.max_bounces > 1 and not (NOSPREAD and device.curved) if walls is None else not device.curved))
     step = max(1, TUBES_PER_BLOCK // (2 * grid.per_pose))
     for low in range(0, grid.poses, step):
         poses = low, min(low + step, grid.poses)
-        cut = borders.cut(geometry, grid, poses)
         sequences = patch_sequences(device, grid, poses, options, walls) if tested else None
-        index, share, cut = divided(cut, sequences, grid, poses, device.curved)
+        cut = borders.cut(geometry, grid, poses, None if sequences is None else _around(sequences, grid, SEVERAL))
+        index, share, cut = divided(cut, sequences, grid, poses, device.curved, few)
         for start in range(0, len(index), TUBES_PER_BLOCK):
             part = slice(start, start + TUBES_PER_BLOCK)
             pieces = (share[part], cut) if len(cut.square) else ()
@@ -90,7 +94,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     Returns:
         Numbers (poses, count_u count_v + (count_u + 1)(count_v + 1)), uint32. Each row lists first the test rays through the cell middles,
         then those through the cell corners. In both lists, the index along u changes fastest. The number is 0 if a ray meets no patch. Its
-        bit SPREADING is set if a curved surface reflects the ray onto another surface. With `walls`, the sequence of a ray consists of the
+        bit SEVERAL is set if it meets several patches, and its bit SPREADING if a curved surface reflects it onto another surface. With `walls`, the sequence of a ray consists of the
         patch of the first wall and the next patch behind this wall.
     """
     middles, corners = grid.per_pose, (grid.count_u + 1) * (grid.count_v + 1)
@@ -108,7 +112,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     tubes = Tubes(
         index, pose, origin, direction, zero, zero, zero, zero, length, None, zero, zero, [], mi.UInt32(0), length, length,
     )  # fmt: skip
-    alive, sequence, curved, spreading = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False)
+    alive, sequence, curved, spreading, several = mi.Bool(True), mi.UInt32(0), mi.Bool(False), mi.Bool(False), mi.Bool(False)
     for bounce in range(2 if walls else options.max_bounces):
         alive = cast(device, tubes, bounce == 0, alive)
         contact, alive = meet(device, tubes, bounce == 0, alive)
@@ -116,6 +120,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
             alive = device.in_cluster(contact.face, alive)
         if walls and bounce == 0:
             alive = walls.enter(tubes, contact, alive)
+        several = several | (alive & (bounce > 0))
         # The multiplication by an odd constant makes the number depend on the order in which the ray meets the patches.
         sequence = dr.select(alive, (sequence * 0x9E3779B1) ^ dr.gather(mi.UInt32, device.patch, contact.face, alive), sequence)
         if walls and bounce == 0:
@@ -125,12 +130,13 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
             curved = curved | (alive & contact.is_curved())
         alive &= leave(device, tubes, contact)
     # The lowest bit is set for every sequence of patches, so that no sequence has the number 0.
-    sequence = dr.select(sequence > 0, ((sequence << 1) & (SPREADING - 1)) | 1, 0) | dr.select(spreading, mi.UInt32(SPREADING), 0)
+    sequence = dr.select(sequence > 0, ((sequence << 1) & (SEVERAL - 1)) | 1, 0)
+    sequence |= dr.select(several, mi.UInt32(SEVERAL), 0) | dr.select(spreading, mi.UInt32(SPREADING), 0)
     return sequence.numpy().reshape(poses[1] - poses[0], -1)
 
 
 def divided(
-    cut: Pieces, sequences: np.ndarray | None, grid: TubeGrid, poses: tuple[int, int], curved: bool
+    cut: Pieces, sequences: np.ndarray | None, grid: TubeGrid, poses: tuple[int, int], curved: bool, few: bool
 ) -> tuple[np.ndarray, np.ndarray, Pieces]:
     """Divide the squares in which tubes straddle an edge after a reflection, and return the arrays of a `TubeSelection`, ordered by pose.
 
@@ -139,21 +145,22 @@ def divided(
         sequences: result of `patch_sequences` for these sensor poses; None divides no further square and keeps all tubes.
         grid: grid of tubes.
         poses: first sensor pose, and the pose after the last one.
-        curved: whether the geometry has curved facets.
+        curved: whether the geometry has curved facets. few: whether a pose has so few tubes that those at shadow lines are also divided.
     """
     count, rows, columns = poses[1] - poses[0], grid.count_v, grid.count_u
     broken = np.zeros((count, rows + 1, columns + 1), bool)
     share = np.full((count, rows, columns), WHOLE)
     squares = broken.size // count
     if sequences is not None:
-        middle = np.pad(sequences[:, : rows * columns].reshape(share.shape), ((0, 0), (1, 1), (1, 1)))
-        corner = sequences[:, rows * columns :].reshape(broken.shape)
+        middle, corner = _rays(sequences, grid)
         for i in (0, 1):
             for j in (0, 1):
-                at = middle[:, i : i + rows + 1, j : j + columns + 1]
-                broken |= (corner != at) | (at >= SPREADING)
+                broken |= corner != middle[:, i : i + rows + 1, j : j + columns + 1]
+        broken |= _around(sequences, grid, SPREADING)
+        if curved and not few:
+            broken &= _around(sequences, grid, SEVERAL)
         share[middle[:, 1:-1, 1:-1] == 0] = 0
-        if curved:  # near its shadow line, a curved surface bends too much for a whole tube
+        if curved and few:  # near its shadow line, a curved surface bends too much for a whole tube
             wide = np.pad(broken, ((0, 0), (1, 1), (1, 1)))
             for i in range(3):
                 for j in range(3):
@@ -179,6 +186,19 @@ def divided(
     share = np.concatenate([share, bits + (WHOLE + 1) * (1 + np.arange(len(bits)))])
     order = np.argsort(index // grid.per_pose, kind="stable")
     return index[order], share[order], cut
+
+
+def _rays(sequences: np.ndarray, grid: TubeGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of `patch_sequences` through the cell middles, with zeros around the grid, and through the cell corners."""
+    rows, columns = grid.count_v, grid.count_u
+    middle = sequences[:, : rows * columns].reshape(-1, rows, columns)
+    return np.pad(middle, ((0, 0), (1, 1), (1, 1))), sequences[:, rows * columns :].reshape(-1, rows + 1, columns + 1)
+
+
+def _around(sequences: np.ndarray, grid: TubeGrid, bit: int) -> np.ndarray:
+    """Return the mask (poses, rows + 1, columns + 1) of the squares in which a test ray has a bit of its number set."""
+    middle, corner = (numbers & bit > 0 for numbers in _rays(sequences, grid))
+    return corner | middle[:, :-1, :-1] | middle[:, :-1, 1:] | middle[:, 1:, :-1] | middle[:, 1:, 1:]
 
 
 def _narrow_tubes(square: np.ndarray, shape: tuple[int, ...], curved: bool) -> tuple[np.ndarray, np.ndarray]:

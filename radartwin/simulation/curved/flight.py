@@ -11,12 +11,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from radartwin.simulation.curved.borders import CORNERS, Pieces
+from radartwin.simulation.curved.borders import CORNERS, PIECES, Pieces
 from radartwin.simulation.curved.device import vectors
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.drjit_arrays import upload
 
-PIECES = 3  # number of narrow tubes, along each grid axis, in the width of a tube
 WHOLE = 15  # share of a tube that contributes in all four squares around its centre ray
 
 
