@@ -90,7 +90,7 @@ def test_objects_that_need_more_tubes_than_the_limit_are_named(monkeypatch: pyte
 def test_too_many_tubes_for_an_index_are_refused() -> None:
     grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
     with pytest.raises(BackendError, match="exceed the limit"):
-        next(division.blocks(None, grid, geometry.build([]), TraceOptions(1), None, False))  # pyright: ignore[reportArgumentType]
+        next(division.blocks(None, grid, geometry.build([]), TraceOptions(1), None, False, 0.004))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("bounces", [1, 3])

@@ -116,8 +116,8 @@ def test_divided_tubes_sum_to_one(bounces):
     """
     variant.activate()
     from radartwin.simulation.curved import borders, division
-    from radartwin.simulation.curved.device import Device
     from radartwin.simulation.curved.borders import PIECES
+    from radartwin.simulation.curved.device import Device
     from radartwin.simulation.curved.flight import WHOLE
 
     built = geometry.build([objects.cylinder(0.02, 0.05)])

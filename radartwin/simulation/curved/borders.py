@@ -216,7 +216,9 @@ def _mark(at, rows, columns, cell, line, number):
 
 @innermost
 def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines, out_square, out_centre, out_corner, used):  # fmt: skip
-    """Cut one square, or the `side`^2 smaller ones in it, along the lines `order`, and write the pieces. Returns the number of pieces, or -1 if the output is too short."""
+    """Cut one square, or the `side`^2 smaller ones in it, along the lines `order`, and write the pieces. Returns the number of pieces,
+    or -1 if the output is too short.
+    """
     row, column = cell % (rows * columns) // columns, cell % columns
     # the cuts, longest first, as coefficients of the signed distance a x + b y - c
     cuts = 0

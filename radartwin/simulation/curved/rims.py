@@ -143,37 +143,60 @@ def _strengths(begin, stop, rims, source, forward, transmit, receiver, receive, 
     """Write the scattered field S of each piece at the poses `begin` to `stop` - 1 for an incident field of 1 V/m at one metre from the
     source, times the spreading to the receiver, to `out` (poses, M). It is zero for pieces that the body itself hides.
     """
+    electric, got, magnetic, way, away = np.empty((5, 3))
     for f in range(begin, stop):
         for m in range(len(rims.length)):
-            way, away, spread = forward[f].copy(), -forward[f], 1.0
-            if not plane:
-                way, away = rims.middle[m] - source[f], receiver[f] - rims.middle[m]
-                there, back = math.sqrt(np.sum(way * way)), math.sqrt(np.sum(away * away))
-                way /= there
-                away /= back
-                spread = 1 / (there * back)
-            electric, got = _across(transmit[f], way), _across(receive[f], away)
-            if sent_cross:
-                electric = np.cross(-way, electric)
-            if got_cross:
-                got = np.cross(away, got)
-            magnetic = np.cross(way, electric)
+            there, back = 0.0, 0.0
+            for i in range(3):
+                way[i] = forward[f, i] if plane else rims.middle[m, i] - source[f, i]
+                away[i] = -forward[f, i] if plane else receiver[f, i] - rims.middle[m, i]
+                there += way[i] * way[i]
+                back += away[i] * away[i]
+            there, back = math.sqrt(there), math.sqrt(back)
+            for i in range(3):
+                way[i] /= there
+                away[i] /= back
+            if _inside(rims, m, way, -1.0) or _inside(rims, m, away, 1.0):
+                continue
+            _across(transmit[f], way, -1.0 if sent_cross else 0.0, electric)
+            _across(receive[f], away, 1.0 if got_cross else 0.0, got)
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                magnetic[i] = way[j] * electric[k] - way[k] * electric[j]
             total = 0j
             for side in range(2):
-                x, n = rims.into[m, side], rims.normal[m, side]
-                total += _face(x, n, np.cross(x, n), rims.opening[m], way, away, electric, magnetic, got)
+                total += _face(rims.into[m, side], rims.normal[m, side], rims.opening[m], way, away, electric, magnetic, got)
             # the phase along the straight piece
-            along = np.cross(rims.into[m, 0], rims.normal[m, 0])
-            turn = 0.5 * wavenumber * rims.length[m] * np.sum((way - away) * along)
+            along = _triple(rims.into[m, 0], rims.normal[m, 0], way) - _triple(rims.into[m, 0], rims.normal[m, 0], away)
+            turn = 0.5 * wavenumber * rims.length[m] * along
             width = math.sin(turn) / turn if abs(turn) > 1e-6 else 1.0
-            out[f, m] = total * width * rims.length[m] * spread / (2 * math.pi)
+            out[f, m] = total * width * rims.length[m] / (2 * math.pi * (1.0 if plane else there * back))
 
 
-@compiled
-def _across(axis, direction):
-    """Return the component of an antenna's axis perpendicular to a unit vector, normalised to unit length."""
-    across = axis - np.sum(axis * direction) * direction
-    return across / math.sqrt(max(np.sum(across * across), 1e-12))
+@innermost
+def _inside(rims, m, ray, sign):
+    """Return whether the ray of direction sign x `ray` from an edge lies inside the wedge, that is, behind both faces."""
+    return sign * _dot(rims.normal[m, 0], ray) < 0 and sign * _dot(rims.normal[m, 1], ray) < 0
+
+
+@innermost
+def _across(axis, direction, turned, out):
+    """Write the component of an antenna's axis perpendicular to a ray, normalised to unit length, to `out`. If `turned` is not zero, the
+    vector is turned by `turned` (+-1) times 90 degrees about the ray.
+    """
+    along = _dot(axis, direction)
+    size = math.sqrt(max(_dot(axis, axis) - along * along, 1e-12))
+    x, y, z = (axis[0] - along * direction[0]) / size, (axis[1] - along * direction[1]) / size, (axis[2] - along * direction[2]) / size
+    if turned != 0:
+        a, b, c = turned * direction[0], turned * direction[1], turned * direction[2]
+        x, y, z = b * z - c * y, c * x - a * z, a * y - b * x
+    out[0], out[1], out[2] = x, y, z
+
+
+@innermost
+def _triple(a, b, c):
+    """Return (a cross b) . c."""
+    return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2]
 
 
 @innermost
@@ -182,17 +205,15 @@ def _dot(a, b):
 
 
 @innermost
-def _face(x, n, z, opening, way, away, electric, magnetic, got):
+def _face(x, n, opening, way, away, electric, magnetic, got):
     """Return the received moment of the fringe currents on one face, got . T of the module's docstring."""
-    cosine = _dot(way, z)
+    cosine = _triple(x, n, way)
     sine = math.sqrt(max(0.0, 1 - cosine * cosine))
-    source, receiver = math.atan2(-_dot(way, n), -_dot(way, x)), math.atan2(_dot(away, n), _dot(away, x))
-    # angles behind the face's plane lie above pi
-    source, receiver = source % (2 * math.pi), receiver % (2 * math.pi)
-    if sine < SMALL_SINE or max(source, receiver) > opening * math.pi:
+    if sine < SMALL_SINE:
         return 0j
+    source = math.atan2(-_dot(way, n), -_dot(way, x)) % (2 * math.pi)
     cot = cosine / sine
-    mu = min((_dot(away, x) + (_dot(away, z) - cosine) * cot) / sine, 1 - AHEAD)
+    mu = min((_dot(away, x) + (_triple(x, n, away) - cosine) * cot) / sine, 1 - AHEAD)
     if abs(mu + 1) < POLE:
         mu -= 10 * POLE
     lit = source < math.pi
@@ -205,7 +226,7 @@ def _face(x, n, z, opening, way, away, electric, magnetic, got):
     if lit:
         soft -= math.sin(source) / (mu + math.cos(source))
         hard -= 1 / (mu + math.cos(source))
-    a = _dot(electric, z) / (sine * sine) * soft
-    b = _dot(magnetic, z) / sine * hard
-    end = cot / sine * (1 / opening - (1.0 if lit else 0.0)) * _dot(magnetic, z)
-    return _dot(got, x) * b + _dot(got, z) * (a + mu * cot * b - end)
+    a = _triple(x, n, electric) / (sine * sine) * soft
+    b = _triple(x, n, magnetic) / sine * hard
+    end = cot / sine * (1 / opening - (1.0 if lit else 0.0)) * _triple(x, n, magnetic)
+    return _dot(got, x) * b + _triple(x, n, got) * (a + mu * cot * b - end)

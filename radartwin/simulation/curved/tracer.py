@@ -111,6 +111,7 @@ class Tracer:
         self.walls = None if shells is None else Walls(self.device, shells.faces)
         self.panes = None if panes is None else Panes(self.device, panes)
         self.most = None if options.bounces is None else upload(mi.UInt32, options.bounces)
+        self.wavelength_m = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.setting = Setting(
             self.device, flight.GridArrays.of(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
@@ -122,7 +123,7 @@ class Tracer:
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
         variant.share_threads()
-        blocks = division.blocks(self.device, self.grid, self.geometry, self.options, self.walls, self.panes is not None)
+        blocks = division.blocks(self.device, self.grid, self.geometry, self.options, self.walls, self.panes is not None, self.wavelength_m)
         return [part for selection in blocks for part in self._block(selection)]
 
     def _block(self, selection: flight.TubeSelection) -> Iterator[Hits]:
