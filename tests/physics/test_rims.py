@@ -1,0 +1,143 @@
+"""Closed metal bodies with sharp rims return the echo of exact solutions at all elevations, in the far field and at 1 m."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from physics_helpers import FREQUENCY, WAVELENGTH, K
+
+import radartwin as rt
+from radartwin.simulation.backends.trace_settings import TraceSettings
+from radartwin.simulation.curved import rims
+from radartwin.simulation.simulate import trace_paths
+
+OUTLINES_MM = {  # (radius, height)
+    "can": [(0, 0), (33, 0), (33, 115), (0, 115)],
+    "tin": [(0, 0), (42, 0), (42, 60), (0, 60)],
+    "cup": [(0, 0), (45, 0), (30, 90), (0, 90)],
+}
+
+
+def body(name: str) -> trimesh.Trimesh:
+    """Return a body of revolution with its origin in the middle of its height."""
+    if name == "capsule":
+        turn = np.linspace(0, np.pi / 2, 17)
+        cap = np.stack([10 * np.cos(turn), 10 * np.sin(turn)], axis=1)
+        side = np.stack([np.full(39, 10.0), np.arange(11.0, 50.0)], axis=1)
+        outline = np.concatenate([cap[::-1] * [1, -1] + np.array([0, 10]), side, cap + np.array([0, 50])])
+        outline[[0, -1], 0] = 0
+    else:
+        outline = np.array(OUTLINES_MM[name], float)
+    outline[:, 1] -= outline[:, 1].max() / 2
+    return trimesh.creation.revolve(outline * 1e-3, sections=96)
+
+
+def poses(elevation_deg: np.ndarray, polarization: str, distance_m: float) -> np.ndarray:
+    """Return poses (F, 4, 4) of a sensor that looks at the origin; for H, the sensor is turned by 90 degrees about its line of sight."""
+    angle = np.radians(elevation_deg)
+    x = -np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    z = np.stack([-np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    y = np.cross(z, x)
+    out = np.tile(np.eye(4), (len(angle), 1, 1))
+    out[:, :3, :3] = np.stack([x, y, z] if polarization == "V" else [x, -z, y], axis=2)
+    out[:, :3, 3] = -distance_m * x
+    return out
+
+
+def errors(elevation_deg: np.ndarray, ours: np.ndarray, exact: np.ndarray) -> tuple[float, float, float]:
+    """Return three errors of cross-sections in dB: the rms error, the error of the mean at 20 to 70 degrees of elevation, and the rms error
+    within 30 dB of the maximum.
+    """
+    level, middle = 10 * np.log10(ours / exact), (elevation_deg >= 20) & (elevation_deg <= 70)
+    strong = exact > 1e-3 * exact.max()
+    mean = 10 * np.log10(ours[middle].mean() / exact[middle].mean())
+    return float(np.sqrt(np.mean(level**2))), float(mean), float(np.sqrt(np.mean(level[strong] ** 2)))
+
+
+@pytest.mark.parametrize("polarization", ["V", "H"])
+@pytest.mark.parametrize("name", [*OUTLINES_MM, "capsule"])
+def test_rcs_matches_the_method_of_moments(name, polarization, shared_data):
+    answers = np.load(shared_data.parent / "reference" / "bodies_of_revolution" / "answers.npz")
+    elevation = answers[f"{name}_far_elevation_deg"][::3]
+    exact = 4 * np.pi * np.abs(answers[f"{name}_far_mom"]["VH".index(polarization), ::3]) ** 2
+    mesh, angles = body(name), np.radians(elevation)
+    ours = np.array([rt.rcs(mesh, [np.cos(a), 0, np.sin(a)], polarization=2 * polarization) for a in angles])
+    rms, mean, strong = errors(elevation, ours, exact)
+    assert rms < (0.5 if name == "capsule" else 2.0 if polarization == "V" else 1.0)
+    assert abs(mean) < 0.5
+    assert strong < (0.5 if name == "capsule" else 0.4)
+
+
+@pytest.mark.parametrize("polarization", ["V", "H"])
+@pytest.mark.parametrize("name", ["can", "cup"])
+def test_simulated_echo_at_one_metre_matches_the_method_of_moments(name, polarization, shared_data):
+    answers = np.load(shared_data.parent / "reference" / "bodies_of_revolution" / "answers.npz")
+    elevation = answers[f"{name}_1m_elevation_deg"]
+    exact = 4 * np.pi * np.abs(answers[f"{name}_1m_mom"]["VH".index(polarization)]) ** 2
+    scene = rt.Scene([rt.Surface(body(name), "metal", name, role="object")])
+    radar = replace(rt.Radar.iwr1843(), start_frequency_hz=FREQUENCY, slope_hz_per_s=1e9)
+    paths, _ = trace_paths(
+        scene, radar, poses(elevation, polarization, 1.0), {name: np.tile(np.eye(4), (len(elevation), 1, 1))}, TraceSettings()
+    )
+    total = np.zeros(len(elevation), complex)
+    for part in paths:
+        np.add.at(total, part.pose, part.amplitude[:, 0] * np.exp(1j * K * (part.length_in_m + part.length_out_m)))
+    rms, mean, strong = errors(elevation, (4 * np.pi) ** 3 * np.abs(total) ** 2 / WAVELENGTH**2, exact)
+    assert rms < (2.0 if polarization == "V" else 1.0)
+    assert abs(mean) < 0.5
+    assert strong < 0.4
+
+
+def physical_optics(radius: float, height: float, elevation: float) -> float:
+    """Return the far-field cross-section of a metal can by physical optics: the lit part of the side as an integral over the azimuth
+    times a sinc over the height, and the lit end as a disc.
+    """
+    c, s = np.cos(elevation), np.sin(elevation)
+    azimuth = (np.arange(20_000) + 0.5) / 20_000 * np.pi - np.pi / 2
+    # S = j k/(2 pi) integral of (n . s) exp(2 j k s . x) over the lit surface, up to a common phase
+    side = np.mean(np.cos(azimuth) * np.exp(2j * K * radius * c * np.cos(azimuth))) * np.pi * radius * c
+    side *= height * np.sinc(K * height * s / np.pi)
+    rho = radius * (np.arange(2000) + 0.5) / 2000
+    around = np.exp(2j * K * c * rho[:, None] * np.cos(np.linspace(0, 2 * np.pi, 720, endpoint=False))).mean(axis=1)
+    end = s * np.exp(1j * K * height * s) * 2 * np.pi * np.mean(rho * around) * radius
+    return 4 * np.pi * abs(K / (2 * np.pi) * (side + end)) ** 2
+
+
+@pytest.mark.parametrize("density", [1.0, 4.0])
+def test_tubes_end_at_rims_as_physical_optics_does(density, monkeypatch):
+    """Without fringe currents, the echo of a can agrees with a quadrature of physical optics. The mesh has so many sides that its rim is a
+    circle.
+    """
+    monkeypatch.setattr(rims, "hits", lambda *_: None)
+    mesh = body("can")
+    angles = np.radians(np.arange(1.0, 90.0, 4.0))
+    ours = np.array([rt.rcs(mesh, [np.cos(a), 0, np.sin(a)], rays_per_wavelength2=density) for a in angles])
+    exact = np.array([physical_optics(0.033, 0.115, a) for a in angles])
+    assert 10 * np.log10(ours.mean() / exact.mean()) == pytest.approx(0, abs=0.2)
+    np.testing.assert_array_less(np.abs(np.sqrt(ours) - np.sqrt(exact)), 0.15 * np.sqrt(np.median(exact)) + 0.02 * np.sqrt(exact))
+
+
+@pytest.mark.parametrize("hard", [False, True])
+@pytest.mark.parametrize("opening", [1.5, 1.75, 4 / 3])
+def test_fringe_currents_complete_physical_optics_to_keller(opening, hard):
+    """Perpendicular to an edge, physical optics and fringe currents together have the diffraction coefficient of the geometrical theory of
+    diffraction. Ref: J. Keller, J. Opt. Soc. Am. 52 (1962) 116.
+    """
+    z = np.array([0.0, 0.0, 1.0])
+    across, normal = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    last = opening * np.pi
+    faces = [(across, normal), (np.array([np.cos(last), np.sin(last), 0]), np.array([np.sin(last), -np.cos(last), 0]))]
+    for source, receiver in ((0.4, 1.1), (2.0, 2.0), (3.5, 1.0), (0.3, last - 0.2), (last - 0.5, last - 1.3)):
+        way, away = (sign * np.array([np.cos(a), np.sin(a), 0]) for sign, a in ((-1, source), (1, receiver)))
+        turned = np.array([-np.sin(receiver), np.cos(receiver), 0])
+        electric = np.cross(way, -z) if hard else z  # the magnetic field way x electric is z for hard
+        got = np.cross(z, away) if hard else z
+        total = sum(rims._face(x, n, opening, way, away, electric, np.cross(way, electric), got) for x, n in faces)
+        # physical optics: n x H on the faces that the source lights
+        for p, q, x in ((source, receiver, faces[0][0]), (last - source, last - receiver, -faces[1][0])):
+            if p < np.pi:
+                total += (turned @ x if hard else np.sin(p)) / (np.cos(p) + np.cos(q))
+        minus, plus = (1 / (np.cos(np.pi / opening) - np.cos((receiver + s * source) / opening)) for s in (-1, 1))
+        keller = np.sin(np.pi / opening) / opening * (minus + plus if hard else minus - plus)
+        assert total == pytest.approx(keller, rel=1e-6), (source, receiver)
