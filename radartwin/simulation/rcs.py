@@ -31,8 +31,9 @@ def rcs(
 ) -> float:
     """Compute the monostatic radar cross-section of a mesh in square metres, by ray tubes.
 
-    `simulate` adds the waves of the edges of flat objects (fringes), which `rcs` leaves out: at 2 m, the cross-section of a plate of 5 to
-    10 cm that is turned by 20 to 60 degrees is 1 to 9 dB lower than the echo that `simulate` gives.
+    The function includes the waves of the edges (fringes) of closed metal bodies. `simulate` also adds those of open sheets, which `rcs`
+    leaves out: at 2 m, the cross-section of a plate of 5 to 10 cm that is turned by 20 to 60 degrees is 1 to 9 dB lower than the echo that
+    `simulate` gives.
 
     Args:
         mesh: surface with coordinates in metres. Edges sharper than 30 degrees stay sharp; across all other edges the surface is curved.

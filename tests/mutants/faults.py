@@ -38,11 +38,29 @@ rcs | hits.length_in_m + hits.length_out_m | hits.length_in_m - hits.length_out_
 simulation/curved/tracer: physics/test_rcs physics/test_tubes
 Tracer.__init__ | 2 * np.pi * float(table.frequencies_hz.mean()) | np.pi * float(table.frequencies_hz.mean()) | half the wavenumber
 
-simulation/curved/scatter: physics/test_rcs physics/test_tubes
+simulation/curved/scatter: physics/test_rcs physics/test_tubes physics/test_rims
 _footprint | 8 * np.pi * contact.cosine | 4 * np.pi * contact.cosine | a footprint radiates 6 dB too much
 scatter | electric + magnetic | electric - magnetic | magnetic currents have the wrong sign
 _footprint | 0.5 * wavenumber | 0.25 * wavenumber | the second-order phase of a footprint is halved
-footprint_moments | moment[1] -= part * sine | moment[1] += part * sine | the second-order phase has the wrong sign
+footprint_moments | dr.sincos(beta * float(node * node)) | dr.sincos(-beta * float(node * node)) | the second-order phase has the wrong sign
+footprint_integral | share & (1 << bit) != 0 | share & (8 >> bit) != 0 | a tube contributes on the wrong sides of its centre ray
+triangle_integral | (im_a - im_b) * scale | (im_b - im_a) * scale | the integral over a piece is conjugated
+piece_integral | alpha[0] * x + alpha[1] * y + second(x, y) | alpha[0] * x + second(x, y) | a piece has no phase along one axis
+
+simulation/curved/borders: physics/test_rims physics/test_tubes
+_is_border | not solid or first > 0 or second > 0 | not solid or (first > 0 and second > 0) | half-lit rims do not cut
+_projected | (u - scale[0]) / scale[2] + 0.5 | (u - scale[0]) / scale[2] | borders are shifted by half a tube
+
+simulation/curved/division: physics/test_tubes
+divided | ~(1 << bit) | ~(8 >> bit) | a tube ends on the wrong sides of its centre ray
+_narrow_tubes | (place > 0) * 1 | (place >= 0) * 1 | narrow tubes reach beyond their square
+
+simulation/curved/rims: physics/test_rims
+_face | (_triple(x, n, away) - cosine) * cot | 0 * cot | fringe currents have the form in the plane perpendicular to the edge
+_face | mu * cot * b | 0 * b | oblique waves have no fringe currents along the edge
+_face | 1 / opening - (1.0 if lit else 0.0) | 1 / opening | physical optics ends at the edge without charges
+_strengths | 2 * math.pi * (1.0 if plane else there * back) | 4 * math.pi * (1.0 if plane else there * back) | fringe currents are halved
+_inside | _dot(rims.normal[m, 0], ray) | _dot(rims.normal[m, 1], ray) | a rim is hidden although the radar sees one of its faces
 
 simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power

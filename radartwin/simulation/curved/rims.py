@@ -33,6 +33,7 @@ from radartwin.simulation.curved import borders
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.pruning import EARLY
 from radartwin.simulation.reflection_table import ReflectionTable
 
 METAL = 0.8  # smallest magnitude of the reflection coefficient of a metal, also of a rough one, at normal incidence
@@ -97,7 +98,11 @@ def hits(
     amplitude = np.zeros((poses, len(rims.length)), complex)
     places = [fixed(np.asarray(values, float)) for values in (grid.source, grid.forward, transmit.axis, receive.position, receive.axis)]
     shared_out(_strengths, poses, rims, *places, transmit.cross, receive.cross, grid.plane, float(wavenumbers.mean()), amplitude)
-    pose, piece = np.nonzero(amplitude)
+    level = np.abs(amplitude) / (2 * wavenumbers.min())
+    floor = options.prune * level.max(axis=1)
+    if options.least is not None:
+        floor = np.maximum(floor, EARLY * options.least)
+    pose, piece = np.nonzero((level > 0) & (level >= floor[:, None]))
     if not geometry.convex or options.occluder is not None:
         seen = _visible(geometry, rims, grid, receive.position, pose, piece, options)
         pose, piece = pose[seen], piece[seen]
