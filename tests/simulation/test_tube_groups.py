@@ -23,7 +23,7 @@ def tubes(count: int, start: int):
     vector = mi.Vector3f(real, real + 1, real + 2)
     met = (whole, real, real, real)
     return Tubes(
-        whole, whole, vector, vector, vector, vector, vector, vector, real, real, mi.Bool(numbers % 2 == 0), vector, vector, [met, met],
+        whole, whole, vector, vector, vector, vector, vector, vector, real, whole, vector, vector, [met, met],
         whole, mi.Float64(numbers), mi.Float64(numbers),
     )  # fmt: skip
 

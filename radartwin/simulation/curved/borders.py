@@ -87,27 +87,35 @@ def _found(geometry: Geometry) -> Edges:
     return Edges(*map(fixed, (ends, normals[face], solid, face, convex)))
 
 
-def cut(geometry: Geometry, grid: TubeGrid, poses: tuple[int, int], fine: np.ndarray | None = None) -> Pieces:
+def cut(
+    geometry: Geometry, grid: TubeGrid, poses: tuple[int, int], fine: np.ndarray | None = None, among: np.ndarray | None = None
+) -> Pieces:
     """Cut the squares of the sensor poses `poses[0]` to `poses[1]` - 1 of a grid along the borders of the geometry's patches.
 
     The pieces in the squares of the mask `fine` (poses, rows + 1, columns + 1) are PIECES times smaller along each axis.
+
+    Only borders of faces in the mask `among` (faces,) count; None: all.
 
     Returns:
         The pieces of all squares that a border crosses, in ascending order of squares.
     """
     some = edges(geometry)
+    if among is not None:
+        near = among[some.face].any(axis=1)
+        some = Edges(*(fixed(values[near]) for values in some))
     if fine is None:
         fine = np.zeros((1, grid.count_v + 1, grid.count_u + 1), bool)
     found: list[tuple[int, Pieces]] = []
     frame = np.stack([grid.forward, grid.u_axis, grid.v_axis], axis=1)
     scale = np.stack([grid.low_u, grid.low_v, grid.step_u, grid.step_v], axis=1)
+    places = [fixed(np.asarray(values, float)) for values in (grid.source, frame, scale)]
 
     def run(begin: int, stop: int) -> None:
         room = 1024 * (stop - begin)
         while True:
             out = Pieces(np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, CORNERS, 2)))
             first = poses[0] + begin, poses[0] + stop
-            count = _cut(*first, *some[:3], grid.source, frame, scale, fine, poses[0], grid.plane, out)
+            count = _cut(*first, *some[:3], *places, fine, poses[0], grid.plane, out)
             if count >= 0:
                 found.append((begin, Pieces(*(array[:count] for array in out))))
                 return

@@ -70,6 +70,7 @@ def blocks(
         yield from (TubeSelection(index.astype(np.uint32)) for index in parts if len(index))
         return
     cell_m2 = grid.step_u * grid.step_v * (1 if grid.plane else np.square(grid.source - geometry.centre).sum(axis=1))
+    among = None if options.cluster is None else options.cluster == options.first_cluster
     small = grid.per_pose * float(cell_m2.mean()) <= SMALL * wavelength_m**2
     # Test rays do not pass panes, and the far wall of a curved shell has its shadow line where the near wall has it.
     tested = not panes and (small or (options.max_bounces > 1 if walls is None else not device.curved))
@@ -77,7 +78,7 @@ def blocks(
     for low in range(0, grid.poses, step):
         poses = low, min(low + step, grid.poses)
         sequences = patch_sequences(device, grid, poses, options, walls) if tested else None
-        cut = borders.cut(geometry, grid, poses, None if sequences is None else _around(sequences, grid, SEVERAL))
+        cut = borders.cut(geometry, grid, poses, None if sequences is None else _around(sequences, grid, SEVERAL), among)
         index, share, cut = divided(cut, sequences, grid, poses, device.curved, small)
         for start in range(0, len(index), TUBES_PER_BLOCK):
             part = slice(start, start + TUBES_PER_BLOCK)
