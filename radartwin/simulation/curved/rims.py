@@ -18,7 +18,8 @@ runs, and the second term is the current of physical optics. Their poles cancel.
 rim radiates to a receiver in any direction. It is infinite for a receiver straight ahead of the wave that runs along a face (mu = 1).
 Ref: A. Michaeli, IEEE Trans. AP 32 (1984) 252 and 34 (1986) 912.
 
-Edges of open sheets, inner edges and edges of dielectrics have no fringe currents here. Waves from one rim to another are left out.
+Edges of open sheets, inner edges and edges of dielectrics have no fringe currents here. Edges of
+faces narrower than half a wavelength, such as seams, have none either, and waves from one rim to another are left out.
 """
 
 import cmath
@@ -37,6 +38,7 @@ from radartwin.simulation.pruning import EARLY
 from radartwin.simulation.reflection_table import ReflectionTable
 
 METAL = 0.8  # smallest magnitude of the reflection coefficient of a metal, also of a rough one, at normal incidence
+NARROW = 0.5  # smallest width in wavelengths of a patch whose edges have fringe currents; the theory is one of wide faces
 SMALL_SINE = 1e-3  # smallest sine between ray and edge for which fringe currents radiate
 AHEAD = 1e-3  # smallest difference of mu from 1
 POLE = 1e-6  # smallest magnitude of a denominator whose zero cancels with another one; there, the source is turned by ten times this angle
@@ -64,6 +66,8 @@ def find(geometry: Geometry, table: ReflectionTable, options: TraceOptions) -> R
     keep = edges.solid & edges.convex & metal[geometry.surface[edges.face]].all(axis=1)
     if options.cluster is not None:
         keep &= (options.cluster[edges.face] == options.first_cluster).any(axis=1)
+    wavelength = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
+    keep &= (_width_m(geometry, edges)[geometry.patch[edges.face]] > NARROW * wavelength).all(axis=1)
     ends, face = edges.ends[keep], edges.face[keep]
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
@@ -77,12 +81,20 @@ def find(geometry: Geometry, table: ReflectionTable, options: TraceOptions) -> R
     towards = geometry.corners[face].mean(axis=2) - ends[:, None].mean(axis=2)
     into *= np.sign(np.einsum("efi,efi->ef", into, towards))[..., None]
     opening = 1 + np.arccos(np.clip(np.einsum("ei,ei->e", normal[:, 0], normal[:, 1]), -1, 1)) / np.pi
-    wavelength = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
     parts = np.ceil(length / wavelength).astype(int)
     of = np.repeat(np.arange(len(parts)), parts)
     place = (np.arange(len(of)) - (np.cumsum(parts) - parts)[of] + 0.5) / parts[of]
     middle = ends[of, 0] + (place * length[of])[:, None] * along[of]
     return Rims(*map(fixed, (middle, (length / np.maximum(parts, 1))[of], opening[of], into[of], normal[of])))
+
+
+def _width_m(geometry: Geometry, edges: borders.Edges) -> np.ndarray:
+    """Return the mean width of each smooth patch in metres, which is twice its area over the length of its borders."""
+    corners = geometry.corners
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    length = np.repeat(np.linalg.norm(edges.ends[:, 1] - edges.ends[:, 0], axis=1), 2)
+    border = np.bincount(geometry.patch[edges.face].ravel(), length, geometry.patch.max(initial=0) + 1)
+    return 2 * np.bincount(geometry.patch, area, len(border)) / np.maximum(border, 1e-9)
 
 
 def hits(
