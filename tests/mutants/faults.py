@@ -60,7 +60,7 @@ _face | (_triple(x, n, away) - cosine) * cot | 0 * cot | fringe currents have th
 _face | mu * cot * b | 0 * b | oblique waves have no fringe currents along the edge
 _face | 1 / opening - (1.0 if lit else 0.0) | 1 / opening | physical optics ends at the edge without charges
 _strengths | 2 * math.pi * (1.0 if plane else there * back) | 4 * math.pi * (1.0 if plane else there * back) | fringe currents are halved
-_inside | _dot(rims.normal[m, 0], ray) | _dot(rims.normal[m, 1], ray) | a rim is hidden although the radar sees one of its faces
+_inside | sign * _dot(rims.normal[m, 1], ray) < 0 | True | a rim is hidden although the radar sees one of its faces
 
 simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power

@@ -85,7 +85,7 @@ def test_rcs_of_a_can_matches_exact_values():
     for polarization, values in exact.items():
         angles = np.radians(np.arange(5, 90, 5))
         ours = 10 * np.log10([rt.rcs(mesh, [np.cos(a), 0, np.sin(a)], polarization=2 * polarization) for a in angles])
-        assert np.sqrt(np.mean((ours - values) ** 2)) < (0.8 if polarization == "V" else 0.6)
+        assert np.sqrt(np.mean((ours - values) ** 2)) < (0.6 if polarization == "V" else 0.45)
 
 
 @pytest.mark.parametrize("polarization", ["V", "H"])
@@ -154,17 +154,21 @@ def test_fringe_currents_complete_physical_optics_to_keller(skew_deg, opening, h
         away = np.array([sine * np.cos(receiver), sine * np.sin(receiver), cosine])
         # the soft field lies in the plane of ray and edge, the hard field is perpendicular to it; both magnetic fields are way x electric
         soft_in, soft_out = (np.array([0, 0, 1.0]) - cosine * ray for ray in (way, away))
-        electric, got = (one / sine for one in (soft_in, soft_out))
+        electric, got, other = soft_in / sine, soft_out / sine, np.cross(soft_out, away) / sine
         if hard:
-            electric, got = np.cross(electric, way), np.cross(got, away)
+            electric, got, other = np.cross(electric, way), other, got
         magnetic = np.cross(way, electric)
-        total = sum(rims._face(x, n, opening, way, away, electric, magnetic, got) for x, n in faces)
-        for p, q, (_, n) in ((source, receiver, faces[0]), (last - source, last - receiver, faces[1])):
+        total, mixed = 0.0, 0.0
+        for p, q, (x, n) in ((source, receiver, faces[0]), (last - source, last - receiver, faces[1])):
+            total += rims._face(x, n, opening, way, away, electric, magnetic, got)
+            mixed += rims._face(x, n, opening, way, away, electric, magnetic, other)
             if p < np.pi:  # the currents n x H on a lit face, which end at the edge
-                total += got @ np.cross(n, magnetic) / (sine * (np.cos(p) + np.cos(q)))
+                lit = np.cross(n, magnetic) / (sine * (np.cos(p) + np.cos(q)))
+                total, mixed = total + got @ lit, mixed + other @ lit
         minus, plus = (1 / (np.cos(np.pi / opening) - np.cos((receiver + s * source) / opening)) for s in (-1, 1))
         keller = np.sin(np.pi / opening) / opening * (minus + plus if hard else minus - plus)
         assert total == pytest.approx(keller, rel=1e-6), (source, receiver)
+        assert mixed == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.parametrize("source", [0.5, 1.4, 2.4])
