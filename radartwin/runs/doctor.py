@@ -106,13 +106,9 @@ def _libraries() -> Iterator[Finding]:
 
 def _devices() -> Iterator[Finding]:
     from radartwin.simulation import variant
-    from radartwin.simulation.flat import parallel
 
     cuda, llvm = variant.has_cuda(), variant.find_llvm()
     yield Finding("gpu", "ok" if cuda else "note", "NVIDIA device found" if cuda else "no NVIDIA device; the CPU computes the simulation")
-    if cuda and not parallel.installed():
-        text = "numba-cuda is not installed; the processor computes the paths of rooms"
-        yield Finding("gpu kernels", "note", text, "pip install 'radartwin[gpu]' -c constraints.txt")
     if llvm is not None:
         yield Finding("llvm", "ok", f"version {variant.llvm_version(llvm)}, {llvm}")
     else:

@@ -10,14 +10,10 @@ wall has all layers of the material. Triangles of one surface at the same place 
 triangles hits both.
 """
 
-from functools import partial
-from typing import NamedTuple
-
 import numpy as np
 
-from radartwin.compiled import fixed, innermost
+from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
 from radartwin.simulation.flat.vectors import cross, dot, norm, toward, vector
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
@@ -87,26 +83,14 @@ def cross_panes(
                 field[q, k] = across * s[k] + within * p[k]
 
 
-class _Work(NamedTuple):
-    """Hold the memory of W workers, for Q frequency nodes. found: (W, MAX_PANES). field: (W, Q, 3)."""
-
-    found: np.ndarray
-    field: np.ndarray
-
-    @staticmethod
-    def of(workers: int, nodes: int) -> "_Work":
-        """Return memory without values for a number of workers."""
-        return _Work(np.empty((workers, MAX_PANES), np.int64), np.empty((workers, nodes, 3), np.complex128))
-
-
-@innermost
+@compiled
 def _fill(
-    begin: int, stop: int, step: int, tree: Hierarchy, opaque: np.ndarray, te: np.ndarray, tm: np.ndarray, start: np.ndarray,
-    end: np.ndarray, unit: np.ndarray, ways: int, panes: np.ndarray, factor: np.ndarray, work: _Work,
+    begin: int, stop: int, tree: Hierarchy, opaque: np.ndarray, te: np.ndarray, tm: np.ndarray, start: np.ndarray,
+    end: np.ndarray, unit: np.ndarray, ways: int, panes: np.ndarray, factor: np.ndarray,
 ) -> None:  # fmt: skip
-    """Compute the panes and factors of every `step`-th line from `begin` to `stop` - 1 for `factors`."""
-    found, field = work.found[begin % step], work.field[begin % step]
-    for n in range(begin, stop, step):
+    """Compute the panes and factors of the lines `begin` to `stop` - 1 for `factors`."""
+    found, field = np.empty(MAX_PANES, np.int64), np.empty((te.shape[2], 3), np.complex128)
+    for n in range(begin, stop):
         panes[n] = crossed(tree, start[n], end[n], opaque, found)
         for q in range(te.shape[2]):
             factor[n, q] = 1 + min(panes[n], 0)
@@ -157,5 +141,5 @@ def factors(
     panes, factor = np.zeros(n, np.int64), np.zeros((n, len(table.frequencies_hz)), complex)
     points = (np.ascontiguousarray(values, float) for values in (start, end, unit))
     arguments = tree, table.opaque, fixed(table.through_te), fixed(table.through_tm), *points, ways
-    parallel.compute(_fill, n, arguments, (panes, factor), partial(_Work.of, nodes=factor.shape[1]))
+    shared_out(_fill, n, *arguments, panes, factor)
     return panes, factor

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import fixed, innermost
+from radartwin.compiled import compiled, fixed, innermost
 from radartwin.simulation.flat.crossing import cross_panes
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
@@ -56,19 +56,19 @@ class Tables(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Hold one path and its fields in each of W workers (threads of the processor or of a GPU).
+    """Hold one path and its fields.
 
     A path with E edges has the nodes 0 to E + 1: the source, a point of each edge and the receiver. Leg i goes from node i to node i + 1
     over a chain of reflections.
 
     Attributes:
-        node: (W, 4, 3) nodes. touched: (W, 4, 3) the same nodes for tests of existence, inside the ends of an edge and beside it.
-        chain: (W, 3, C) faces of the legs. count: (W, 3) their number. points: (W, 3, C + 1, 3) points of reflection.
-        leave, arrive: (W, 3, 3) directions of travel at the two ends of a leg. size: (W, 3) length of a leg.
-        share: (W, 3) weight of a leg that grazes a face. beside: (W, 3, 3) offset of a leg onto one side of this face.
-        matrix: (W, 2, 3, 2, 2) of `edge_terms` for each edge. bend: (W, 2) factors of the slope terms.
-        field: (W, 2, Q, 3) the field, and its derivative or another field. level: (W, Q) received field.
-        other_order: (W, C) of `reversed_at_corners`. found: (W, MAX_PANES) panes on a leg.
+        node: (4, 3) nodes. touched: (4, 3) the same nodes for tests of existence, inside the ends of an edge and beside it.
+        chain: (3, C) faces of the legs. count: (3) their number. points: (3, C + 1, 3) points of reflection.
+        leave, arrive: (3, 3) directions of travel at the two ends of a leg. size: (3) length of a leg.
+        share: (3) weight of a leg that grazes a face. beside: (3, 3) offset of a leg onto one side of this face.
+        matrix: (2, 3, 2, 2) of `edge_terms` for each edge. bend: (2) factors of the slope terms.
+        field: (2, Q, 3) the field, and its derivative or another field. level: (Q) received field.
+        other_order: (C) of `reversed_at_corners`. found: (MAX_PANES) panes on a leg.
     """
 
     node: np.ndarray
@@ -87,33 +87,6 @@ class Work(NamedTuple):
     level: np.ndarray
     other_order: np.ndarray
     found: np.ndarray
-
-    @staticmethod
-    def of(workers: int, faces: int, nodes: int) -> "Work":
-        """Return memory without values for a number of workers, sequences of `faces` faces and `nodes` frequency nodes."""
-        shapes = (
-            (4, 3), (4, 3), (3, faces), (3,), (3, faces + 1, 3), (3, 3), (3, 3), (3,), (3,), (3, 3), (2, 3, 2, 2), (2,), (2, nodes, 3),
-            (nodes,), (faces,), (MAX_PANES,),
-        )  # fmt: skip
-        kinds = (
-            float,
-            float,
-            np.int64,
-            np.int64,
-            float,
-            float,
-            float,
-            float,
-            float,
-            float,
-            complex,
-            complex,
-            complex,
-            complex,
-            np.int64,
-            np.int64,
-        )
-        return Work(*(np.empty((workers, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
 
 
 @innermost
@@ -504,14 +477,14 @@ def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]
     )
 
 
-@innermost
+@compiled
 def evaluate(
-    begin: int, stop: int, step: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
+    begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
     nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
     axis: np.ndarray, least: np.ndarray, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray, arrival: np.ndarray,
-    met: np.ndarray, work: Work,
+    met: np.ndarray,
 ) -> None:  # fmt: skip
-    """Compute every `step`-th path from `begin` to `stop` - 1 of N pairs of a pose and a sequence.
+    """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
 
     Args:
         opaque: (surfaces,) bool. tables: of the surfaces.
@@ -521,15 +494,16 @@ def evaluate(
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
         amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
-        work: memory of `step` workers.
     """
-    w = begin % step
+    faces_of, nodes = chain.shape[1], tables.te.shape[2]
     path = Work(
-        work.node[w], work.touched[w], work.chain[w], work.count[w], work.points[w], work.leave[w], work.arrive[w], work.size[w],
-        work.share[w], work.beside[w], work.matrix[w], work.bend[w], work.field[w], work.level[w], work.other_order[w], work.found[w],
+        np.empty((4, 3)), np.empty((4, 3)), np.empty((3, faces_of), np.int64), np.empty(3, np.int64), np.empty((3, faces_of + 1, 3)),
+        np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((2, 3, 2, 2), np.complex128),
+        np.empty(2, np.complex128), np.empty((2, nodes, 3), np.complex128), np.empty(nodes, np.complex128),
+        np.empty(faces_of, np.int64), np.empty(MAX_PANES, np.int64),
     )  # fmt: skip
     field, level = path.field[0], path.level
-    for n in range(begin, stop, step):
+    for n in range(begin, stop):
         s = which[n]
         place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
         edges = int(edge[s, 0] >= 0) + int(edge[s, 1] >= 0)

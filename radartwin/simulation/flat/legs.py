@@ -9,13 +9,11 @@ around the object, and on a finer grid where the field is not linear between the
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
-from radartwin.compiled import compiled, each, fixed, innermost
-from radartwin.simulation.flat import parallel
+from radartwin.compiled import compiled, each, fixed, innermost, shared_out
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
 from radartwin.simulation.flat.kirchhoff import edge_part
@@ -86,27 +84,15 @@ class Legs:
         values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
         grids = fixed(values.astype(complex, copy=False)), first, side, number[code], self.low, self.size
         arguments = *grids, place, np.ascontiguousarray(point)
-        parallel.compute(_weigh, len(amplitude), arguments, [amplitude], _Corners.of, grain=1000)
+        shared_out(_weigh, len(amplitude), *arguments, amplitude, grain=1000)
 
 
-class _Corners(NamedTuple):
-    """Hold the memory of W workers. row: (W, 8) rows of the corners of a cell of a grid. weight: (W, 8)."""
-
-    row: np.ndarray
-    weight: np.ndarray
-
-    @staticmethod
-    def of(workers: int) -> "_Corners":
-        """Return memory without values for a number of workers."""
-        return _Corners(np.empty((workers, 8), np.int64), np.empty((workers, 8)))
-
-
-@innermost
+@compiled
 def _weigh(
-    begin: int, stop: int, step: int, values: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray,
-    size: float, place: np.ndarray, point: np.ndarray, amplitude: np.ndarray, work: _Corners,
+    begin: int, stop: int, values: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray,
+    size: float, place: np.ndarray, point: np.ndarray, amplitude: np.ndarray,
 ) -> None:  # fmt: skip
-    """Multiply every `step`-th row from `begin` to `stop` - 1 of `amplitude` (N, Q) by the field of one of M legs.
+    """Multiply the rows `begin` to `stop` - 1 of `amplitude` (N, Q) by the field of one of M legs.
 
     The field is interpolated linearly at points (N, 3).
 
@@ -115,8 +101,8 @@ def _weigh(
             a leg of side 0 has no field. number: (N,) leg of each row.
         low, size: (U, 3) lowest corner and edge length of the cubes. place: (N,) cube of each row.
     """
-    corners, weights = work.row[begin % step], work.weight[begin % step]
-    for i in range(begin, stop, step):
+    corners, weights = np.empty(8, np.int64), np.empty(8)
+    for i in range(begin, stop):
         side = sides[number[i]]
         if side == 0:
             for q in range(values.shape[1]):
@@ -295,47 +281,21 @@ def room_fields(
         NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which), np.ascontiguousarray(sensor),
         np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
     )  # fmt: skip
-    work = partial(_Work.of, faces=chains.shape[1], nodes=out.shape[1], surfaces=len(room.table.opaque))
-    parallel.compute(_evaluate, len(which), arguments, [out], work)
+    shared_out(_evaluate, len(which), *arguments, out)
     return out
 
 
-class _Work(NamedTuple):
-    """Hold the memory of W workers, for sequences of C faces and Q frequency nodes.
-
-    Attributes:
-        images: (W, C + 1, 3). met: (W, C + 2, 3). found: (W, MAX_PANES). others: (W, surfaces) bool. field: (W, Q, 3).
-    """
-
-    images: np.ndarray
-    met: np.ndarray
-    found: np.ndarray
-    others: np.ndarray
-    field: np.ndarray
-
-    @staticmethod
-    def of(workers: int, faces: int, nodes: int, surfaces: int) -> "_Work":
-        """Return memory without values for a number of workers."""
-        return _Work(
-            np.empty((workers, faces + 1, 3)),
-            np.empty((workers, faces + 2, 3)),
-            np.empty((workers, MAX_PANES), np.int64),
-            np.empty((workers, surfaces), np.bool_),
-            np.empty((workers, nodes, 3), np.complex128),
-        )
-
-
-@innermost
+@compiled
 def _evaluate(
-    begin: int, stop: int, step: int, faces: Faces, borders: tuple, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray,
+    begin: int, stop: int, faces: Faces, borders: tuple, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray,
     tables: Tables, wavenumber: float, nudge: np.ndarray, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray,
-    place: np.ndarray, points: np.ndarray, out: np.ndarray, work: _Work,
+    place: np.ndarray, points: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the fields of every `step`-th line from `begin` to `stop` - 1; the arguments are those of `room_fields`."""
-    worker = begin % step
-    images, met, none = work.images[worker], work.met[worker], (0.0, 0.0, 0.0)
-    found, others, field = work.found[worker], work.others[worker], work.field[worker]
-    for n in range(begin, stop, step):
+    """Write the fields of the lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
+    longest, none = chains.shape[1], (0.0, 0.0, 0.0)
+    images, met, field = np.empty((longest + 1, 3)), np.empty((longest + 2, 3)), np.empty((out.shape[1], 3), np.complex128)
+    found, others = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_)
+    for n in range(begin, stop):
         m = 0
         while m < chains.shape[1] and chains[which[n], m] >= 0:
             m += 1

@@ -8,15 +8,15 @@ At each pose, the paths of the sequences of the nearest test place are then comp
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from radartwin.compiled import each
+from radartwin.compiled import each, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.simulation.flat import field, obstacles, parallel, search, shadows
+from radartwin.simulation.flat import field, obstacles, search, shadows
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
@@ -289,7 +289,7 @@ class FlatRoom:
         """
         none = np.zeros(len(which), int)
         found, (amplitude, _, departure, arrival, _) = self._fields(
-            every, none, which, pose[None], np.full(1, least), self._middle, True, blocking
+            every, none, which, pose[None], np.full(1, least), self._middle, blocking
         )
         gain = both_gains(radar, departure[found] @ pose[:3, :3], arrival[found] @ pose[:3, :3])
         return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
@@ -364,14 +364,9 @@ class FlatRoom:
         poses: np.ndarray,
         least: np.ndarray,
         tables: field.Tables,
-        processor: bool = False,
         blocking: obstacles.Hierarchy | None = None,
     ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all.
-
-        processor: whether to compute on the processor in any case. The search sets it to True, so that all variants find the same
-        sequences.
-        """
+        """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all."""
         n, q, points = len(pose), tables.te.shape[2], every.chain.shape[1] + 2
         values = (
             np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
@@ -382,8 +377,7 @@ class FlatRoom:
             every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
             np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
         )  # fmt: skip
-        work = partial(field.Work.of, faces=points - 2, nodes=q)
-        parallel.compute(field.evaluate, n, arguments, values, work, pieces=16, processor=processor)
+        shared_out(field.evaluate, n, *arguments, *values, pieces=16)
         return np.flatnonzero(values[1][:, 0] > 0), values
 
     def _evaluated(

@@ -14,14 +14,12 @@ part of the factor.
 """
 
 import math
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import trimesh
 
 from radartwin.compiled import compiled, innermost, shared_out
-from radartwin.simulation.flat import parallel
 from radartwin.simulation.flat.field import NUDGE
 from radartwin.simulation.flat.kirchhoff import edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
@@ -483,7 +481,6 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
     chosen, view = distinct(viewer)
     outlines, count = np.empty((len(chosen), MAX_SEGMENTS, 2, 3)), np.zeros(len(chosen), int)
     shared_out(_outlines, len(chosen), body, viewer[chosen], wavenumber, outlines, count)
-    work = partial(_Work.of, longest=lengths.shape[1] + 1)
     if mirrors:
         which = np.full(beside.shape, -1)
         which[path, line] = view
@@ -492,7 +489,7 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
         some = np.unique(path)
         values = np.empty(len(some), complex)
         arguments = body, outlines, count, which[some], from_start[some], ends[some], lengths[some], wavenumber
-        parallel.compute(_over_mirrors, len(some), arguments, [values], work)
+        shared_out(_over_mirrors, len(some), *arguments, values)
         out[some] = values
         return out
     # The first and the last line of many paths join the sensor to the same point.
@@ -500,7 +497,7 @@ def factors(body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, w
     kept, same = distinct(np.concatenate(ends, axis=1))
     values = np.empty(len(kept), complex)
     arguments = body, outlines, count, view[kept], ends[0][kept], ends[1][kept], wavenumber
-    parallel.compute(_of_lines, len(kept), arguments, [values], work)
+    shared_out(_of_lines, len(kept), *arguments, values)
     np.multiply.at(out, path, values[same])
     return out
 
@@ -626,31 +623,6 @@ def _lies_in(edge: np.ndarray, point: Point, normal: Point) -> bool:
     return size > 0 and abs(first) < IN_PLANE_M and abs(second) < IN_PLANE_M
 
 
-class _Work(NamedTuple):
-    """Hold the memory of W workers, for paths of at most L - 1 lines.
-
-    Attributes:
-        part: (W, 2, MAX_SEGMENTS). place: (W, 2, MAX_SEGMENTS, 3). found: (W, MAX_PANES). normal: (W, L, 3). factor: (W, L).
-    """
-
-    part: np.ndarray
-    place: np.ndarray
-    found: np.ndarray
-    normal: np.ndarray
-    factor: np.ndarray
-
-    @staticmethod
-    def of(workers: int, longest: int) -> "_Work":
-        """Return memory without values for a number of workers."""
-        return _Work(
-            np.empty((workers, 2, MAX_SEGMENTS), np.complex128),
-            np.empty((workers, 2, MAX_SEGMENTS, 3)),
-            np.empty((workers, MAX_PANES), np.int64),
-            np.empty((workers, longest, 3)),
-            np.empty((workers, longest), np.complex128),
-        )
-
-
 @innermost
 def _sum(part: np.ndarray, waves: int) -> complex:
     """Return the sum of the first `waves` edge waves."""
@@ -669,39 +641,39 @@ def _way(length: np.ndarray, first: int, stop: int) -> float:
     return total
 
 
-@innermost
+@compiled
 def _of_lines(
-    begin: int, stop: int, step: int, body: Skin, outlines: np.ndarray, count: np.ndarray, view: np.ndarray, start: np.ndarray,
-    end: np.ndarray, wavenumber: float, out: np.ndarray, work: _Work,
+    begin: int, stop: int, body: Skin, outlines: np.ndarray, count: np.ndarray, view: np.ndarray, start: np.ndarray,
+    end: np.ndarray, wavenumber: float, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the factors of every `step`-th line from `begin` to `stop` - 1 to `out` (N,).
+    """Write the factors of the lines `begin` to `stop` - 1 to `out` (N,).
 
     view: (N,) outline of each line as seen from its start.
     """
-    worker, none = begin % step, (0.0, 0.0, 0.0)
-    part, place, found = work.part[worker, 0], work.place[worker, 0], work.found[worker]
-    for n in range(begin, stop, step):
+    part, place = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
+    found, none = np.empty(MAX_PANES, np.int64), (0.0, 0.0, 0.0)
+    for n in range(begin, stop):
         edges = outlines[view[n], : count[view[n]]]
         clear, waves = _waves(body, edges, True, start[n], end[n], 0.0, 0.0, none, none, wavenumber, part, place, found)
         out[n] = clear + _sum(part, waves)
 
 
-@innermost
+@compiled
 def _over_mirrors(
-    begin: int, stop: int, step: int, body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray,
-    ends: np.ndarray, lengths: np.ndarray, wavenumber: float, out: np.ndarray, work: _Work,
+    begin: int, stop: int, body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray,
+    ends: np.ndarray, lengths: np.ndarray, wavenumber: float, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the factors of every `step`-th path over mirrors from `begin` to `stop` - 1 to `out` (N,).
+    """Write the factors of the paths `begin` to `stop` - 1 over mirrors to `out` (N,).
 
     view: (N, P + 1) outline of each line; -1: none. from_start: (N, P + 1) whether the outline is seen from the source of the line.
 
     An edge wave of one line of a path continues along its own ray. Beside the later lines, the body can shadow this ray again and create
     further edge waves. The function does not trace these further waves, but multiplies the edge wave by the factors of the later lines.
     """
-    worker = begin % step
-    part, place, found = work.part[worker, 0], work.place[worker, 0], work.found[worker]
-    normal, factor = work.normal[worker], work.factor[worker]
-    for n in range(begin, stop, step):
+    part, place = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
+    later, beyond, found = np.empty_like(part), np.empty_like(place), np.empty(MAX_PANES, np.int64)
+    normal, factor = np.empty((lengths.shape[1] + 1, 3)), np.empty(lengths.shape[1] + 1, np.complex128)
+    for n in range(begin, stop):
         last = 0
         while last < lengths.shape[1] and lengths[n, last] > 0:
             last += 1
@@ -729,7 +701,8 @@ def _over_mirrors(
                 onwards = factor[i]
                 if i + 1 < last and abs(part[e]) > SEEN:
                     onwards = _onwards(
-                        body, outlines, number, view[n], from_start[n], met, normal, i, last, place[e], after, wavenumber, work, worker
+                        body, outlines, number, view[n], from_start[n], met, normal, i, last, place[e], after, wavenumber, later,
+                        beyond, found,
                     )  # fmt: skip
                     # at the border of the shadow, where half of the field passes, the wave continues as the undisturbed line does
                     undisturbed = min((2 * abs(part[e])) ** 4, 1.0)
@@ -741,12 +714,12 @@ def _over_mirrors(
 @innermost
 def _onwards(
     body: Skin, outlines: np.ndarray, number: np.ndarray, view: np.ndarray, from_start: np.ndarray, met: np.ndarray,
-    normal: np.ndarray, i: int, last: int, start: Point, after: float, wavenumber: float, work: _Work, worker: int,
+    normal: np.ndarray, i: int, last: int, start: Point, after: float, wavenumber: float, part: np.ndarray,
+    place: np.ndarray, found: np.ndarray,
 ) -> complex:  # fmt: skip
     """Return the product of the factors of the lines after line `i`, for a ray that begins at `start` beside line `i` and meets the same
     mirrors.
     """
-    part, place, found = work.part[worker, 1], work.place[worker, 1], work.found[worker]
     way = toward(met[i], met[i + 1], 1.0)
     target = moved(met[i + 1], way, after / norm(way))
     rest = distance(target, start)
