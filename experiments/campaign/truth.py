@@ -96,7 +96,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # drives keep one tube per square wavelength, because interpolation along the track (radartwin/simulation/backends/track.py) has a larger
+        # drives keep one tube per square wavelength, because moving paths along the track (simulation/backends/track.py) has a larger
         # error than the one that finer tubes would remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
         coupled_rays_per_wavelength2=0.5 if fine else 1.0,  # docs/decisions/017-run-time-of-tables.md has the errors

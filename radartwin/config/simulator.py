@@ -36,6 +36,9 @@ class MitsubaSimulator(SimulatorConfig):
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # number of rays per frame; null: computed from the width of the ray tubes
     rays_per_wavelength2: float = positive(1.0)  # number of rays per squared wavelength on the surface of objects
+    diffractions: int = number(2, lambda most: most in (1, 2), "1 or 2")  # largest number of edge diffractions of a path in a flat room
+    # paths of a flat room below this share of the strongest path of their pose are left out
+    prune: float = number(1e-3, lambda level: 0 < level <= 0.1, "at most 0.1 and above 0")
     coupling: bool = True  # whether to compute paths that reflect at objects and at flat faces of the room
     diffuse: bool = True  # whether to compute the scatter of rough surfaces, from random points that stay fixed in the room
 

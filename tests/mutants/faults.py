@@ -128,6 +128,7 @@ simulation/flat/search: physics/test_furnished_rooms
 _far | math.sqrt(max(excess, 0.0)) - change | math.sqrt(max(excess, 0.0)) + change | edges are weaker anywhere in a cell than at its centre
 
 simulation/flat/room: physics/test_furnished_rooms
+FlatRoom._some | 2 * np.abs(half) | 0 * half.real | paths that only the middle of the array sees vanish
 FlatRoom._some | first + share * (second - first) | second + share * (first - second) | the channels of the array are in reverse order
 _nearest | KDTree(places).query(points)[1] | np.zeros(len(points), int) | all poses use the sequences of the first test place
 

@@ -1,17 +1,21 @@
 """The seeded furnished rooms: their layouts, their stored full-wave fields, and the score of the simulator in these rooms."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import fullwave, furnished, moments_2d
+from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import variant
 from radartwin.simulation.backends.static_scene import static_scene
+from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.flat import room
 from radartwin.simulation.pruning import PRUNE
 from radartwin.simulation.signal.synthesis import received
+from radartwin.simulation.simulate import trace_paths
 
 GIVEN_ROOMS = ("corner", "corner_panel", "corner_cabinet", "corner_cabinet_post", "post_before_wall", "alcove")
 NAMES = [furnished.name(seed) for seed in furnished.SEEDS]
@@ -115,3 +119,29 @@ def test_interpolated_channels_agree_with_exact_ones(monkeypatch):
     exact = signal()
     assert np.linalg.norm(exact[0, 0] - exact[1, 3]) > 0.1 * np.linalg.norm(exact[0, 0])
     assert (np.linalg.norm(usual - exact, axis=2) < 0.01 * np.linalg.norm(exact, axis=2)).all()
+
+
+def test_a_wall_seen_through_a_gap_narrower_than_the_array():
+    """Only the channels in the middle of the array see the wall. Each channel agrees with a single antenna at its place."""
+    strip = {"left": [[1.2, 0.003], [1.2, 0.6]], "right": [[1.2, -0.6], [1.2, -0.003]], "wall": [[2.5, -1.5], [2.5, 1.5]]}
+    scene = Scene([Surface(fullwave.extruded(np.array([line])), "metal", name, role="room") for name, line in strip.items()])
+    radar = furnished.radar()
+    every = received(trace_paths(scene, radar, np.eye(4)[None], None, TraceSettings())[0], radar, 1)[0, 0]
+    for t, r in ((0, 0), (1, 0), (1, 3)):
+        place = (radar.tx_positions[t] + radar.rx_positions[r]) / 2
+        at = np.eye(4)
+        at[:3, 3] = place
+        single = replace(radar, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
+        alone = received(trace_paths(scene, single, at[None], None, TraceSettings())[0], single, 1)[0, 0, 0, 0]
+        assert np.linalg.norm(every[t, r] - alone) < 0.05 * np.linalg.norm(alone)
+
+
+def test_a_rolling_radar_has_the_paths_of_its_antenna_axis():
+    scene, turn = fullwave.scene(furnished.ROOMS, "corner_17"), np.radians([0, 30, 60, 90])
+    poses = np.repeat(np.eye(4)[None], len(turn), axis=0)
+    poses[:, 1, 1], poses[:, 1, 2], poses[:, 2, 1], poses[:, 2, 2] = np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)
+    radar = replace(furnished.radar(), frame_rate_hz=1e-3)
+    track = [part.frames(3, 4) for part in trace_paths(scene, radar, poses, None, TraceSettings())[0]]
+    rest = trace_paths(scene, radar, poses[3:], None, TraceSettings())[0]
+    rolled, still = (received(parts, radar, 1)[0, 0] for parts in (track, rest))
+    assert np.linalg.norm(rolled - still) < 0.01 * np.linalg.norm(still)

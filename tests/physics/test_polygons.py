@@ -116,7 +116,7 @@ def test_shadow_is_that_of_ray_tubes():
     antennas = [Antennas(place[None], UP[None]) for place in (source, receiver)]
     grid = tube_grid.towards(built.hull_points(), source[None], built.centre, WAVELENGTH / 8, built.grid_shift)
     assert grid is not None
-    exact = coherent(tubes.trace(built, METAL, grid, antennas[0], antennas[1], TraceOptions(1, pieces=3)))
+    exact = coherent(tubes.trace(built, METAL, grid, antennas[0], antennas[1], TraceOptions(1)))
     ours = coherent(echo(mesh, source, receiver, bounces=1))
     assert abs(decibels(ours / exact)) < 0.2
     whole = coherent(echo(objects.plate(0.1, 0.08), source, receiver)) + coherent(echo(front, source, receiver))

@@ -48,7 +48,7 @@ def test_a_cell_finds_every_mirror_path_of_its_places(mirrors):
     places = np.stack([np.eye(4), *(trajectory.pose(CELL_M * way / np.linalg.norm(way)) for way in rng.normal(size=(16, 3)))])
     places[1:, 2, 3] *= 0.1  # the mirrors are upright, so the places differ most within the horizontal plane
     every = chains(3)
-    found = mirrors._sequences(places, RADAR, 3, PRUNE, False)
+    found = mirrors._sequences(places, places, RADAR, 3, PRUNE, False)
     known = {tuple(row) for row in found.chain[found.edge[:, 0] < 0].tolist()}
     seen = {tuple(row) for place in places for row in every.chain[mirrors.levels(every, place, RADAR) > 0].tolist()}
     only = {tuple(row) for row in every.chain[mirrors.levels(every, places[0], RADAR) > 0].tolist()}

@@ -198,7 +198,7 @@ def _projected(ends, source, frame, scale, plane, at):
 
 
 @innermost
-def _mark(at, rows, columns, cell, line, number):
+def _mark(at: np.ndarray, rows: int, columns: int, cell: np.ndarray, line: np.ndarray, number: int) -> int:
     """Add the part of the segment `at` (2, 2) in each square that it crosses. Returns the number of parts."""
     u0, v0, u1, v1 = at[0, 0], at[0, 1], at[1, 0], at[1, 1]
     if v0 > v1:
@@ -223,7 +223,7 @@ def _mark(at, rows, columns, cell, line, number):
 
 
 @innermost
-def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines, out_square, out_centre, out_corner, used):  # fmt: skip
+def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines, out_square, out_centre, out_corner, used: int) -> int:
     """Cut one square, or the `side`^2 smaller ones in it, along the lines `order`, and write the pieces. Returns the number of pieces,
     or -1 if the output is too short.
     """

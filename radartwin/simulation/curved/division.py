@@ -69,9 +69,9 @@ def blocks(
             parts = (part for pose in range(grid.poses) for part in _parts(_covered(grid, pose, geometry.corners)))
         yield from (TubeSelection(index.astype(np.uint32)) for index in parts if len(index))
         return
-    cell_m2 = grid.step_u * grid.step_v * (1 if grid.plane else np.square(grid.source - geometry.centre).sum(axis=1))
     among = None if options.cluster is None else options.cluster == options.first_cluster
-    small = grid.per_pose * float(cell_m2.mean()) <= SMALL * wavelength_m**2
+    # the size of the body decides, not the poses of the call
+    small = np.sort(np.ptp(geometry.hull_points(), axis=0))[1:].prod() <= SMALL * wavelength_m**2
     # Test rays do not pass panes, and the far wall of a curved shell has its shadow line where the near wall has it.
     tested = not panes and (small or (options.max_bounces > 1 if walls is None else not device.curved))
     step = max(1, TUBES_PER_BLOCK // (2 * grid.per_pose))

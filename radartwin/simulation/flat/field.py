@@ -502,6 +502,19 @@ def evaluate(
         np.empty(2, np.complex128), np.empty((2, nodes, 3), np.complex128), np.empty(nodes, np.complex128),
         np.empty(faces_of, np.int64), np.empty(MAX_PANES, np.int64),
     )  # fmt: skip
+    # the loop creates no arrays, so that it counts no references
+    _evaluate(
+        begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least,
+        amplitude, length, departure, arrival, met, path,
+    )  # fmt: skip
+
+
+@innermost
+def _evaluate(
+    begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least,
+    amplitude, length, departure, arrival, met, path,
+):  # fmt: skip
+    """Compute the paths of `evaluate` in the memory of one path."""
     field, level = path.field[0], path.level
     for n in range(begin, stop):
         s = which[n]

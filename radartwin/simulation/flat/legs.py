@@ -292,9 +292,43 @@ def _evaluate(
     place: np.ndarray, points: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
     """Write the fields of the lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
-    longest, none = chains.shape[1], (0.0, 0.0, 0.0)
+    longest = chains.shape[1]
     images, met, field = np.empty((longest + 1, 3)), np.empty((longest + 2, 3)), np.empty((out.shape[1], 3), np.complex128)
     found, others = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_)
+    # the loop creates no arrays, so that it counts no references
+    _lines(
+        begin,
+        stop,
+        faces,
+        borders,
+        outlines,
+        tree,
+        opaque,
+        tables,
+        wavenumber,
+        nudge,
+        chains,
+        which,
+        sensor,
+        axes,
+        place,
+        points,
+        out,
+        images,
+        met,
+        field,
+        found,
+        others,
+    )
+
+
+@innermost
+def _lines(
+    begin, stop, faces, borders, outlines, tree, opaque, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
+    images, met, field, found, others,
+):  # fmt: skip
+    """Compute the lines of `_evaluate` in the memory of one line."""
+    none = (0.0, 0.0, 0.0)
     for n in range(begin, stop):
         m = 0
         while m < chains.shape[1] and chains[which[n], m] >= 0:

@@ -23,16 +23,19 @@ from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
 from radartwin.simulation.reflection_table import ReflectionTable
 
 CELL_M = 0.1  # largest distance of a test place from the centre of its cell
-TEST_M = 0.02  # largest distance of a pose from its test place, and margin within which the sequences of a test place exist
-# Places, relative to a test place and in units of TEST_M in the frame of the sensor, where a path must be strong.
+TEST_M = 0.015  # largest distance of a pose of the track from a test place
+MARGIN_M = 0.025  # margin around a test place within which its sequences exist; poses beside the track need more than TEST_M
 LATE = 0.6  # factor on thresholds near the pose itself: of fields at its middle channel, and of two diffractions at its test place
+EYES = 16  # largest number of poses of a cell from which visibility is tested
 COARSE = 4  # number of places of a cell where a path with two diffractions must be strong
+# Places, relative to a test place and in units of the margin in the frame of the sensor, where a path must be strong.
 TESTED = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.2], [-0.1, -0.5, -0.2]])
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
 # Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 5 s
 # of processor time for a cell in the furnished laboratory, which has 257.
 MAX_EDGES = 1000
+SHORT = 4.0  # length in wavelengths up to which the fields of a linear array are interpolated
 UNEVEN = 0.3  # relative difference of the fields at the outermost channels above which all channels are computed
 CHANNELS = 0.003  # the fields of weaker paths, relative to the strongest path of the pose, are computed at the middle of the array only
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
@@ -44,7 +47,7 @@ class RoomWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Searched:
-    """Hold the strong sequences at T test places. `places` (T, 6) is a result of `_points`. `of_test` has for each test place the indices
+    """Hold the strong sequences at T test places. `places` (T, 9) is a result of `_points`. `of_test` has for each test place the indices
     of its sequences in `sequences`.
     """
 
@@ -220,19 +223,31 @@ class FlatRoom:
         points = _points(poses)
         tests = _spaced(points, TEST_M)
         members = cells(points[tests])
-        found = each(lambda some: self._strong(poses[tests[some]], radar, max_bounces, prune, twice), members)
+        test_of = _nearest(points, points[tests])
+
+        def strong(some: np.ndarray) -> list[search.Sequences]:
+            """Return the sequences of the test places of a cell. Poses of the track test what the cell sees."""
+            near = np.flatnonzero(np.isin(test_of, some))
+            eyes = near[np.unique(np.linspace(0, len(near) - 1, EYES).astype(int))]
+            return self._strong(poses[tests[some]], poses[eyes], radar, max_bounces, prune, twice)
+
+        found = each(strong, members)
         every, index = search.Sequences.union([sequences for cell in found for sequences in cell])
         of_test = [index[i] for i in np.argsort(np.concatenate(members))]
         return Searched(points[tests], every, of_test)
 
-    def _strong(self, places: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> list[search.Sequences]:
+    def _strong(
+        self, places: np.ndarray, eyes: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool
+    ) -> list[search.Sequences]:
         """Return, for each test place (P, 4, 4) of a cell, the sequences that are strong there, or can exist in the margin around it.
 
-        A path can be weak at a place, and strong beside it. Therefore each place stands for three. What blocks a path at a place may not
-        block it beside the place. Therefore nothing blocks the paths whose levels are compared with that of the strongest visible path.
+        A path can be weak at a place, and strong beside it, so each place stands for three. What blocks a path at a place may not block it
+        beside the place, so nothing blocks paths with fewer than two diffractions here. Of the many paths with two diffractions, the
+        function keeps those that are seen and strong at one of the three places.
         """
-        every, least = self._sequences(places, radar, max_bounces, EARLY * prune, twice), self._least(radar, EARLY * prune)
-        beside = np.stack([_shifted(places, share * TEST_M) for share in TESTED], axis=1)
+        every, least = self._sequences(places, eyes, radar, max_bounces, EARLY * prune, twice), self._least(radar, EARLY * prune)
+        margin = _margin(radar)
+        beside = np.stack([_shifted(places, share * margin) for share in TESTED], axis=1)
         few = every.where(every.edge[:, 1] < 0)
         strongest = np.array([min(self.levels(few, pose, radar).max(initial=0.0) for pose in three) for three in beside])
         # Pairs of edges are numerous. Those that are weak at a few places of the cell are left out.
@@ -243,17 +258,17 @@ class FlatRoom:
             strong[exists[levels > EARLY * prune * strongest.min()]] = True
         every, out = search.Sequences.joined([few, every.where(double[strong])]), []
         for three, loudest in zip(beside, strongest, strict=True):
-            close = every.where(search.near(self.faces, self.wavenumber, every, three[0, :3, 3], TEST_M))
-            twice = close.edge[:, 1] >= 0
-            limit = np.where(twice, LATE, EARLY) * prune * loudest
+            close = every.where(search.near(self.faces, self.wavenumber, every, three[0, :3, 3], margin))
+            double = close.edge[:, 1] >= 0
+            limit = np.where(double, LATE, EARLY) * prune * loudest
             weak, strong = np.zeros((2, len(close)), bool)
-            for which, blocking in ((np.flatnonzero(~twice), self._nothing), (np.flatnonzero(twice), None)):
+            for which, blocking in ((np.flatnonzero(~double), self._nothing), (np.flatnonzero(double), None)):
                 for pose in three:
                     exists, levels = self._levels(close, which, pose, radar, 0.0, blocking)
                     exists = which[exists]
                     weak[exists[levels <= limit[exists]]] = True
                     strong[exists[levels > limit[exists]]] = True
-            out.append(close.where(strong | ~(weak | twice)))
+            out.append(close.where(strong | ~(weak | double)))
         return out
 
     def single_diffractions(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> search.Sequences:
@@ -261,7 +276,7 @@ class FlatRoom:
 
         The function takes a small part of the time of `searched`, which also finds paths with two diffractions.
         """
-        return self._strong(pose[None], radar, max_bounces, prune, False)[0]
+        return self._strong(pose[None], pose[None], radar, max_bounces, prune, False)[0]
 
     def levels(self, sequences: search.Sequences, pose: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the level (K,) of each sequence at a sensor pose (4, 4): received amplitude with element gain, 0 without a path."""
@@ -302,15 +317,19 @@ class FlatRoom:
         through = np.maximum(np.abs(self.table.through_te).max(axis=(1, 2)), np.abs(self.table.through_tm).max(axis=(1, 2)))
         return search.Levels(self._envelope, through, front, least)
 
-    def _sequences(self, places: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool) -> search.Sequences:
+    def _sequences(
+        self, places: np.ndarray, eyes: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool
+    ) -> search.Sequences:
         """Return the sequences that can have a path as strong as `prune` times the strongest path, anywhere in a cell.
 
         Args:
-            places: (P, 4, 4) poses in the cell; the first is its centre. twice: whether paths may have two diffractions.
+            places: (P, 4, 4) poses in the cell; the first is its centre. eyes: (E, 4, 4) poses from which visibility is tested.
+            twice: whether paths may have two diffractions.
         """
-        at = places[:, :3, 3] + 1.5 * places[:, :3, :3] @ field.NUDGE / self.wavenumber
-        reach = CELL_M + TEST_M
-        beside = [_shifted(places[:1], TEST_M / 2 * way)[:, :3, 3] for way in (*np.eye(3), *-np.eye(3))]
+        seen, margin = np.concatenate([places[:1], eyes]), _margin(radar)
+        at = seen[:, :3, 3] + 1.5 * seen[:, :3, :3] @ field.NUDGE / self.wavenumber
+        reach = CELL_M + margin
+        beside = [_shifted(places[:1], margin / 2 * way)[:, :3, 3] for way in (*np.eye(3), *-np.eye(3))]
         cell, forward = search.Cell(np.concatenate([at, *beside]), reach), places[0, :3, 0]
         sees_behind = radar.sees_behind or np.abs(places[:, :3, 0] - forward).max() > 1e-3
         front = np.zeros(4) if sees_behind else np.append(forward, forward @ at[0] - reach)
@@ -411,12 +430,15 @@ class FlatRoom:
         apart = np.flatnonzero((level[0] == 0) | (level[0] > CHANNELS * strongest[pose])) if len(channels) > 1 else np.zeros(0, int)
         # the channels need the fields in the middle of the sweep only
         ends = [
-            self._fields(every, pose[apart], which[apart], _shifted(poses, end), least, self._middle)[1][0][:, 0] for end in offsets[1:]
+            self._fields(every, pose[apart], which[apart], _shifted(poses, end), EARLY * least, self._middle)[1][0][:, 0]
+            for end in offsets[1:]
         ]
         change = np.zeros(len(pose))
         for k, end in enumerate(ends):
             level[k + 1, apart] = np.abs(end)
-        change[apart] = np.abs(ends[0] - ends[1])
+        # a path can exist at the middle only, as through a narrow gap
+        half = every_value[0][apart, middle] - (ends[0] + ends[1]) / 2
+        change[apart] = np.maximum(np.abs(ends[0] - ends[1]), 2 * np.abs(half))
         best = np.where(level[0] > 0, 0, level.argmax(axis=0))
         for k in (1, 2):
             rows = np.flatnonzero(best == k)
@@ -425,13 +447,12 @@ class FlatRoom:
                 values[rows] = value
         there = np.flatnonzero(level.max(axis=0) > 0)
         amplitude, length, departure, arrival, met = (values[there] for values in every_value)
-        uneven = np.flatnonzero(change[there] > UNEVEN * level[:, there].max(axis=0))
+        straight, share = _along_array(channels, radar.wavelength_m)
+        uneven = np.flatnonzero((change[there] > UNEVEN * level[:, there].max(axis=0)) | (np.isin(there, apart) & (not straight)))
         gain = np.ones((len(there), len(channels)), complex)
         some = there[uneven]
         if len(apart):
             strong, row = np.isin(apart, there), np.searchsorted(there, apart)
-            between = channels - offsets[1]  # from the first outermost channel to each channel, as a share of the way to the other one
-            share = between @ (offsets[2] - offsets[1]) / np.sum((offsets[2] - offsets[1]) ** 2)
             first, second = (end[strong, None] for end in ends)
             gain[row[strong]] = (first + share * (second - first)) / amplitude[row[strong], middle, None]
         for c, channel in enumerate(channels if len(some) else channels[:0]):
@@ -494,6 +515,21 @@ def _outermost(radar: Radar) -> tuple[np.ndarray, np.ndarray]:
     return channels[first], channels[last]
 
 
+def _margin(radar: Radar) -> float:
+    """Return the margin in metres around a test place: of the poses near it, and of the channels of the array."""
+    return MARGIN_M + float(np.linalg.norm(_channels(radar), axis=1).max())
+
+
+def _along_array(channels: np.ndarray, wavelength_m: float) -> tuple[bool, np.ndarray]:
+    """Return whether channels (C, 3) lie on a line of at most SHORT wavelengths, and their places (C,) on it from 0 to 1."""
+    away = np.linalg.norm(channels[:, None] - channels[None], axis=2)
+    first, last = np.unravel_index(away.argmax(), away.shape)
+    way = channels[last] - channels[first]
+    share = (channels - channels[first]) @ way / max(float(way @ way), 1e-12)
+    aside = np.linalg.norm(channels - channels[first] - share[:, None] * way, axis=1).max()
+    return bool(aside < 0.1 * wavelength_m and away.max() < SHORT * wavelength_m), share
+
+
 def _shifted(poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
     """Return poses (F, 4, 4) moved by an offset (3,) in their own frame."""
     out = poses.copy()
@@ -515,15 +551,15 @@ def _kinds(every: search.Sequences) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _points(poses: np.ndarray) -> np.ndarray:
-    """Return the positions of poses (F, 4, 4) and their headings in units of HEADING_M, (F, 6)."""
-    return np.concatenate([poses[:, :3, 3], HEADING_M * poses[:, :3, 0]], axis=1)
+    """Return the positions of poses (F, 4, 4), and their headings and antenna axes in units of HEADING_M, (F, 9)."""
+    return np.concatenate([poses[:, :3, 3], HEADING_M * poses[:, :3, 0], HEADING_M * poses[:, :3, 2]], axis=1)
 
 
 def _spaced(points: np.ndarray, spacing_m: float) -> np.ndarray:
     """Return indices (K,) of points (F, D) such that every point is within `spacing_m` of one of them."""
     kept = [0]
     for i, point in enumerate(points):
-        if np.linalg.norm(points[kept] - point, axis=1).min() > spacing_m:
+        if np.linalg.norm(points[kept] - point, axis=1).min() > spacing_m * (1 + 1e-6):
             kept.append(i)
     return np.array(kept)
 

@@ -376,8 +376,9 @@ def _pictured(point: np.ndarray, viewer: np.ndarray, frame: tuple, away: float, 
     """Write the place (to the right, up, depth) of a point (3,) in the picture to `out`."""
     x, y, z = point[0] - viewer[0], point[1] - viewer[1], point[2] - viewer[2]
     out[2] = frame[2][0] * x + frame[2][1] * y + frame[2][2] * z
-    out[0] = (frame[0][0] * x + frame[0][1] * y + frame[0][2] * z) * away / out[2]
-    out[1] = (frame[1][0] * x + frame[1][1] * y + frame[1][2] * z) * away / out[2]
+    depth = out[2] if abs(out[2]) > 1e-12 else 1e-12  # a point may lie in the plane of the viewer
+    out[0] = (frame[0][0] * x + frame[0][1] * y + frame[0][2] * z) * away / depth
+    out[1] = (frame[1][0] * x + frame[1][1] * y + frame[1][2] * z) * away / depth
 
 
 @innermost
@@ -673,6 +674,35 @@ def _over_mirrors(
     part, place = np.empty(MAX_SEGMENTS, np.complex128), np.empty((MAX_SEGMENTS, 3))
     later, beyond, found = np.empty_like(part), np.empty_like(place), np.empty(MAX_PANES, np.int64)
     normal, factor = np.empty((lengths.shape[1] + 1, 3)), np.empty(lengths.shape[1] + 1, np.complex128)
+    # the loop creates no arrays, so that it counts no references
+    _mirror_paths(
+        begin,
+        stop,
+        body,
+        outlines,
+        number,
+        view,
+        from_start,
+        ends,
+        lengths,
+        wavenumber,
+        out,
+        part,
+        place,
+        later,
+        beyond,
+        found,
+        normal,
+        factor,
+    )
+
+
+@innermost
+def _mirror_paths(
+    begin, stop, body, outlines, number, view, from_start, ends, lengths, wavenumber, out, part, place, later, beyond,
+    found, normal, factor,
+):  # fmt: skip
+    """Compute the paths of `_over_mirrors` in the memory of one path."""
     for n in range(begin, stop):
         last = 0
         while last < lengths.shape[1] and lengths[n, last] > 0:
