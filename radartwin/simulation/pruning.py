@@ -24,7 +24,7 @@ MIRRORED = 0.1 * TARGET_ERROR  # a leg whose mirrors reflect less than this has 
 # Paths between small objects and room below this share of the strongest path of the room are left out. Error: 0.002 of the signal of the
 # cluttered atrium.
 PAIRS = 10 * TARGET_ERROR
-PAIRS_OF_DRIVES = 10 * PAIRS  # the same share for clutter in `drives`; error: 0.05 of the signal of the laboratory with clutter
+PAIRS_OF_DRIVES = 10 * PAIRS  # the same share for clutter that many drives see; error: 0.05 of the signal of the laboratory with clutter
 # In a drive, paths of clutter below this share of the strongest path of clutter are left out. Errors: 0.003 of the direct signal of the
 # clutter, 0.01 of its signal with the room.
 CLUTTER = 10 * TARGET_ERROR

@@ -32,7 +32,7 @@ COARSE = 4  # number of places of a cell where a path with two diffractions must
 TESTED = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.2], [-0.1, -0.5, -0.2]])
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
-# Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 5 s
+# Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 10 s
 # of processor time for a cell in the furnished laboratory, which has 257.
 MAX_EDGES = 1000
 SHORT = 4.0  # length in wavelengths up to which the fields of a linear array are interpolated
