@@ -82,8 +82,8 @@ def blocks(
         index, share, cut = divided(cut, sequences, grid, poses, device.curved, small)
         for start in range(0, len(index), TUBES_PER_BLOCK):
             part = slice(start, start + TUBES_PER_BLOCK)
-            pieces = (share[part], cut) if len(cut.square) else ()
-            yield TubeSelection(index[part].astype(np.uint32), *pieces)
+            tubes = index[part].astype(np.uint32)
+            yield TubeSelection(tubes, share[part], cut) if len(cut.square) else TubeSelection(tubes)
 
 
 def _parts(index: np.ndarray) -> Iterator[np.ndarray]:

@@ -87,7 +87,8 @@ class PieceArrays:
     def corners(source: Any, share: Any, cut: Any) -> list[tuple[Any, Any]]:
         """Return the corners of pieces relative to their centre rays, in cells, from the array `source` (`corner`)."""
         first = 2 * CORNERS * (share // (WHOLE + 1) - 1)
-        return [tuple(dr.gather(mi.Float, source, first + 2 * k + i, cut) for i in range(2)) for k in range(CORNERS)]
+        u, v = ([dr.gather(mi.Float, source, first + 2 * k + i, cut) for k in range(CORNERS)] for i in range(2))
+        return list(zip(u, v, strict=True))
 
 
 @dataclass
