@@ -172,7 +172,7 @@ simulation/flat/silhouette: physics/test_silhouette
 _find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 _borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped
 _waves | value if side > 0 else -value | -value if side > 0 else value | edge waves have the wrong sign
-_over_mirrors | part[e] * onwards | part[e] | later lines do not shadow the edge waves of earlier lines
+_mirror_paths | part[e] * onwards | part[e] | later lines do not shadow the edge waves of earlier lines
 
 simulation/flat/legs: physics/test_shadows
 _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors
@@ -185,7 +185,7 @@ _place | turn[r, i, 1] * direction[n, 1] | -turn[r, i, 1] * direction[n, 1] | di
 group_paths | legs.weigh(amplitude, place_of[frame], leg[row], point) | legs | legs have no amplitudes
 
 simulation/flat/legs: physics/test_coupling
-_evaluate | level.conjugate() | level | a leg is not conjugated
+_lines | level.conjugate() | level | a leg is not conjugated
 
 simulation/backends/track: physics/test_places
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track

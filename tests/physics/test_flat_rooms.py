@@ -467,7 +467,7 @@ def test_no_path_along_a_motion_is_listed_in_both_directions():
     """A path with edges and its reverse are one sequence, at whichever place it was found. The search orders arrivals at an edge by their
     strength, which differs from place to place.
     """
-    drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.6, 0.4), (0.4, 0.6, 0.4), 7), TraceSettings())
+    drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.15, 0.4), (0.4, 0.15, 0.4), 4), TraceSettings())
     searched = drives.searched
     assert searched is not None
     every = searched.sequences
