@@ -121,20 +121,20 @@ def amplitudes(scene: rt.Scene, wavelength_m: float, poses: np.ndarray, turn: np
     return out
 
 
-def surfaces(name: str, wavelength_m: float, turn: np.ndarray, role: str) -> rt.Scene:
+def surfaces(name: str, wavelength_m: float, turn: np.ndarray) -> rt.Scene:
     """Return a scene whose sizes are given in wavelengths, turned by a rotation matrix."""
     meshes = [mesh.copy() for mesh in SCENES[name]()]
     for mesh in meshes:
         mesh.vertices = wavelength_m * mesh.vertices @ turn.T
-    return rt.Scene([rt.Surface(mesh, "metal", f"body{i}", role=role) for i, mesh in enumerate(meshes)])
+    return rt.Scene([rt.Surface(mesh, "metal", f"body{i}", role="room") for i, mesh in enumerate(meshes)])
 
 
 def simulated(
-    name: str, known: Answers, wavelength_m: float = WAVELENGTH_M, turn: np.ndarray | None = None, moving: bool = False, role: str = "room"
+    name: str, known: Answers, wavelength_m: float = WAVELENGTH_M, turn: np.ndarray | None = None, moving: bool = False
 ) -> np.ndarray:
     """Return the simulated amplitudes (2, Q, P) of a scene; `moving`: with one call for each track instead of one for each place."""
     turn = np.eye(3) if turn is None else turn
-    scene = surfaces(name, wavelength_m, turn, role)
+    scene = surfaces(name, wavelength_m, turn)
     found = np.zeros_like(known.exact)
     calls = [np.flatnonzero(known.track == track) for track in np.unique(known.track)] if moving else np.arange(len(known.track))[:, None]
     for i in range(2):
