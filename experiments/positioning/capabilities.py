@@ -18,7 +18,7 @@ from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import Backend, backend
-from radartwin.simulation.backends.sionna_limits import quiet
+from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.paths import Paths
 
 Check = Callable[[], tuple[str, bool]]

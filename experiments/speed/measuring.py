@@ -27,7 +27,7 @@ from experiments.speed.problems import RADAR, Problem
 from radartwin.benchmark import signal_error
 from radartwin.benchmark.entrants import published_seconds
 from radartwin.simulation import variant
-from radartwin.simulation.backends import sionna_process
+from radartwin.simulation.backends import sionna
 from radartwin.store import array_cache
 
 ASIDE_M = 1e-6  # shift of the radar between calls that must not reuse cached paths
@@ -38,14 +38,14 @@ class Peak:
 
     def __init__(self) -> None:
         gc.collect()
-        self._before = {pid: _reset(pid) for pid in ("self", *map(str, sionna_process.process_ids()))}
+        self._before = {pid: _reset(pid) for pid in ("self", *map(str, sionna.process_ids()))}
 
     def mib(self) -> float | None:
         """Return the peak memory in MiB above the value at the start, or None on systems other than Linux."""
         if None in self._before.values():
             return None
         total = 0
-        for pid in ("self", *map(str, sionna_process.process_ids())):
+        for pid in ("self", *map(str, sionna.process_ids())):
             total += (_status(pid, "VmHWM") or 0) - (self._before.get(pid) or 0)
         return total / 1024
 
@@ -55,7 +55,7 @@ def clock() -> float:
     if variant.activate("auto").startswith("cuda"):
         return time.perf_counter()
     total = time.process_time()
-    for pid in sionna_process.process_ids():
+    for pid in sionna.process_ids():
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split() if Path(f"/proc/{pid}/stat").is_file() else []
         total += sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK") if fields else 0.0
     return total

@@ -23,7 +23,7 @@ from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.sionna import RAYS, SionnaBackend
-from radartwin.simulation.backends.sionna_limits import quiet
+from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.curved import tube_grid
 from radartwin.simulation.paths import Paths
 

@@ -31,7 +31,7 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import Backend, backend
-from radartwin.simulation.backends.sionna_limits import quiet
+from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.simulate import simulate
 
 RADAR = traced.MONOSTATIC

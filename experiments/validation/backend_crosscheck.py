@@ -35,10 +35,10 @@ from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.simulation import geometry, reflection_table
-from radartwin.simulation.backends import sionna
+from radartwin.simulation.backends import sionna_scene
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
-from radartwin.simulation.backends.sionna_limits import quiet
+from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.backends.static_scene import small_faces
 from radartwin.simulation.paths import Paths
 from radartwin.store.products import Store
@@ -140,11 +140,11 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
         return _images(scene, pose)
     apart = name == "Sionna, apart"
     backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES, separation_m=APART_M if apart else 0.0))
-    mesh = sionna.merged(scene.surfaces, {})
-    answer = backend.found(scene, mesh, RADAR, pose[None])
+    mesh = sionna_scene.convert(scene.surfaces, {}, RADAR, diffuse=False)
+    answer = backend.traced(mesh, pose[None])
     small = _small(scene, mesh, answer["face"])
     if not apart:
-        return together(_of_answer(answer, small, pose))
+        return together(_of_answer(answer, mesh.frequencies_hz, small, pose))
     with quiet():  # the table shows which paths Sionna RT misses
         (paths,) = backend.paths(scene, RADAR, pose[None])
     return together(_of_paths(paths, small))
@@ -163,17 +163,17 @@ def _of_paths(paths: Paths, small: np.ndarray | None = None) -> PathSet:
     return PathSet(paths.length_m, paths.departure, paths.arrival, amplitude, unknown if small is None else small, unknown)
 
 
-def _of_answer(answer: dict[str, np.ndarray], small: np.ndarray, pose: np.ndarray) -> PathSet:
+def _of_answer(answer: dict[str, np.ndarray], frequencies_hz: np.ndarray, small: np.ndarray, pose: np.ndarray) -> PathSet:
     """Return the paths that Sionna found, with the lengths and hit points that Sionna returns."""
     vertex, count = answer["vertex"], (answer["face"] >= 0).sum(axis=1)
     ends = (vertex[:, 0], vertex[np.arange(len(vertex)), count - 1])
     lines = [(end - pose[:3, 3]) @ pose[:3, :3] for end in ends]
     departure, arrival = (line / np.linalg.norm(line, axis=1, keepdims=True) for line in lines)
-    amplitude = _middle(answer["amplitude"].conj(), answer["frequencies_hz"])
+    amplitude = _middle(answer["amplitude"].conj(), frequencies_hz)
     return PathSet(answer["length_m"], departure, arrival, amplitude, small, np.zeros(len(vertex), bool))
 
 
-def _small(scene: Scene, mesh: sionna.Mesh, face: np.ndarray) -> np.ndarray:
+def _small(scene: Scene, mesh: sionna_scene.SionnaScene, face: np.ndarray) -> np.ndarray:
     """Return a mask (N,) of the paths that reflect at a surface for which RadarTwin's tracer uses ray tubes."""
     built = geometry.build([s.mesh for s in scene])
     surfaces = np.unique(built.surface[small_faces(scene.surfaces, built)])

@@ -24,7 +24,7 @@ from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.backend import names as simulator_names
 from radartwin.simulation.backends.rfgenesis_signal import direct_frame
-from radartwin.simulation.backends.sionna_limits import quiet
+from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.simulate import simulate
 
 ARRAY = Radar.iwr1843()

@@ -24,6 +24,7 @@ from radartwin.store.recent import Recent
 
 SMOOTH_EDGE_RAD = np.radians(30.0)
 CACHED_FACES = 200_000  # largest number of faces of all cached geometries together
+MIN_AREA_M2 = 1e-14  # the simulation ignores faces with a smaller area, in square metres
 SUBSETS = 4  # largest number of faces of all cached subsets of a geometry, as a multiple of its own number of faces
 
 
@@ -212,7 +213,7 @@ def _built(contents: Sequence[tuple[np.ndarray, np.ndarray]]) -> Geometry:
     for index, (vertices, faces) in enumerate(contents):
         clean = trimesh.Trimesh(vertices, faces, process=False)
         clean.merge_vertices(digits_vertex=7)
-        clean.update_faces(clean.unique_faces() & (clean.area_faces > 1e-14))
+        clean.update_faces(clean.unique_faces() & (clean.area_faces > MIN_AREA_M2))
         if not clean.is_winding_consistent:
             trimesh.repair.fix_winding(clean)  # normals of neighbouring faces with opposite winding would cancel in `_smooth_normals`
         if not len(clean.faces):

@@ -25,12 +25,12 @@ from radartwin.simulation.backends.backend import Backend, paths_of_frames, reso
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.checks import check_option, check_positive, check_whole
+from radartwin.simulation.geometry import MIN_AREA_M2
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import ELEMENTS, received, thermal_noise
 
 MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing this number of tubes takes some minutes
 MAX_DENSITY = 10_000  # largest number of ray tubes per square wavelength; this density gives seven million tubes on a 10 cm plate
-MIN_AREA_M2 = 1e-14  # the simulation ignores a surface if the area of each of its faces is below this limit, in square metres
 FIRST_FRAMES = 8  # largest number of frames of the first block
 FEWEST_FRAMES, MOST_FRAMES = 8, 128  # limits of the number of frames of the other blocks
 BLOCK_BYTES = 100_000_000  # size of the paths and samples of a block; tracing needs about three times this memory

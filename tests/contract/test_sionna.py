@@ -17,8 +17,8 @@ from radartwin.materials import permittivity, reflection
 from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import FINISHES
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation import poses
-from radartwin.simulation.backends import sionna, sionna_process
+from radartwin.simulation import poses, variant
+from radartwin.simulation.backends import sionna, sionna_scene
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
@@ -62,22 +62,29 @@ def test_sionna_and_the_tracer_use_separate_processes():
     assert 20 * np.log10(first / own) == pytest.approx(0, abs=0.1)
 
 
+def sionnas_slab(cosine: np.ndarray, permittivity: complex, thickness_m: float, wavelength_m: float) -> np.ndarray:
+    """Return the TE and TM reflection coefficients (2, N) of a slab in air that Sionna itself computes, in its worker process."""
+    variant.activate("auto", "mono_polarized")
+    import mitsuba as mi
+    from sionna.rt.utils import itu_coefficients_single_layer_slab
+
+    eta = mi.Complex2f(permittivity.real, permittivity.imag)
+    both = itu_coefficients_single_layer_slab(mi.Float(cosine), eta, mi.Float(thickness_m), mi.Float(wavelength_m))[:2]
+    return np.stack([np.array(values.real) + 1j * np.array(values.imag) for values in both])
+
+
 @pytest.mark.parametrize(("material", "thickness_m"), [("glass", 0.004), ("plasterboard", 0.0125), ("wood", 0.022), ("hdpe", 0.003)])
 def test_slab_in_air_matches_sionnas_own_reflection(material, thickness_m):
     frequency, cosine = 77e9, np.linspace(0.02, 1, 50)
-    answer = sionna_process.ask({
-        "variant": "auto", "cosine": cosine, "permittivity": complex(permittivity(material, frequency)), "thickness_m": thickness_m,
-        "frequency_hz": frequency,
-    })  # fmt: skip
-    te, tm = reflection(rt.Layered([(material, thickness_m)]), cosine, np.array(frequency))
-    assert np.abs(answer["te"] - te).max() < 1e-3
-    assert np.abs(answer["tm"] - tm).max() < 1e-3
+    slab = sionna.ask(sionnas_slab, cosine, complex(permittivity(material, frequency)), thickness_m, SPEED_OF_LIGHT / frequency)
+    both = reflection(rt.Layered([(material, thickness_m)]), cosine, np.array(frequency))
+    assert np.abs(slab - np.stack(both)).max() < 1e-3
 
 
 @pytest.mark.parametrize("finish", ["plaster wall", "board floor", "court floor", "wood panelling", "window", "metal", "concrete"])
 def test_tables_interpolate_layered_walls(finish):
     material, roughness = FINISHES[finish].material, 1e-4
-    te, tm, row, frequencies = sionna.reflection_tables([(material, roughness)], RADAR)
+    te, tm, row, frequencies = sionna_scene.reflection_tables([(material, roughness)], RADAR)
     assert row.tolist() == [0]
     grid = np.linspace(0, 1, te.shape[1])
     cosine = np.linspace(0.005, 1, 7919)
@@ -194,7 +201,7 @@ def test_scattering_coefficient_matches_the_roughness_loss():
         for r in (3e-4, 0.0)
     )
     kept = np.exp(-2 * (2 * np.pi / WAVELENGTH * 3e-4) ** 2)
-    assert sionna.scattering(rough.surfaces, RADAR.center_frequency_hz)[0] == pytest.approx(np.sqrt(1 - kept**2), rel=1e-3)
+    assert sionna_scene.scattering(rough.surfaces, RADAR.center_frequency_hz)[0] == pytest.approx(np.sqrt(1 - kept**2), rel=1e-3)
     lost = [level_db(told(rough, diffuse=diffuse, max_bounces=1)[0]) - level_db(told(smooth)[0]) for diffuse in (False, True)]
     assert lost == pytest.approx([20 * np.log10(kept)] * 2, abs=0.05)
 
