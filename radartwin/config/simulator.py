@@ -14,7 +14,7 @@ class SimulatorConfig:
 
     backend: str = ""
     variant: str = unkeyed(choice("auto", "llvm", "cuda"))  # processor (llvm) or GPU (cuda); both trace the same rays
-    elements: str = choice("exact", "planar", "auto")  # exact: distance to each antenna element | planar: plane wave over the array
+    elements: str = choice("exact", "planar")  # exact: distance to each antenna element | planar: plane wave over the array
 
     def __post_init__(self) -> None:
         check_selector("simulator.backend", self.backend, type(self).backend)

@@ -71,8 +71,7 @@ def simulate(
         simulator: the name of a simulator, or the result of `backend(name, ...)`, which has more settings (`TraceSettings`), such as the
             spacing of the positions at which a moving radar traces the paths between objects and room. Only the simulator "mitsuba" reads
             max_bounces, rays, rays_per_wavelength2 and variant.
-        elements: "exact" computes the path length to each antenna element. "planar" assumes plane waves across the antenna array. "auto"
-            assumes plane waves if their phase error is small.
+        elements: "exact" computes the path length to each antenna element. "planar" assumes plane waves across the antenna array.
         out: path without suffix under which the recording is saved (see `Recording.save`), so that a long recording needs no more memory
             than a short one. The samples `iq` of the returned recording are then a memory-mapped file without a name, which takes 8 bytes
             of disk per sample until the recording is no longer used. An interrupted simulation leaves no file. None keeps the samples in

@@ -218,7 +218,7 @@ received | np.complex64(1j) * phase.reshape(shape) | 0 * phase.reshape(shape) | 
 simulation/signal/gridding: physics/test_synthesis physics/test_antenna_errors
 _element_distance | 2 * length * along | length * along | antenna elements are half as far apart
 ripple | departure[p] if k < num_tx else arrival[p] | departure[p] | receivers have the pattern of the departure
-_motion | orders[k] if k == 0 else 2 * orders[k] | orders[k] | the Jacobi-Anger series lacks its factor of two
+_motion | out[k] *= 2 | out[k] *= 1 | the Jacobi-Anger series lacks its factor of two
 
 radar/antenna: radar/test_radar physics/test_receiver
 _gains | PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH) | 2 * PEAK_GAIN_DBI - _loss_db(x / across, _AZIMUTH) | the gain is the square

@@ -37,7 +37,7 @@ TWO, THREE = np.repeat(POSE, 2, axis=0), np.repeat(POSE, 3, axis=0)
         ({"seed": -1}, "seed must be"),
         ({"rays_per_wavelength2": 1e300}, "rays_per_wavelength2 must be"),
         ({"rays_per_wavelength2": np.nan}, "rays_per_wavelength2 must be"),
-        ({"elements": "spherical"}, "exact, planar, auto"),
+        ({"elements": "spherical"}, "exact, planar"),
     ],
 )
 def test_simulate_names_the_wrong_argument(change, words):

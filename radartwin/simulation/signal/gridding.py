@@ -15,7 +15,6 @@ from radartwin.compiled import compiled, innermost
 
 TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
 DEGREE = TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
-BLOCK = 1024  # number of paths of one piece of work of `expand`
 _TAPS_BEFORE = TAPS // 2 - 1  # number of kernel taps to the left of the grid cell in which the delay of a path lies
 _SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel functions' power series are exact in double precision
 
@@ -61,27 +60,6 @@ class GridScale(NamedTuple):
     least: Any  # the synthesis skips copies and terms of a path whose weight has a smaller magnitude than this
 
 
-class Workspace(NamedTuple):
-    """Hold the arrays that `spread` allocates once, before its loop over paths; C is the number of channels."""
-
-    orders: Any  # (terms,)
-    received: Any  # (R,)
-    length: Any  # (C,)
-    turn: Any  # (2, C)
-    offset: Any  # (C,)
-    shift: Any  # (C,)
-    shape: Any  # (cells, 2, C) weights of a copy of the path in all channels of the cells that its kernel reaches
-    turned: Any  # (cells, 2, C) the same times j
-    lines: Any  # (3, cells x 2 C): view of `shape`, view of `turned`, and the sum of all copies
-
-
-class Turn(NamedTuple):
-    """Hold the cosine and the sine of the angles 2 pi m/cells for m = 0 to cells - 1, each (cells,) in single precision."""
-
-    cosine: Any
-    sine: Any
-
-
 @compiled
 def _turn(cycles):
     """Return cosine and sine of the angle 2 pi cycles, with an error of 1e-11.
@@ -97,6 +75,38 @@ def _turn(cycles):
     cosine = 1 - z * (1 / 30) * (1 - z * (1 / 56) * (1 - z * (1 / 90) * cosine))
     cosine = 1 - z * (1 / 2) * (1 - z * (1 / 12) * cosine)
     return 1 - 2 * sine * sine, 2 * sine * cosine
+
+
+@innermost
+def _element_distance(length, direction, position, planar):
+    """Return the distance in metres from an antenna element to the point that is `length` metres from the phase centre along `direction`.
+
+    If `planar` is True, the function assumes a plane wave. `spreading` evaluates this function for Dr.Jit arrays.
+    """
+    along = direction[0] * position[0] + direction[1] * position[1] + direction[2] * position[2]
+    if planar:
+        return length - along
+    squared = position[0] * position[0] + position[1] * position[1] + position[2] * position[2]
+    change = squared - 2 * length * along
+    return length + change / (length + abs(length * length + change) ** 0.5)
+
+
+@innermost
+def _image_distance(length, direction, mirror, transmitter, receiver, planar):
+    """Return the distance in metres of a receive element from the mirror image of a transmit element.
+
+    The mirror image of the sensor's phase centre is `length` metres from the phase centre along `direction`. If `planar` is True, the
+    function assumes a plane wave. `spreading` evaluates this function for Dr.Jit arrays.
+    """
+    x, y, z = -receiver[0], -receiver[1], -receiver[2]
+    for i in range(3):
+        x += mirror[0, i] * transmitter[i]
+        y += mirror[1, i] * transmitter[i]
+        z += mirror[2, i] * transmitter[i]
+    along = x * direction[0] + y * direction[1] + z * direction[2]
+    if planar:
+        return length + along
+    return abs(length * length + 2 * length * along + x * x + y * y + z * z) ** 0.5
 
 
 @innermost
@@ -127,76 +137,46 @@ def bessel(argument, out):
 
 
 @innermost
-def _element_distance(length, direction, position, planar):
-    """Return the distance in metres from an antenna element to the point that is `length` metres from the phase centre along `direction`.
-
-    If `planar` is True, the function assumes a plane wave.
-    """
-    along = direction[0] * position[0] + direction[1] * position[1] + direction[2] * position[2]
-    if planar:
-        return length - along
-    squared = position[0] * position[0] + position[1] * position[1] + position[2] * position[2]
-    change = squared - 2 * length * along
-    return length + change / (length + np.sqrt(max(length * length + change, 0.0)))
+def _motion(argument, out):
+    """Write the weight (2 - [k=0]) J_k(argument) of each Chebyshev term k of the motion to `out`; `finish` applies the factor j^k."""
+    bessel(argument, out)
+    for k in range(1, len(out)):
+        out[k] *= 2
 
 
-@innermost
-def _image_distance(length, direction, mirror, transmitter, receiver, planar):
-    """Return the distance in metres of a receive element from the mirror image of a transmit element.
-
-    The mirror image of the sensor's phase centre is `length` metres from the phase centre along `direction`. If `planar` is True, the
-    function assumes a plane wave.
-    """
-    x, y, z = -receiver[0], -receiver[1], -receiver[2]
-    for i in range(3):
-        x += mirror[0, i] * transmitter[i]
-        y += mirror[1, i] * transmitter[i]
-        z += mirror[2, i] * transmitter[i]
-    along = x * direction[0] + y * direction[1] + z * direction[2]
-    if planar:
-        return length + along
-    return np.sqrt(max(length * length + 2 * length * along + x * x + y * y + z * z, 0.0))
-
-
-@innermost
-def _motion(w, orders):
-    """Write the weight (2 - [k=0]) J_k(w) of Chebyshev term k of the motion to `orders`; `finish` applies the factor j^k."""
-    bessel(w, orders)
-    for k in range(len(orders)):
-        orders[k] = orders[k] if k == 0 else 2 * orders[k]
+@compiled
+def motions(first, last, argument, out):
+    """Write the weights of the terms of the motion to `out` (N, terms), for the arguments (N,) `first` to `last` - 1."""
+    for p in range(first, last):
+        _motion(argument[p], out[p])
 
 
 @compiled
 def expand(first, last, amplitude, gain, copies_re, copies_im, weights, power):
-    """Compute the weights of the copies of paths, for the blocks `first` to `last` - 1 of BLOCK paths.
+    """Compute the weights of the copies of the paths `first` to `last` - 1.
 
     Args:
         amplitude: (N, Q) amplitudes at the frequency nodes.
         gain: (N,) complex gain of the antennas and of the IF filter.
         copies_re, copies_im: (Q, D) weights of the copies of a path whose amplitude is 1 at one node and 0 at the others.
         weights: (N, D) receives the weights of the copies.
-        power: (blocks,) receives the sum over paths of the squared magnitude of the amplitudes, averaged over the nodes.
+        power: (N,) receives the squared magnitude of the amplitudes, averaged over the nodes.
     """
     nodes, copies = copies_re.shape
     re, im = np.empty(copies), np.empty(copies)
-    for block in range(first, last):
-        power[block] = 0.0
-        for p in range(block * BLOCK, min((block + 1) * BLOCK, len(gain))):
-            re[:], im[:] = 0.0, 0.0
-            total = 0.0
-            for j in range(nodes):
-                a = gain[p] * amplitude[p, j]
-                a_re, a_im = a.real, a.imag
-                total += a_re * a_re + a_im * a_im
-                _combine(a_re, copies_re[j], -a_im, copies_im[j], re)
-                _combine(a_re, copies_im[j], a_im, copies_re[j], im)
-            power[block] += total / nodes
-            for m in range(copies):
-                weights[p, m] = complex(re[m], im[m])
+    for p in range(first, last):
+        re[:], im[:], power[p] = 0.0, 0.0, 0.0
+        for j in range(nodes):
+            a = gain[p] * amplitude[p, j]
+            power[p] += (a.real * a.real + a.imag * a.imag) / nodes
+            _combine(a.real, copies_re[j], -a.imag, copies_im[j], re)
+            _combine(a.real, copies_im[j], a.imag, copies_re[j], im)
+        for m in range(copies):
+            weights[p, m] = complex(re[m], im[m])
 
 
 @compiled
-def ripple(first, last, departure, arrival, num_tx, points, weights, given, out):
+def ripple(first, last, departure, arrival, num_tx, points, weights, out):
     """Write to `out` (N, C) the factor by which each channel multiplies the amplitude of a path, for the paths `first` to `last` - 1.
 
     Args:
@@ -204,7 +184,6 @@ def ripple(first, last, departure, arrival, num_tx, points, weights, given, out)
         num_tx: number of transmit antennas, T.
         points: (T + R, J, 3) displacements of J copies of each antenna in wavelengths, transmitters first.
         weights: (T + R, 1 + J) complex weights of each antenna and of its copies.
-        given: (N, C) factor that `out` includes; the shape (0, 0) stands for 1.
     """
     antennas, copies = points.shape[:2]
     num_rx = antennas - num_tx
@@ -220,8 +199,7 @@ def ripple(first, last, departure, arrival, num_tx, points, weights, given, out)
                 im += w.real * s + w.imag * c
             factor[k] = complex(re, im)
         for c in range(num_tx * num_rx):
-            value = factor[c // num_rx] * factor[num_tx + c % num_rx]
-            out[p, c] = value * given[p, c] if len(given) > 0 else value
+            out[p, c] = factor[c // num_rx] * factor[num_tx + c % num_rx]
 
 
 @compiled
@@ -238,17 +216,16 @@ def spread(first, last, starts, paths, elements, scale, grid):
             period of the delays, for kernels and copies that extend beyond its end.
     """
     channels = len(elements.tx) * len(elements.rx)
-    size = grid.shape[2] // (2 * channels) - scale.cells
-    lines = np.empty((3, size * 2 * channels), np.float32)
-    room = Workspace(
-        np.empty(grid.shape[1]), np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels),
-        np.empty(channels, np.int64), lines[0].reshape(size, 2, channels), lines[1].reshape(size, 2, channels), lines,
-    )  # fmt: skip
+    width = (grid.shape[2] // (2 * channels) - scale.cells) * 2 * channels
+    received, length, turn, offset = np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels)
+    orders = np.empty(grid.shape[1])
+    shift, lines = np.empty(channels, np.int64), np.empty((3, width), np.float32)
+    shape, turned = lines[0].reshape(-1, 2, channels), lines[1].reshape(-1, 2, channels)
     order, ends = np.empty(starts[last] - starts[first], np.int64), np.empty(scale.cells + 1, np.int64)
     for task in range(first, last):
         _by_delay(starts[task], starts[task + 1], paths, scale, order, ends)
         for i in range(starts[task + 1] - starts[task]):
-            _spread(order[i], paths, elements, scale, grid[task], room)
+            _spread(order[i], paths, elements, scale, grid[task], orders, received, length, turn, offset, shift, shape, turned, lines)
 
 
 @innermost
@@ -288,13 +265,16 @@ def _lengths(p, paths, elements, drift, received, length):
 
 
 @innermost
-def _spread(p, paths, elements, scale, grid, room):
-    """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task. The Workspace `room` holds the work arrays."""
-    orders, length, turn, offset, shift = room.orders, room.length, room.turn, room.offset, room.shift
-    shape, turned, kernel, copies = room.shape, room.turned, scale.kernel, paths.amplitude.shape[1]
-    channels = len(length)
-    _motion(scale.motion_per_mps * paths.rate[p], orders)
-    _lengths(p, paths, elements, scale.middle_s * paths.rate[p], room.received, length)
+def _spread(p, paths, elements, scale, grid, orders, received, length, turn, offset, shift, shape, turned, lines):
+    """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task.
+
+    The other arguments are work arrays: `orders` (terms,), `received` (R,), `turn` (2, C), and `length`, `offset` and `shift` (C,).
+    `shape` (cells, 2, C) receives the weights of a copy of the path in all channels of the cells that its kernel reaches, and `turned` the
+    same times j. They are the first two rows of `lines` (3, cells x 2 C), whose third row receives the sum of all copies.
+    """
+    channels, kernel, copies = len(length), scale.kernel, paths.amplitude.shape[1]
+    # The length of each channel gives the phase factor and the position in the grid.
+    _lengths(p, paths, elements, scale.middle_s * paths.rate[p], received, length)
     lowest = np.inf
     for c in range(channels):
         turn[0, c], turn[1, c] = _turn(scale.cycles_per_m * length[c])
@@ -304,6 +284,7 @@ def _spread(p, paths, elements, scale, grid, room):
         for c in range(channels):
             g = paths.gain[p, c]
             turn[0, c], turn[1, c] = turn[0, c] * g.real - turn[1, c] * g.imag, turn[0, c] * g.imag + turn[1, c] * g.real
+    # The channels share the leftmost cell; `offset` is the position of a channel between two cells, `shift` its distance in cells.
     lowest = np.floor(lowest)
     farthest = 0
     for c in range(channels):
@@ -311,6 +292,7 @@ def _spread(p, paths, elements, scale, grid, room):
         shift[c] = int(offset[c])
         offset[c] -= shift[c]
         farthest = max(farthest, shift[c])
+    # Weights of the taps, from the polynomials of the kernel, moved right by `shift` cells.
     for i in range(TAPS):
         for c in range(channels):
             weight = kernel[0, i]
@@ -330,7 +312,8 @@ def _spread(p, paths, elements, scale, grid, room):
             turned[i, 0, c], turned[i, 1, c] = -shape[i, 1, c], shape[i, 0, c]
     width = 2 * channels
     left, one, every = (int(lowest) - copies // 2) % scale.cells * width, reach * width, (reach + copies - 1) * width
-    total, power = room.lines[2, :every], 0.0
+    # Sum of all copies whose weight is not negligible.
+    total, power = lines[2, :every], 0.0
     total[:] = 0.0
     for m in range(copies):
         a = paths.amplitude[p, m]
@@ -338,7 +321,9 @@ def _spread(p, paths, elements, scale, grid, room):
         power += squared
         if squared > scale.least * scale.least:
             place = m * width
-            _combine(np.float32(a.real), room.lines[0, :one], np.float32(a.imag), room.lines[1, :one], total[place : place + one])
+            _combine(np.float32(a.real), lines[0, :one], np.float32(a.imag), lines[1, :one], total[place : place + one])
+    # The sum times the weight of each term of the motion goes to the grid of this term.
+    _motion(scale.motion_per_mps * paths.rate[p], orders)
     for k in range(len(orders)):
         if power * orders[k] * orders[k] > scale.least * scale.least:
             _add(np.float32(orders[k]), total, grid[k, left : left + every])
@@ -429,50 +414,46 @@ def transform(re, im, other_re, other_im, rows, cosine, sine):
 
 
 @compiled
-def finish(first, last, tasks, grid, turn, band, slow, iq):
+def finish(first, last, tasks, grid, cosine, sine, band, slow, iq):
     """Compute the IQ samples of the frames `first` to `last` - 1 from their delay grids, and add the samples to `iq` (F, C, T, R, N).
 
     Args:
         tasks: (F + 1,) index of the first task of each frame.
         grid: the delay grids that `spread` has filled.
-        turn: the Turn for the Fourier transform over the grid cells.
+        cosine, sine: (cells,) cosine and sine of the angles 2 pi m/cells, in single precision.
         band: (N,) one over the Fourier transform of the spreading kernel at the N samples of a chirp, in single precision.
         slow: (T, C, terms, N) single precision. Entry k of the third axis is Chebyshev polynomial k of the product of frequency and time.
     """
     num_tx, num_chirps, terms, samples = slow.shape
-    num_rx, cells = iq.shape[3], len(turn.cosine)
+    num_rx, cells = iq.shape[3], len(cosine)
     channels = num_tx * num_rx
     re, im = np.empty(cells * channels, np.float32), np.empty(cells * channels, np.float32)
     other_re, other_im = np.empty_like(re), np.empty_like(im)
-    term_re, term_im = np.empty((terms, samples * channels), np.float32), np.empty((terms, samples * channels), np.float32)
-    line_re, line_im = np.empty((terms, samples), np.float32), np.empty((terms, samples), np.float32)
+    line_re, line_im = np.empty((channels, terms, samples), np.float32), np.empty((channels, terms, samples), np.float32)
     sum_re, sum_im = np.empty(samples, np.float32), np.empty(samples, np.float32)
     wrap = samples // 2  # the middle sample of the frequency sweep has index zero in the Fourier transform
     for frame in range(first, last):
         if tasks[frame] == tasks[frame + 1]:
             continue
+        # Spectrum of each term of the motion, times its factor j^k and the correction of the spreading kernel.
         for k in range(terms):
             _gather(tasks[frame], tasks[frame + 1], k, grid, channels, re, im)
-            got_re, got_im = transform(re, im, other_re, other_im, channels, turn.cosine, turn.sine)
+            got_re, got_im = transform(re, im, other_re, other_im, channels, cosine, sine)
+            turned_re, turned_im = (got_im, got_re) if k % 2 == 1 else (got_re, got_im)
+            sign_re, sign_im = np.float32(-1.0 if 0 < k % 4 < 3 else 1.0), np.float32(-1.0 if k % 4 >= 2 else 1.0)
             for n in range(samples):
-                at, to, value = (n - wrap if n >= wrap else n - wrap + cells) * channels, n * channels, band[n]
+                at, value = (n - wrap if n >= wrap else n - wrap + cells) * channels, band[n]
                 for c in range(channels):
-                    term_re[k, to + c], term_im[k, to + c] = value * got_re[at + c], value * got_im[at + c]
+                    line_re[c, k, n], line_im[c, k, n] = sign_re * value * turned_re[at + c], sign_im * value * turned_im[at + c]
+        # Samples of each chirp: sum over the terms, times the Chebyshev polynomials of frequency and time.
         for t in range(num_tx):
             for r in range(num_rx):
-                for k in range(terms):
-                    sign = np.float32(-1.0 if k % 4 >= 2 else 1.0)
-                    for n in range(samples):
-                        at = n * channels + t * num_rx + r
-                        if k % 2 == 0:
-                            line_re[k, n], line_im[k, n] = sign * term_re[k, at], sign * term_im[k, at]
-                        else:
-                            line_re[k, n], line_im[k, n] = -sign * term_im[k, at], sign * term_re[k, at]
+                term_re, term_im = line_re[t * num_rx + r], line_im[t * num_rx + r]
                 for c in range(num_chirps):
-                    sum_re[:], sum_im[:] = line_re[0], line_im[0]
+                    sum_re[:], sum_im[:] = term_re[0], term_im[0]
                     for k in range(1, terms):
                         for n in range(samples):
-                            sum_re[n] += slow[t, c, k, n] * line_re[k, n]
-                            sum_im[n] += slow[t, c, k, n] * line_im[k, n]
+                            sum_re[n] += slow[t, c, k, n] * term_re[k, n]
+                            sum_im[n] += slow[t, c, k, n] * term_im[k, n]
                     for n in range(samples):
                         iq[frame, c, t, r, n] += complex(sum_re[n], sum_im[n])

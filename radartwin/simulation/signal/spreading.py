@@ -14,10 +14,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from radartwin.compiled import shared_out
 from radartwin.simulation.drjit_arrays import upload
+from radartwin.simulation.signal import gridding
 from radartwin.simulation.signal.gridding import TAPS, Elements, GridScale, PathArrays
 
-_SMALL = 1e-4  # as in `gridding.bessel`
+_element_distance, _image_distance = gridding._element_distance.py_func, gridding._image_distance.py_func  # they also take Dr.Jit arrays
 _BITS = 60  # the largest sum that a cell can reach is at most 2 to this power
 
 
@@ -64,8 +66,9 @@ def _add(start: np.ndarray, part: PathArrays, elements: Elements, scale: GridSca
     arrival = _vectors(part.arrival[chosen])(path)
     drift = rate * dr.opaque(mi.Float64, scale.middle_s)
     if len(part.mirror):
-        turned = [dr.dot(_vectors(part.mirror[chosen, i])(path), transmitter) for i in range(3)]
-        length = drift + _image_distance(length_in + length_out, arrival, mi.Vector3d(*turned) - receiver, elements.planar)
+        entries = upload(mi.Float64, part.mirror[chosen])
+        mirror = mi.Matrix3d(*(dr.gather(mi.Float64, entries, 9 * path + i) for i in range(9)))
+        length = drift + _image_distance(length_in + length_out, arrival, mirror, transmitter, receiver, elements.planar)
     else:
         departure = _vectors(part.departure[chosen])(path)
         length = drift + _element_distance(length_in, departure, transmitter, elements.planar)
@@ -91,8 +94,9 @@ def _add(start: np.ndarray, part: PathArrays, elements: Elements, scale: GridSca
     frame = np.repeat(np.arange(len(start) - 1), np.diff(start))
     base = dr.gather(mi.UInt32, upload(mi.UInt32, frame), path) * columns
     amplitude = upload(mi.Float64, np.ascontiguousarray(part.amplitude[chosen]).view(float))
-    bessel, inverse = _bessel(upload(mi.Float64, scale.motion_per_mps * part.rate[chosen]), terms)
-    inverse = dr.gather(mi.Float64, inverse, path)
+    orders = np.empty((count, terms))
+    shared_out(gridding.motions, count, scale.motion_per_mps * part.rate[chosen], orders, grain=1000)
+    motions = upload(mi.Float64, orders)
     part_of_cell, stride = dr.opaque(mi.UInt32, channels), dr.opaque(mi.UInt32, 2 * channels)
     factor, least = dr.opaque(mi.Float64, 1 / unit), dr.opaque(mi.Float, (scale.least / unit) ** 2)
 
@@ -102,7 +106,7 @@ def _add(start: np.ndarray, part: PathArrays, elements: Elements, scale: GridSca
         copy = step - k * widths
         at = 2 * (path * widths + copy)
         re, im = (mi.Float(dr.gather(mi.Float64, amplitude, at + i) * factor) for i in range(2))
-        motion = mi.Float(inverse * dr.gather(mi.Float64, bessel, path * columns + k))
+        motion = mi.Float(dr.gather(mi.Float64, motions, path * columns + k))
         re, im = re * motion, im * motion
         used = re * re + im * im > least
         values = re * cosine - im * sine, re * sine + im * cosine
@@ -121,56 +125,3 @@ def _vectors(values: np.ndarray) -> Any:
     """Return a function that reads rows of `values` (N, 3) by index, as 3-vectors of double precision."""
     flat = upload(mi.Float64, values)
     return lambda index: mi.Vector3d(*(dr.gather(mi.Float64, flat, 3 * index + i) for i in range(3)))
-
-
-def _element_distance(length: Any, direction: Any, position: Any, planar: bool) -> Any:
-    """Return the distances that `gridding._element_distance` returns."""
-    along = dr.dot(direction, position)
-    if planar:
-        return length - along
-    change = dr.squared_norm(position) - 2 * length * along
-    return length + change / (length + dr.sqrt(dr.maximum(length * length + change, 0)))
-
-
-def _image_distance(length: Any, direction: Any, offset: Any, planar: bool) -> Any:
-    """Return the distances that `gridding._image_distance` returns.
-
-    The vector `offset` is the mirrored position of the transmit element minus the position of the receive element.
-    """
-    along = dr.dot(offset, direction)
-    if planar:
-        return length + along
-    return dr.sqrt(dr.maximum(length * length + 2 * length * along + dr.squared_norm(offset), 0))
-
-
-def _bessel(argument: Any, count: int) -> tuple[Any, Any]:
-    """Return values (N x count,) and a factor (N,). Their product is the weight (2 - [k=0]) J_k of term k for each of N arguments.
-
-    The function uses the recurrence of `gridding.bessel`, in double precision.
-    """
-    terms = dr.opaque(mi.UInt32, count)
-    first = dr.arange(mi.UInt32, dr.width(argument)) * terms
-    x = dr.abs(argument)
-    small = x < _SMALL
-    out = dr.zeros(mi.Float64, dr.width(argument) * count)
-
-    def write(order: Any, value: Any, active: Any) -> None:
-        odd = (order & 1) == 1
-        value = value * dr.select(order > 0, mi.Float64(2.0), 1.0) * dr.select(odd & (argument < 0), mi.Float64(-1.0), 1.0)
-        dr.scatter(out, value, first + order, active & (order < terms))
-
-    def step(order: Any, above: Any, here: Any, total: Any) -> tuple[Any, Any, Any, Any]:
-        above, here = here, 2 * mi.Float64(order) / x * here - above
-        order = order - 1
-        write(order, here, True)
-        return order, above, here, total + dr.select((order & 1) == 1, 0.0, dr.select(order > 0, 2 * here, here))
-
-    order = 2 * ((mi.UInt32(x) + 18 + mi.UInt32(3 * dr.cbrt(x))) // 2)
-    order = dr.select(small, mi.UInt32(0), dr.select(x < 1, mi.UInt32(14), order))
-    here = dr.full(mi.Float64, 1e-30, dr.width(argument))
-    write(order, here, ~small)
-    total = dr.while_loop((order, 0 * here, here, 2 * here), lambda order, *_: order > 0, step)[3]
-    for i, value in enumerate((1 - x * x / 4, x / 2, x * x / 8)):  # with these small arguments, the other terms are negligible
-        write(mi.UInt32(i), value, small)
-    dr.eval(out, total)
-    return out, dr.select(small, 1.0, 1 / total)

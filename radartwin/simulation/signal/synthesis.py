@@ -37,10 +37,7 @@ from radartwin.simulation.checks import check_option
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
 
-ELEMENTS = ("exact", "planar", "auto")
-# Largest phase error, in radians, of the plane-wave assumption with which elements="auto" still assumes plane waves. The array of the
-# IWR1843 has a smaller error for all path lengths above 1.93 m.
-PLANAR_PHASE = 0.01
+ELEMENTS = ("exact", "planar")
 _SHAPE = 2.30 * gridding.TAPS
 _BESSEL_TAIL = 1e-5
 FRAMES_PER_BLOCK = 256  # number of frames for which noise is computed at once; it limits the memory of the noise arrays
@@ -74,20 +71,15 @@ def _kernel(x: np.ndarray) -> np.ndarray:
 
 
 @functools.cache
-def _kernel_transform(samples: int, grid: int) -> np.ndarray:
-    """Return the Fourier transform (samples,) of the spreading kernel at the sample indices relative to the middle sample."""
+def _of_grid(samples: int, cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return cosine and sine (cells,) of the phases of the Fourier transform of the grid, and the reciprocal of the Fourier transform of
+    the spreading kernel (samples,) at the sample indices relative to the middle sample.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(64)
-    x = nodes * gridding.TAPS / 2
-    index = np.arange(samples) - samples // 2
-    return (gridding.TAPS / 2) * (weights * _kernel(x)) @ np.cos(2 * np.pi * np.outer(x, index) / grid)
-
-
-@functools.cache
-def _of_grid(samples: int, cells: int) -> tuple[np.ndarray, gridding.Turn]:
-    """Return the reciprocal of `_kernel_transform` (samples,) and the phase factors of the Fourier transform of `cells` grid cells."""
+    x, index = nodes * gridding.TAPS / 2, np.arange(samples) - samples // 2
+    transform = (gridding.TAPS / 2) * (weights * _kernel(x)) @ np.cos(2 * np.pi * np.outer(x, index) / cells)
     angle = 2 * np.pi * np.arange(cells) / cells
-    turn = gridding.Turn(np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32))
-    return (1 / _kernel_transform(samples, cells)).astype(np.float32), turn
+    return np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32), (1 / transform).astype(np.float32)
 
 
 @functools.cache
@@ -119,8 +111,7 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
         paths: propagation paths of F poses, sorted by pose, or several `Paths` objects of F poses each, whose signals add up.
         radar: radar with T transmitters, R receivers, C chirp loops per frame and N samples per chirp.
         elements: "exact" computes the path length to every antenna element. "planar" assumes plane waves across the array; it exists for
-            comparison and shortens the run time by at most a seventh. "auto" assumes plane waves if the phase error of no path exceeds
-            PLANAR_PHASE.
+            comparison and shortens the run time by at most a seventh.
         out: (F, C, T, R, N) complex array to which the function adds the samples. If `out` is None, the function creates an array of zeros.
     Returns:
         Samples (F, C, T, R, N) in `out`, or in a new complex64 array. The squared magnitude of a sample is received over transmitted power.
@@ -148,17 +139,18 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
     cells = max(16, 1 << (2 * samples - 1).bit_length())
     fast_time = np.arange(samples) / radar.sample_rate_hz
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * fast_time
-    planar = elements == "planar" or (elements == "auto" and max(planar_phase(part, radar) for part in parts) <= PLANAR_PHASE)
-    arrays, least = _expanded(parts, radar, frequency, cells)
+    if not all(np.isfinite(part.length_m).all() and np.isfinite(part.rate_mps).all() for part in parts):
+        raise InputError(_NOT_FINITE)
     fastest = max(float(np.abs(part.rate_mps).max()) for part in parts)
     middle_s, motion_per_mps, slow = _motion_terms(fastest, radar, frequency, fast_time)
-    (band, turn), terms = _of_grid(samples, cells), slow.shape[2]
+    terms = slow.shape[2]
+    arrays, least = _expanded(parts, radar, frequency, cells)
     cells_per_m = radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells
     scale = gridding.GridScale(
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT, cells_per_m, cells, middle_s,
         motion_per_mps, _kernel_polynomials(), least,
     )  # fmt: skip
-    antennas = gridding.Elements(radar.tx_positions, radar.rx_positions, planar)
+    antennas = gridding.Elements(radar.tx_positions, radar.rx_positions, elements == "planar")
     array_m = sum(float(np.linalg.norm(np.ptp(positions, axis=0))) for positions in (radar.tx_positions, radar.rx_positions))
     edges = np.stack([np.searchsorted(part.pose, np.arange(frames + 1)) for part in parts])
     gpu, copies = variant.on_gpu(), max(array.amplitude.shape[1] for array in arrays)
@@ -180,7 +172,7 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
             grid[:] = 0.0
             for start, array in zip(starts, arrays, strict=True):
                 shared_out(gridding.spread, int(high - low), start[low : high + 1], array, antennas, scale, grid)
-        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, grid, turn, band, slow, iq[first:last])
+        shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, grid, *_of_grid(samples, cells), slow, iq[first:last])
         first = last
     return iq
 
@@ -228,42 +220,36 @@ def _expanded(parts: Sequence[Paths], radar: Radar, frequency: np.ndarray, cells
     """
     arrays, power = [], 0.0
     for part in parts:
-        if not (np.isfinite(part.length_m).all() and np.isfinite(part.rate_mps).all()):
-            raise InputError(_NOT_FINITE)
         gain = radar.gain(part.departure)
         back = gain if np.array_equal(part.departure, part.arrival) else radar.gain(part.arrival)
         gain = gain * back
         if radar.if_filter is not None:
             gain = gain * radar.if_filter.gain(radar.slope_hz_per_s / SPEED_OF_LIGHT * part.length_m, radar.band_hz)
         copies = _copies(part.frequencies_hz, frequency, cells)
-        weights = np.empty((len(part), copies.shape[1]), complex)
-        blocks = -(-len(part) // gridding.BLOCK)
-        powers = np.empty(blocks)
+        weights, powers = np.empty((len(part), copies.shape[1]), complex), np.empty(len(part))
         amplitude = np.ascontiguousarray(part.amplitude, complex)
         both = (np.ascontiguousarray(values) for values in (copies.real, copies.imag))
-        shared_out(gridding.expand, blocks, amplitude, gain.astype(complex), *both, weights, powers)
+        shared_out(gridding.expand, len(part), amplitude, gain.astype(complex), *both, weights, powers, grain=1000)
         power += float(powers.sum())
         mirror = np.zeros((0, 3, 3)) if part.mirror is None else part.mirror
-        factor = _ripple(part, radar)
         plain = (part.length_in_m, part.length_out_m, part.departure, part.arrival, part.rate_mps, mirror)
         plain = [np.ascontiguousarray(values, float) for values in plain]
-        arrays.append(gridding.PathArrays(*[*plain, factor, weights]))
+        arrays.append(gridding.PathArrays(*plain, _channel_gain(part, radar), weights))
     if not np.isfinite(power):
         raise InputError(_NOT_FINITE)
     return arrays, _LEAST * float(np.sqrt(power / sum(len(part) for part in parts)))
 
 
-def _ripple(part: Paths, radar: Radar) -> np.ndarray:
+def _channel_gain(part: Paths, radar: Radar) -> np.ndarray:
     """Return the factor (N, C) on the amplitude of each path in each channel, or an array (0, 0) if the factor is 1 everywhere."""
-    given = np.zeros((0, 0), complex) if part.gain is None else np.ascontiguousarray(part.gain, complex)
     if radar.antenna_errors is None:
-        return given
+        return np.zeros((0, 0), complex) if part.gain is None else np.ascontiguousarray(part.gain, complex)
     wavelength = SPEED_OF_LIGHT / radar.center_frequency_hz
     points, weights = radar.antenna_errors.ripples(radar.element, radar.num_tx + radar.num_rx, wavelength)
     out = np.empty((len(part), radar.num_tx * radar.num_rx), complex)
     ways = (np.ascontiguousarray(way, float) for way in (part.departure, part.arrival))
-    shared_out(gridding.ripple, len(part), *ways, radar.num_tx, points / wavelength, weights, given, out, grain=1000)
-    return out
+    shared_out(gridding.ripple, len(part), *ways, radar.num_tx, points / wavelength, weights, out, grain=1000)
+    return out if part.gain is None else out * part.gain
 
 
 def _motion_terms(largest_mps: float, radar: Radar, frequency: np.ndarray, fast_time: np.ndarray) -> tuple[float, float, np.ndarray]:
@@ -283,23 +269,6 @@ def _motion_terms(largest_mps: float, radar: Radar, frequency: np.ndarray, fast_
     largest = motion_per_mps * largest_mps
     terms = 1 if largest < _BESSEL_TAIL else chebyshev_terms(largest, _BESSEL_TAIL)
     return float(middle), motion_per_mps, _chebyshev(moving / reach, terms)
-
-
-def planar_phase(paths: Paths, radar: Radar) -> float:
-    """Return an upper limit of the phase error, in radians, that the plane-wave assumption causes.
-
-    The limit is the sum of k p^2/(2 L) for transmitter and receiver, where k is the wavenumber, p the distance of the outermost antenna
-    element from the phase centre and L the length of the path on this side. For mirror paths, the limit is k (p_t + p_r)^2/(2 L), where L
-    is the whole length.
-    """
-    if not len(paths):
-        return 0.0
-    wavenumber = 2 * np.pi * (radar.start_frequency_hz + radar.sampled_bandwidth_hz) / SPEED_OF_LIGHT
-    outermost = [(positions**2).sum(axis=1).max() for positions in (radar.tx_positions, radar.rx_positions)]
-    with np.errstate(divide="ignore"):
-        if paths.mirror is not None:
-            return float((wavenumber / 2 * (np.sqrt(outermost[0]) + np.sqrt(outermost[1])) ** 2 / paths.length_m).max())
-        return float((wavenumber / 2 * (outermost[0] / paths.length_in_m + outermost[1] / paths.length_out_m)).max())
 
 
 def _tasks(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -366,7 +335,7 @@ def received(
         parts: propagation paths. Each `Paths` object has F poses, or one pose that is valid for all frames.
         radar: radar with T transmitters, R receivers, C chirp loops per frame and N samples per chirp.
         frames: number of frames, F.
-        elements: "exact", "planar" or "auto", as in `synthesize`.
+        elements: "exact" or "planar", as in `synthesize`.
         oscillator: random generator of the phase noise; None leaves out phase noise.
     Returns:
         Samples (F, C, T, R, N), complex64.
