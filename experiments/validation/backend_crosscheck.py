@@ -140,7 +140,7 @@ def reference(name: str, scene: Scene, pose: np.ndarray) -> PathSet:
         return _images(scene, pose)
     apart = name == "Sionna, apart"
     backend = SionnaBackend(SionnaSettings(max_bounces=BOUNCES, separation_m=APART_M if apart else 0.0))
-    mesh = sionna_scene.convert(scene.surfaces, {}, RADAR, diffuse=False)
+    mesh = sionna_scene.convert(scene.surfaces, {}, RADAR)
     answer = backend.traced(mesh, pose[None])
     small = _small(scene, mesh, answer["face"])
     if not apart:

@@ -71,18 +71,17 @@ class RFGenesisSimulator(SimulatorConfig):
     """Baseline simulator: the ray tracer of RF-Genesis (radartwin/simulation/backends/rfgenesis.py)."""
 
     backend: str = "rfgenesis"
-    version: str = choice("shipped", "columns", "corrected")
+    version: str = choice("shipped", "corrected")
     grid: int = positive(128)  # number of rays along each side of the square ray grid
     fov_deg: float = number(60.0, lambda deg: 0 < deg < 180, "below 180 and above 0")
 
 
 @dataclass
 class PointsSimulator(SimulatorConfig):
-    """Baseline simulator: each object is a few point scatterers with a far-field radar cross-section."""
+    """Baseline simulator: each object is one point scatterer with a far-field radar cross-section."""
 
     backend: str = "points"
     cross_section: str = choice("table", "sphere")  # table: far-field RCS by aspect angle | sphere: RCS of a sphere of the object's size
-    points: str = choice("centre", "box")  # position of the points: centre of the object's bounding box | centres of the box's faces
     room: str = choice("images", "void")  # images: first-order mirror images at the walls | void: no echoes of the room
     step_deg: float = number(1.0, lambda deg: 0 < deg <= 90, "at most 90 and above 0")  # angular step of the RCS table, degrees
     rays_per_wavelength2: float = positive(1.0)  # number of rays per squared wavelength in the computation of the RCS table
@@ -95,7 +94,6 @@ class SionnaSimulator(SimulatorConfig):
     backend: str = "sionna"
     max_bounces: int = positive(4)
     rays: int | None = positive(None)  # number of rays that Sionna samples; null takes Sionna's default
-    diffuse: bool = False  # whether Sionna computes diffuse scattering; the diffuse paths add coherently
     diffraction: bool = False  # whether Sionna computes one diffraction at an edge, and refraction
     # distance between transmitter and receiver in Sionna's path search; with a value above 0, Sionna finds the paths in corners
     separation_m: float = share(0.0)

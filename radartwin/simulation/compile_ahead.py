@@ -20,64 +20,37 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.track import Track
 from radartwin.simulation.simulate import simulate
 
-RADAR = Radar.iwr1843()
-
 
 def compile_all(backwards: bool = False) -> None:
     """Simulate a furnished room with a can at rest, in motion and on a drive, and objects in free space; `backwards` reverses the order."""
-    parts = (_room_at_rest, _can_in_motion, _drive, _free_space)
-    for simulated in reversed(parts) if backwards else parts:
-        simulated()
+    radar, room, bench = Radar.iwr1843(), rooms.room("lab", detail="furnished"), rooms.bench("lab")
+    poses, place = trajectory.lateral_sweep(bench.sensor_pose)[:2], trajectory.pose(bench.target_position(1.0))
+    can = Surface(objects.cylinder(0.033, 0.12), "metal", "can", roughness_m=1e-4, role="object")
+    bodies = [Scene([Surface(mesh, "metal", "target")]) for mesh in (objects.trihedral(0.1), objects.sphere(0.05))]
 
+    def drive() -> None:
+        track = Track.of_drives([*room], radar, poses, TraceSettings(max_bounces=2))
+        track.room(poses)
+        track.over_room([can.moved(place)]).seen(poses, radar.frame_rate_hz)
+        track.moving([can], poses, place[None])
 
-def _room_at_rest() -> None:
-    simulate(Scene([*_room(), _can().moved(_can_pose())]), RADAR, _poses(), max_bounces=2, noise=True)
-
-
-def _can_in_motion() -> None:
-    simulate(Scene([*_room(), _can()]), RADAR, _poses(), motion={"can": np.stack([_can_pose()] * 2)}, max_bounces=2)
-
-
-def _drive() -> None:
-    drives = Track.of_drives([*_room()], RADAR, _poses(), TraceSettings(max_bounces=2))
-    drives.room(_poses())
-    drives.over_room([_can().moved(_can_pose())]).seen(_poses(), RADAR.frame_rate_hz)
-    drives.moving([_can()], _poses(), _can_pose()[None])
-
-
-def _free_space() -> None:
-    for mesh in (objects.trihedral(0.1), objects.sphere(0.05)):
-        simulate(Scene([Surface(mesh, "metal", "target")]), RADAR, trajectory.pose([-1.0, 0.0, 0.0])[None])
-
-
-def _room() -> Scene:
-    return rooms.room("lab", detail="furnished")
-
-
-def _can() -> Surface:
-    return Surface(objects.cylinder(0.033, 0.12), "metal", "can", roughness_m=1e-4, role="object")
-
-
-def _can_pose() -> np.ndarray:
-    return trajectory.pose(rooms.bench("lab").target_position(1.0))
-
-
-def _poses() -> np.ndarray:
-    return trajectory.lateral_sweep(rooms.bench("lab").sensor_pose)[:2]
+    parts: list[Callable[[], object]] = [
+        lambda: simulate(Scene([*room, can.moved(place)]), radar, poses, max_bounces=2, noise=True),
+        lambda: simulate(Scene([*room, can]), radar, poses, motion={"can": np.stack([place] * 2)}, max_bounces=2),
+        drive,
+        lambda: [simulate(body, radar, trajectory.pose([-1.0, 0.0, 0.0])[None]) for body in bodies],
+    ]
+    for part in reversed(parts) if backwards else parts:
+        part()
 
 
 @contextlib.contextmanager
-def compiling() -> Iterator[Callable[[], None]]:
+def compiling() -> Iterator[Callable[[], object]]:
     """Compile in two worker processes while the `with` block runs. The block gets a function that waits until both have ended."""
     pool = ProcessPool(min(2, cores()), import_main=False)
     started = [pool.submit(compile_all, backwards) for backwards in (False, True)]
-
-    def wait() -> None:
-        for one in started:
-            one.result()
-
     try:
-        yield wait
+        yield lambda: [future.result() for future in started]
     finally:
         pool.end()
 

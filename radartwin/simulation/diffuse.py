@@ -37,7 +37,7 @@ import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,7 +50,6 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table, visibility
-from radartwin.simulation.checks import check_whole
 from radartwin.simulation.curved.hits import Occluder
 from radartwin.simulation.flat import crossing, obstacles
 from radartwin.simulation.geometry import Geometry
@@ -127,13 +126,7 @@ def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = N
             MAX_POINTS points.
         seed: random seed of the positions and field factors. All runs and frames use the same seed, because the points belong to the
             surfaces.
-    Raises:
-        InputError: `count` is not a whole number of at least 1.
     """
-    if count is not None:
-        check_whole("count", count, 1)
-    if not any(surface.roughness_m > 0 for surface in surfaces):
-        return Cloud(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, complex), np.zeros(0, int))
     wavenumber = 2 * np.pi * _SAMPLING_HZ / SPEED_OF_LIGHT
     sides = geometry.corners[:, 1:] - geometry.corners[:, :1]
     twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
@@ -154,7 +147,7 @@ def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = N
         wanted *= min(1.0, MAX_POINTS / total) if count is None else count / total
     numbers = np.where(wanted > 0, np.maximum(np.round(wanted), 1), 0).astype(int)
     seen: Counter[str] = Counter()  # surfaces of the same name have different random numbers
-    parts = [_on_faces(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros(0), 0, np.random.default_rng(0))]
+    parts = [(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, complex))]
     for index, surface in enumerate(surfaces):
         rng = np.random.default_rng(np.random.SeedSequence([seed, seen[surface.name], *b"diffuse cloud", *surface.name.encode()]))
         seen[surface.name] += 1
@@ -176,14 +169,13 @@ def _on_faces(
     """
     # Systematic sampling gives each triangle its expected number of points, rounded up or down.
     upto = np.cumsum(weight)
-    total = upto[-1] if count else 0.0
-    face = np.searchsorted(upto, (np.arange(count) + rng.random()) * (total / max(count, 1)), side="right").clip(0, max(len(upto) - 1, 0))
+    face = np.searchsorted(upto, (np.arange(count) + rng.random()) * (upto[-1] / count), side="right").clip(0, len(upto) - 1)
     u, v = np.mod(rng.random(2)[:, None] + np.outer((0.7548776662466927, 0.5698402909980532), np.arange(count)), 1.0)
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
     share = np.stack([1 - u - v, u, v], axis=1)
     points, across = (np.einsum("ni,nij->nj", share, values[face]) for values in (corners, normals))
     field = (rng.standard_normal(count) + 1j * rng.standard_normal(count)) / np.sqrt(2)
-    return points, across / np.linalg.norm(across, axis=1, keepdims=True), np.full(count, total / max(count, 1) / 2), field
+    return points, across / np.linalg.norm(across, axis=1, keepdims=True), np.full(count, upto[-1] / count / 2), field
 
 
 def strengths(surfaces: Sequence[Surface], radar: Radar) -> Strengths:
@@ -203,13 +195,10 @@ def _strengths(entries: tuple[tuple[str | Layered, float, float], ...], start_hz
     cosine = np.maximum(np.cos(np.linspace(0, np.pi / 2, ANGLES)), 1e-6)
     out = np.zeros((len(entries), ANGLES))
     width = np.ones(len(entries))
-    known: dict[object, np.ndarray] = {}
-    for index, entry in enumerate(entries):
-        material, height, length = entry
+    for index, (material, height, length) in enumerate(entries):
         if height > 0:
-            if entry not in known:
-                known[entry] = scattered_share(material, height, cosine, frequency) * backscatter_lobe(height, length, wavenumber)
-            out[index], width[index] = known[entry], lobe_width(height, length, wavenumber)
+            out[index] = scattered_share(material, height, cosine, frequency) * backscatter_lobe(height, length, wavenumber)
+            width[index] = lobe_width(height, length, wavenumber)
     table = reflection_table.build([entry[:2] for entry in entries], float(frequency[0]), float(frequency[-1]))
     return Strengths(out, width, float(frequency.mean()), table)
 
@@ -291,18 +280,14 @@ def paths(
         Paths of F poses at one frequency node. The function drops a point at a pose if its received power, including the element gain, is
         below DIFFUSE_POWER times the mean power of all points at this pose. At most the fraction DIFFUSE_POWER of the power is lost.
     """
-    frames = len(poses)
+    frames, step = len(poses), max(1, LANES // max(len(scatterers), 1))
     velocity = np.zeros((frames, 3)) if velocity is None else velocity
-    step = max(1, LANES // max(len(scatterers), 1))
-    starts = range(0, frames, step) if len(scatterers) else ()
     tree = None if strength.table.opaque.all() else obstacles.build(geometry.corners, geometry.surface)
-    parts = [_block(scatterers, strength, geometry, tree, radar, poses[i : i + step], velocity[i : i + step]) for i in starts]
-    none, node = np.zeros(0), np.array([strength.frequency_hz])
-    if not parts:
-        parts, starts = [(none.astype(int), np.zeros((0, 1), complex), none, np.zeros((0, 3)), none)], (0,)
-    pose, amplitude, distance, towards, rate = (np.concatenate(column) for column in zip(*parts, strict=True))
-    pose = pose + np.repeat(starts, [len(part[0]) for part in parts])
-    return Paths(frames, pose, np.ones(len(pose), int), amplitude, node, distance, distance, towards, towards, rate)
+    blocks = [
+        _block(scatterers, strength, geometry, tree, radar, poses, velocity, np.arange(frames)[i : i + step])
+        for i in range(0, frames, step)
+    ]
+    return Paths.concatenate(blocks)
 
 
 def _block(
@@ -313,18 +298,17 @@ def _block(
     radar: Radar,
     poses: np.ndarray,
     velocity: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Compute the diffuse paths for a block of sensor poses.
+    frames: np.ndarray,
+) -> Paths:
+    """Compute the diffuse paths of the sensor poses with the indices `frames`.
 
-    Returns:
-        For each path: index of the pose, amplitude, distance of the point in metres, direction to the point in the sensor frame, and rate
-        of change of the path length in m/s. If a line crosses panes (triangles of `tree`), the amplitude includes their transmission there
-        and back, and the distance includes the delay of the layers.
+    If a line crosses panes (triangles of `tree`), the amplitude includes their transmission there and back, and the distance includes the
+    delay of the layers.
     """
     wavelength = SPEED_OF_LIGHT / strength.frequency_hz
     pose, point, distance, towards, power, above = _returns(
-        CloudArrays(scatterers.points, scatterers.normals, scatterers.area, scatterers.surface), strength.back, strength.width,
-        np.ascontiguousarray(poses, float), wavelength, not radar.sees_behind,
+        scatterers.points, scatterers.normals, scatterers.area, scatterers.surface, strength.back, strength.width,
+        np.ascontiguousarray(poses, float), frames, wavelength, not radar.sees_behind,
     )  # fmt: skip
     share = DIFFUSE_POWER / max(len(scatterers), 1)
     weight = power * radar.gain(towards) ** 4
@@ -332,70 +316,49 @@ def _block(
     examined = np.zeros(len(pose), bool)
     # The total power without obstacles is an upper limit of the received power. The strong points that are examined first give a lower
     # limit of this power. Points below `share` times the lower limit cannot be kept.
-    total = np.bincount(pose, weight, minlength=len(poses))
+    received = weight
     for _ in range(2):
-        some = np.flatnonzero(~examined & (weight > share * total[pose]))
-        examined[some] = True
-        sensor, direction = poses[pose[some], :3], np.einsum("nij,nj->ni", poses[pose[some], :3, :3], towards[some])
-        start = scatterers.points[point[some]] + (geometry.lift_m * above[some])[:, None] * scatterers.normals[point[some]]
-        free = visibility.visible(geometry, start.T, -direction.T, distance[some])
-        passed[some[free]] = 1
+        total = np.bincount(pose, received, minlength=len(poses))
+        rows = np.flatnonzero(~examined & (weight > share * total[pose]))
+        examined[rows] = True
+        sensor, direction = poses[pose[rows], :3], np.einsum("nij,nj->ni", poses[pose[rows], :3, :3], towards[rows])
+        start = scatterers.points[point[rows]] + (geometry.lift_m * above[rows])[:, None] * scatterers.normals[point[rows]]
+        free = visibility.visible(geometry, start.T, -direction.T, distance[rows])
+        passed[rows[free]] = 1
         if tree is not None:
-            behind = ~free
-            axis, way = sensor[behind, :, 2], direction[behind]
+            axis, way, rows = sensor[~free, :, 2], direction[~free], rows[~free]
             across = axis - np.einsum("ni,ni->n", axis, way)[:, None] * way
             across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-            panes, factor = crossing.factors(tree, strength.table, sensor[behind, :, 3], scatterers.points[point[some[behind]]], across, 2)
+            panes, factor = crossing.factors(tree, strength.table, sensor[~free, :, 3], scatterers.points[point[rows]], across, 2)
             through = panes >= 0
-            rows = some[behind][through]
+            rows = rows[through]
             passed[rows], extra[rows] = crossing.delayed(factor[through], strength.table.frequencies_hz, strength.frequency_hz)
         received = weight * np.abs(passed) ** 2
-        total = np.bincount(pose, received, minlength=len(poses))
-    kept = np.flatnonzero(received > share * total[pose])
-    amplitude = np.sqrt(power[kept]) * scatterers.field[point[kept]] * passed[kept].conj()
-    rate = -2 * np.einsum("nij,nj,ni->n", poses[pose[kept], :3, :3], towards[kept], velocity[pose[kept]])
-    return pose[kept], amplitude[:, None], distance[kept] + extra[kept] / 2, towards[kept], rate
-
-
-class CloudArrays(NamedTuple):
-    """Hold the arrays of a Cloud that the compiled function `_returns` reads."""
-
-    points: Any
-    normals: Any
-    area: Any
-    surface: Any
+    kept = np.flatnonzero(received > share * np.bincount(pose, received, minlength=len(poses))[pose])
+    pose, point, towards, distance = pose[kept], point[kept], towards[kept], distance[kept] + extra[kept] / 2
+    amplitude = (np.sqrt(power[kept]) * scatterers.field[point] * passed[kept].conj())[:, None]
+    rate = -2 * np.einsum("nij,nj,ni->n", poses[pose, :3, :3], towards, velocity[pose])
+    node, bounces = np.array([strength.frequency_hz]), np.ones(len(pose), int)
+    return Paths(len(poses), pose, bounces, amplitude, node, distance, distance, towards, towards, rate)
 
 
 @compiled
-def scattered_power(area, strength, cosine, distance, wavelength_m):
-    """Return the ratio of received to transmitted power of surface patches, between isotropic antennas. All arguments broadcast.
+def _returns(points, normals, area, surface, back, width, poses, frames, wavelength_m, forward):
+    """List the N pairs of a sensor pose with an index in `frames` and a point that have positive echo power.
 
-    Args:
-        area: area of each patch in square metres.
-        strength: fraction D p of the incident power that the patch scatters back per steradian.
-        cosine: cosine of the angle between the patch normal and the direction to the radar.
-        distance: distance of the patch from the radar in metres.
-        wavelength_m: wavelength in metres.
-    """
-    return area * cosine * strength * (wavelength_m / (4 * np.pi * distance * distance)) ** 2
-
-
-@compiled
-def _returns(cloud, back, width, poses, wavelength_m, forward):
-    """List the N pairs of a sensor pose and a point that have positive echo power. The function does not test whether the line is blocked.
+    The arguments are those of a `Cloud`, of `Strengths` and of `_block`. The function does not test whether the line is blocked.
 
     Returns:
         Index of the pose (N,), index of the point (N,), distance in metres (N,), direction from the sensor to the point in the sensor frame
         (N, 3), ratio of received to transmitted power (N,), and 1 or -1 (N,) if the normal points to or away from the sensor's side.
     """
-    points, normals, area, surface = cloud.points, cloud.normals, cloud.area, cloud.surface
-    most = len(poses) * len(points)
+    most = len(frames) * len(points)
     pose, point = np.empty(most, np.int64), np.empty(most, np.int64)
     distance, power, above = np.empty(most), np.empty(most), np.empty(most)
     towards = np.empty((most, 3))
     last = back.shape[1] - 1
     n = 0
-    for f in range(len(poses)):
+    for f in frames:
         rotation = poses[f]
         for p in range(len(points)):
             x, y, z = points[p, 0] - rotation[0, 3], points[p, 1] - rotation[1, 3], points[p, 2] - rotation[2, 3]
@@ -418,7 +381,7 @@ def _returns(cloud, back, width, poses, wavelength_m, forward):
             entry = min(int(place), last - 1)
             part = place - entry
             low, high = back[s, entry], back[s, entry + 1]
-            value = scattered_power(area[p], narrow * (low + part * (high - low)), cosine, away, wavelength_m)
+            value = area[p] * cosine * (narrow * (low + part * (high - low))) * (wavelength_m / (4 * np.pi * away * away)) ** 2
             if value <= 0:
                 continue
             pose[n], point[n], distance[n], power[n], above[n] = f, p, away, value, 1.0 if facing > 0 else -1.0

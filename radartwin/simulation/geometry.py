@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
+from trimesh.graph import connected_component_labels
 
 from radartwin.store.digest import array_digest, spec_digest
 from radartwin.store.recent import Recent
@@ -131,55 +130,34 @@ def _signed_volume(corners: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
 
 
-def _smooth_normals(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return unit normals (F, 3, 3) at the corners of the faces, averaged over all faces that are connected by smooth edges at a vertex.
+def _smooth(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit normals (F, 3, 3) at the corners of the faces, and the index (F,) of the smooth surface patch of each face.
 
-    Each face normal is weighted by the angle of its corner, so that thin triangles have little weight.
+    A normal is the average over all faces that are connected by smooth edges at a vertex. Each face normal is weighted by the angle of its
+    corner, so that thin triangles have little weight.
     """
-    faces = np.asarray(mesh.faces)
-    face_normals = np.asarray(mesh.face_normals)
-    count = len(faces)
-    pairs = np.asarray(mesh.face_adjacency)
-    group = np.arange(3 * count)
-    if len(pairs):
-        smooth = np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD
-        pairs, edges = pairs[smooth], np.asarray(mesh.face_adjacency_edges)[smooth]
-        links = []
-        for end in range(2):
-            # Find, for each of the two faces at a shared edge, the corner that lies at this end of the edge.
-            corner = [3 * pairs[:, side] + np.argmax(faces[pairs[:, side]] == edges[:, end : end + 1], axis=1) for side in range(2)]
-            links.append(np.stack(corner, axis=1))
-        group = _groups(np.concatenate(links), 3 * count)
-    weight = np.asarray(mesh.face_angles).reshape(-1)
-    corner_normals = np.repeat(face_normals, 3, axis=0) * weight[:, None]
-    total = np.stack([np.bincount(group, corner_normals[:, axis]) for axis in range(3)], axis=1)[group]
+    faces, face_normals = np.asarray(mesh.faces), np.repeat(np.asarray(mesh.face_normals), 3, axis=0)
+    smooth = np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD
+    pairs, edges = np.asarray(mesh.face_adjacency)[smooth], np.asarray(mesh.face_adjacency_edges)[smooth]
+    # For each of the two faces at a shared edge, find the corner that lies at each end of the edge.
+    links = [
+        [3 * face + np.argmax(faces[face] == edges[:, end : end + 1], axis=1) for face in pairs.T] for end in range(2)
+    ]  # fmt: skip
+    group = connected_component_labels(np.concatenate(links, axis=1).T, 3 * len(faces))
+    weighted = face_normals * np.asarray(mesh.face_angles).reshape(-1, 1)
+    total = np.stack([np.bincount(group, weighted[:, axis]) for axis in range(3)], axis=1)[group]
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    fallback = np.repeat(face_normals, 3, axis=0)
-    return np.where(length > 1e-9, total / np.maximum(length, 1e-30), fallback).reshape(count, 3, 3)
-
-
-def _patches(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return the index (F,) of the smooth surface patch to which each face belongs."""
-    pairs, count = np.asarray(mesh.face_adjacency), len(mesh.faces)
-    if not len(pairs):
-        return np.arange(count)
-    return _groups(pairs[np.asarray(mesh.face_adjacency_angles) < SMOOTH_EDGE_RAD], count)
-
-
-def _groups(links: np.ndarray, count: int) -> np.ndarray:
-    """Group `count` items that are connected by the pairs `links` (L, 2), and return the group number (count,) of each item."""
-    graph = coo_matrix((np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    normals = np.where(length > 1e-9, total / np.maximum(length, 1e-30), face_normals)
+    return normals.reshape(-1, 3, 3), connected_component_labels(pairs, len(faces))
 
 
 def subset(geometry: Geometry, keep: np.ndarray) -> Geometry:
     """Return a geometry with only those faces that the mask `keep` (F,) selects."""
     arrays = geometry.corners, geometry.normals, geometry.surface
-
-    def chosen() -> Geometry:
-        return Geometry(*(array[keep] for array in arrays), hollow_m=geometry.hollow_m[keep])
-
-    return geometry.subsets.get(keep.tobytes(), int(np.count_nonzero(keep)), chosen)
+    return geometry.subsets.get(
+        keep.tobytes(), int(np.count_nonzero(keep)),
+        lambda: Geometry(*(array[keep] for array in arrays), hollow_m=geometry.hollow_m[keep]),
+    )  # fmt: skip
 
 
 def _hollow_m(mesh: trimesh.Trimesh) -> float:
@@ -215,12 +193,13 @@ def _built(contents: Sequence[tuple[np.ndarray, np.ndarray]]) -> Geometry:
         clean.merge_vertices(digits_vertex=7)
         clean.update_faces(clean.unique_faces() & (clean.area_faces > MIN_AREA_M2))
         if not clean.is_winding_consistent:
-            trimesh.repair.fix_winding(clean)  # normals of neighbouring faces with opposite winding would cancel in `_smooth_normals`
+            trimesh.repair.fix_winding(clean)  # normals of neighbouring faces with opposite winding would cancel in `_smooth`
         if not len(clean.faces):
             continue
         corners.append(np.asarray(clean.triangles, float))
-        normals.append(_smooth_normals(clean))
-        patch.append(_patches(clean) + sum(len(one) for one in patch))
+        normal, patches = _smooth(clean)
+        normals.append(normal)
+        patch.append(patches + sum(len(one) for one in patch))
         surface.append(np.full(len(clean.faces), index))
         hollow.append(np.full(len(clean.faces), _hollow_m(clean)))
     if not corners:

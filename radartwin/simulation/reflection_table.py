@@ -27,7 +27,6 @@ import functools
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -125,34 +124,31 @@ def build(
     Warns:
         DispersionWarning: the interpolation error of a material exceeds TOLERANCE, because its layers are too thick.
     """
-    distinct = list(dict.fromkeys(surfaces))
-    sizes = [_size(entry, low_hz, high_hz or low_hz) for entry in distinct]
-    for entry, size in zip(distinct, sizes, strict=True):
-        if size.error >= TOLERANCE:
+    table, errors = _tabulated(tuple(surfaces), low_hz, high_hz or low_hz)
+    for entry, error in errors.items():
+        if error >= TOLERANCE:
             where = f"surface {names[surfaces.index(entry)]!r}: " if names else ""
             warnings.warn(
-                f"{where}the coefficients of {entry[0]} are wrong by up to {size.error:.2g} of the incident field, over the tolerance of "
+                f"{where}the coefficients of {entry[0]} are wrong by up to {error:.2g} of the incident field, over the tolerance of "
                 f"{TOLERANCE:g}, because its layers are too thick for the sweep; use thinner layers or a smaller bandwidth",
                 DispersionWarning, stacklevel=2,
             )  # fmt: skip
-    return _tabulated(tuple(surfaces), low_hz, high_hz)
+    return table
 
 
 @functools.lru_cache(maxsize=TABLES_IN_MEMORY)
-def _tabulated(surfaces: tuple[tuple[str | Layered, float], ...], low_hz: float, high_hz: float | None) -> ReflectionTable:
-    """Return the table of `build`, of the size that `_size` finds for each material."""
-    distinct = list(dict.fromkeys(surfaces))
-    sizes = [_size(entry, low_hz, high_hz or low_hz) for entry in distinct]
-    nodes = np.array([low_hz])
-    if high_hz is not None:
-        nodes = chebyshev_nodes(low_hz, high_hz, max((size.nodes for size in sizes), default=1))
-    cosines = grid_of_cosines(max((size.cosines for size in sizes), default=_COSINES[0]))
+def _tabulated(
+    surfaces: tuple[tuple[str | Layered, float], ...], low_hz: float, high_hz: float
+) -> tuple[ReflectionTable, dict[tuple[str | Layered, float], float]]:
+    """Return the table of `build`, of the size that `_size` finds for each material, and the interpolation error of each material."""
+    sizes = {entry: _size(entry, low_hz, high_hz) for entry in dict.fromkeys(surfaces)}
+    nodes = chebyshev_nodes(low_hz, high_hz, max((nodes for nodes, _, _ in sizes.values()), default=1))
+    cosines = grid_of_cosines(max((cosines for _, cosines, _ in sizes.values()), default=_COSINES[0]))
     table = np.empty((4, len(surfaces), len(cosines), len(nodes)), complex)
-    for entry in distinct:
+    for entry in sizes:
         table[:, [other == entry for other in surfaces]] = _evaluate(entry, cosines, nodes)[:, None]
     table.flags.writeable = nodes.flags.writeable = False
-    te, tm, through_te, through_tm = table
-    return ReflectionTable(te, tm, through_te, through_tm, nodes, surfaces)
+    return ReflectionTable(*table, nodes, surfaces), {entry: error for entry, (_, _, error) in sizes.items()}
 
 
 def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> np.ndarray:
@@ -170,29 +166,24 @@ def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np
     return np.stack([*reflected, *passed])
 
 
-class _Size(NamedTuple):
-    """Hold the numbers of frequency nodes and of cosines that a material needs, and the larger of the two interpolation errors."""
-
-    nodes: int
-    cosines: int
-    error: float
-
-
 @functools.lru_cache(maxsize=1024)
-def _size(entry: tuple[str | Layered, float], low_hz: float, high_hz: float) -> _Size:
-    """Return the smallest table of a material whose interpolation errors are below TOLERANCE, or else the largest table."""
+def _size(entry: tuple[str | Layered, float], low_hz: float, high_hz: float) -> tuple[int, int, float]:
+    """Return the numbers of frequency nodes and of cosines of the smallest table of a material whose interpolation errors are below
+    TOLERANCE, or else of the largest table, and the larger of the two errors.
+    """
     nodes, in_frequency = _smallest(_NODES, lambda count: _frequency_error(entry, low_hz, high_hz, count))
     cosines, in_angle = _smallest(_COSINES, lambda count: _angle_error(entry, low_hz, high_hz, count))
-    return _Size(nodes, cosines, max(in_frequency, in_angle))
+    return nodes, cosines, max(in_frequency, in_angle)
 
 
 def _smallest(counts: Sequence[int], error: Callable[[int], float]) -> tuple[int, float]:
     """Return the first count whose error is below TOLERANCE, or else the last count, with its error."""
-    count, found = counts[0], np.inf
+    errors = {}
     for count in counts:
-        if (found := error(count)) < TOLERANCE:
+        errors[count] = error(count)
+        if errors[count] < TOLERANCE:
             break
-    return count, found
+    return errors.popitem()
 
 
 def _frequency_error(entry: tuple[str | Layered, float], low_hz: float, high_hz: float, count: int) -> float:

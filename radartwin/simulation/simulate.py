@@ -6,8 +6,8 @@ FEWEST_FRAMES and at most MOST_FRAMES. The blocks depend only on the arguments o
 """
 
 import contextlib
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +24,11 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.backend import Backend, paths_of_frames, resolve
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.checks import check_option, check_positive, check_whole
+from radartwin.simulation.checks import check_option, check_whole
 from radartwin.simulation.geometry import MIN_AREA_M2
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import ELEMENTS, received, thermal_noise
 
-MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing this number of tubes takes some minutes
-MAX_DENSITY = 10_000  # largest number of ray tubes per square wavelength; this density gives seven million tubes on a 10 cm plate
 FIRST_FRAMES = 8  # largest number of frames of the first block
 FEWEST_FRAMES, MOST_FRAMES = 8, 128  # limits of the number of frames of the other blocks
 BLOCK_BYTES = 100_000_000  # size of the paths and samples of a block; tracing needs about three times this memory
@@ -94,11 +92,11 @@ def simulate(
     check_whole("seed", seed, 0)
     check_option("elements", elements, ELEMENTS)
     settings = TraceSettings(max_bounces, rays, rays_per_wavelength2, variant)
-    _check_settings(settings)
     tracer = resolve(simulator, settings)
     folder = None if out is None else files.make_folder(recording_files(out)[0].parent)
-    kept, sensor, moving = _checked(scene, radar, sensor_poses, motion, tracer)
-    noises = (_generator(seed, b"oscillator noise"), _generator(seed, b"receiver noise")) if noise else None
+    kept, sensor, moving = _checked(scene, radar, sensor_poses, motion)
+    names = (b"oscillator noise", b"receiver noise") if noise else ()
+    noises = tuple(np.random.default_rng(np.random.SeedSequence([seed, *name])) for name in names)
     shape = (len(sensor), *frame_shape(radar))
     blocks = _blocks(kept, radar, sensor, moving, tracer, elements, noises)
     if folder is None:
@@ -128,14 +126,14 @@ def _blocks(
     moving: Mapping[str, np.ndarray],
     tracer: Backend,
     elements: str,
-    noises: tuple[np.random.Generator, np.random.Generator] | None,
+    noises: Sequence[np.random.Generator],
 ) -> Iterator[np.ndarray]:
     """Yield the samples (F, C, T, R, N) of consecutive blocks of frames.
 
     Args:
         scene, radar, sensor, moving: checked by `_checked`. tracer: simulator that traces the paths.
         elements: as in `simulate`.
-        noises: random generators of oscillator noise and receiver noise; None leaves out noise.
+        noises: random generators of oscillator noise and receiver noise; empty without noise.
     """
     frames, start, size, most_bytes = len(sensor), 0, FIRST_FRAMES, 0.0
     still: list[Paths] | None = None
@@ -144,24 +142,16 @@ def _blocks(
     while start < frames:
         stop = min(start + size, frames)
         parts = still if still is not None else paths_of_frames(tracer, scene, radar, sensor, moving, start, stop)
-        iq = received(parts, radar, stop - start, elements=elements, oscillator=noises and noises[0])
+        iq = received(parts, radar, stop - start, elements=elements, oscillator=noises[0] if noises else None)
         if noises:
             iq += thermal_noise(iq.shape, radar, noises[1])
         if radar.real_sampling:
             iq.imag = 0
-        most_bytes = max(most_bytes, (iq.nbytes + sum(_bytes(part) for part in parts if part.poses > 1)) / len(iq))
+        arrays = [value for part in parts if part.poses > 1 for value in vars(part).values() if isinstance(value, np.ndarray)]
+        most_bytes = max(most_bytes, (iq.nbytes + sum(array.nbytes for array in arrays)) / len(iq))
         size = int(np.clip(BLOCK_BYTES / most_bytes, FEWEST_FRAMES, MOST_FRAMES))
         start = stop
         yield iq
-
-
-def _bytes(paths: Paths) -> int:
-    return sum(value.nbytes for f in fields(paths) if isinstance(value := getattr(paths, f.name), np.ndarray))
-
-
-def _generator(seed: int, name: bytes) -> np.random.Generator:
-    """Return the random generator of the noise `name`."""
-    return np.random.default_rng(np.random.SeedSequence([seed, *name]))
 
 
 def trace_paths(
@@ -180,34 +170,19 @@ def trace_paths(
         A list of `Paths` objects, whose signals add up, and the sensor poses (F, 4, 4). Each `Paths` object has F poses, or one pose that
         is valid for all frames.
     """
-    tracer = MitsubaBackend(settings)
-    scene, sensor, moving = _checked(scene, radar, sensor_poses, motion, tracer)
-    return tracer.paths(scene, radar, sensor, moving), sensor
-
-
-def _check_settings(settings: TraceSettings) -> None:
-    """Raise InputError for settings of the tracer that are out of range."""
-    check_whole("max_bounces", settings.max_bounces, 1)
-    if settings.rays is not None:
-        check_whole("rays", settings.rays, 1, MAX_RAYS)
-    check_positive("rays_per_wavelength2", settings.rays_per_wavelength2, MAX_DENSITY)
+    scene, sensor, moving = _checked(scene, radar, sensor_poses, motion)
+    return MitsubaBackend(settings).paths(scene, radar, sensor, moving), sensor
 
 
 def _checked(
-    scene: Scene,
-    radar: Radar,
-    sensor_poses: np.ndarray,
-    motion: Mapping[str, np.ndarray] | None,
-    tracer: Backend,
+    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None
 ) -> tuple[Scene, np.ndarray, dict[str, np.ndarray]]:
-    """Check the arguments of `simulate` and the settings of a tracer on Mitsuba. Return the scene without tiny surfaces, the sensor poses
-    (F, 4, 4), and the poses (F, 4, 4) of moving surfaces by name.
+    """Check the arguments of `simulate`. Return the scene without tiny surfaces, the sensor poses (F, 4, 4), and the poses (F, 4, 4) of
+    moving surfaces by name.
     """
     for name, value, kind in (("scene", scene, Scene), ("radar", radar, Radar)):
         if not isinstance(value, kind):
             raise InputError(f"{name} must be a radartwin.{kind.__name__}, not {type(value).__name__}")
-    if isinstance(tracer, MitsubaBackend):
-        _check_settings(tracer.settings)
     sensor = poses_module.check_poses(sensor_poses, "sensor_poses")
     moving, frames = poses_module.check_motion(motion, set(scene.names), len(sensor))
     sensor = poses_module.repeated(sensor, frames)

@@ -29,11 +29,9 @@ DRIVE = np.array([trajectory.pose([0.0, 0.01 * f, 0.0]) for f in range(9)])
 CASES = {
     "mitsuba": {},
     "rfgenesis shipped": {"version": "shipped"},
-    "rfgenesis columns": {"version": "columns"},
     "rfgenesis corrected": {"version": "corrected"},
     "points": {},
     "points sphere": {"cross_section": "sphere"},
-    "points box": {"points": "box"},
     "sionna": {},
     "sionna apart": {"separation_m": 0.03},
 }
@@ -41,17 +39,15 @@ CASES = {
 SPHERE_ERROR_DB = {
     "mitsuba": (0.2, 0.5),  # at 2 m, the mirror point is 5 cm nearer than the sphere's centre, and the wavefronts curve with the sphere
     "rfgenesis shipped": (-21.9, 1.0),
-    "rfgenesis columns": (6.3, 1.0),
     "rfgenesis corrected": (11.4, 1.0),
     "points": (0.0, 0.3),
     "points sphere": (0.0, 0.1),
-    "points box": (0.4, 0.1),  # the faces of the bounding box are nearer than its centre
     "sionna": (-np.inf, 0.0),  # no facet of the ball has a mirror point, so there is no path
     "sionna apart": (-np.inf, 0.0),
 }
 # Measured speed of a target at 0.2 m/s. RF-Genesis as shipped spaces chirps by 6.25 ms instead of 128 us, so the speed becomes 9.77 m/s,
 # which Doppler folding turns into -5.11 m/s.
-SPEED_READ = {"rfgenesis shipped": -5.11, "rfgenesis columns": -5.11}
+SPEED_READ = {"rfgenesis shipped": -5.11}
 
 
 @pytest.fixture(params=CASES)
@@ -260,7 +256,7 @@ def test_broken_meshes_stay_finite(simulator, kind):
         (lambda: backend("points", step_deg=0), "step_deg must be above 0"),
         (lambda: backend("sionna", max_bounces=0), "max_bounces must be a whole number from 1 to 32, not 0"),
         (lambda: backend("sionna", separation_m=-0.1), "separation_m must be from 0 to 1 m, not -0.1"),
-        (lambda: backend("sionna", diffuse=1), "diffuse must be True or False"),
+        (lambda: backend("sionna", diffraction=1), "diffraction must be True or False"),
         (lambda: rt.simulate(rt.Scene([]), RADAR, HERE, simulator="points", max_bounces=2), "max_bounces is read by simulator mitsuba"),
         (lambda: rt.simulate(rt.Scene([]), RADAR, HERE, simulator=3), "simulator must be one of mitsuba, rfgenesis, points, sionna or a"),  # type: ignore[arg-type]
         (lambda: rt.simulate(rt.Scene([]), RADAR, HERE, simulator=backend("mitsuba", rays=0)), "rays must be"),
@@ -277,7 +273,7 @@ def test_wrong_settings_are_refused(make, match):
     [
         (["simulator=points", "simulator.grid=64"], "simulator.grid is not read by simulator=points; choose simulator=rfgenesis"),
         (["simulator.backend=points"], "contradicts simulator=mitsuba; choose simulator=points"),
-        (["simulator=rfgenesis", "simulator.version=fixed"], "simulator.version=fixed is not known; options: shipped, columns, corrected"),
+        (["simulator=rfgenesis", "simulator.version=fixed"], "simulator.version=fixed is not known; options: shipped, corrected"),
         (["simulator=rfgenesis", "simulator.grid=null"], "simulator.grid.*not Optional"),
         (["simulator=rfgenesis", "simulator.fov_deg=190"], "simulator.fov_deg=190 must be below 180"),
         (["simulator=points", "simulator.room=panels"], "simulator.room=panels is not known; options: images, void"),
@@ -310,7 +306,7 @@ def test_run_key_depends_on_the_simulator_and_its_settings():
         ["simulator=rfgenesis", "simulator.version=corrected"],
         ["simulator=points"],
         ["simulator=sionna"],
-        ["simulator=sionna", "simulator.diffuse=true"],
+        ["simulator=sionna", "simulator.diffraction=true"],
         [],
         ["simulator.room=panels"],
     )

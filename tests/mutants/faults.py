@@ -94,11 +94,11 @@ edge_terms | shadow * lost[0] | shadow | the edge of a pane casts the shadow of 
 travelled | max(crossed(tree, at, to, opaque, found), 0) | 0 | panes do not weaken the paths of rooms
 
 simulation/diffuse: physics/test_diffuse
-scattered_power | 4 * np.pi * distance | 8 * np.pi * distance | scattered power is 6 dB low
+_returns | 4 * np.pi * away | 8 * np.pi * away | scattered power is 6 dB low
 _block | np.sqrt(power[kept]) | power[kept] | power is used as amplitude
 _block | -2 | -1 | half the Doppler shift of diffuse echoes
 scattered_share | 1 - coherent**2 | 1 - coherent | roughness removes more power than it scatters
-_on_faces | total / max(count, 1) / 2 | total / max(count, 1) | each scatterer represents twice its area
+_on_faces | upto[-1] / count / 2 | upto[-1] / count | each scatterer represents twice its area
 _returns | narrow * (low + part * (high - low)) | low + part * (high - low) | a wider lobe keeps its peak
 mover_paths | ~visibility.hidden(found, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
 

@@ -11,7 +11,6 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import radartwin as rt
-from radartwin.errors import InputError
 from radartwin.materials import permittivity, reflection
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
@@ -187,12 +186,6 @@ def test_smooth_surfaces_have_no_cloud():
     nothing = traced([smooth], at((0, 0, 0), (0, 0, 1)))
     assert (len(nothing), nothing.poses) == (0, 2)
     assert not synthesize(nothing, ISOTROPIC).any()
-
-
-@pytest.mark.parametrize("count", [0, -5, 2.5, True])
-def test_number_of_points_is_checked(count):
-    with pytest.raises(InputError, match="count must be a whole number of at least 1"):
-        diffuse.cloud([WALL], geometry.build([WALL.mesh]), count)
 
 
 def test_density_follows_the_width_of_the_lobe():

@@ -3,7 +3,7 @@
 This module calls that method the naive tracer. The module implements the method anew from X. Chen, X. Zhang, RF Genesis: Zero-Shot
 Generalization of mmWave Sensing through Simulation-Based Data Synthesis and Generative Diffusion Models, SenSys 2023 (doi
 10.1145/3625687.3625798), and from the behaviour of the program that the authors of RF-Genesis released (the original program). The naive
-tracer serves as a baseline for comparison. The naive tracer is correct only in range and direction. It has three versions:
+tracer serves as a baseline for comparison. The naive tracer is correct only in range and direction. It has two versions:
 
 - The version `shipped` computes the same as the original RF-Genesis program. Rays pass through the corners of 128 x 128 camera pixels over
   a field of view of 60 degrees. Surfaces have the albedo 0.8. A spotlight of intensity 1000 beside the camera illuminates them; its
@@ -13,13 +13,12 @@ tracer serves as a baseline for comparison. The naive tracer is correct only in 
   the columns of intensity and distance. Between two frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its
   hit in the previous frame, or else in the next frame. The chirps of a frame are spread over the whole frame period, and all transmitters
   transmit at the same time.
-- The version `columns` differs from `shipped` only because distance and intensity are in the right columns.
 - The version `corrected` is as correct as the method allows. Each ray returns the power of the Lambert patch that its pixel sees, which is
   rho cos(t) dOmega lambda^2/(16 pi^3 r^2). Here rho is the mean power reflection of the material, t the angle of incidence, dOmega the
   solid angle of the pixel and r the distance. The signal amplitude is the square root of this power. Rays pass through pixel centres, the
   radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
 
-All versions have these errors. There is no mirror reflection, so plates have no specular echo and corners have no multiple bounces. A
+Both versions have these errors. There is no mirror reflection, so plates have no specular echo and corners have no multiple bounces. A
 surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in phase. Surfaces outside
 the field of view return no power. There is no polarisation.
 
@@ -45,7 +44,7 @@ from radartwin.simulation import reflection_table, variant
 from radartwin.simulation.checks import check_option, check_whole
 from radartwin.simulation.paths import Paths
 
-VERSIONS = ("shipped", "columns", "corrected")
+VERSIONS = ("shipped", "corrected")
 ALBEDO, SPOT_INTENSITY = 0.8, 1000.0
 SPOT_FULL_DEG, SPOT_END_DEG = 30.0, 40.0
 MIN_VISIBLE = 0.1  # hits at a smaller distance (in metres) or with a smaller rendered intensity are dropped
@@ -63,7 +62,7 @@ class RFGenesisSettings:
     """Settings of the naive tracer's camera and signal model.
 
     Attributes:
-        version: "shipped", "columns" or "corrected"; the module's docstring describes these versions.
+        version: "shipped" or "corrected"; the module's docstring describes these versions.
         grid: number of camera pixels along each side of the image.
         fov_deg: full field of view of the camera in azimuth and in elevation, in degrees.
         variant: Mitsuba variant that traces the rays: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
@@ -119,7 +118,6 @@ class RFGenesisBackend:
             return [_paths(hits, _lambert(hits, scene, frequency, self.settings), 2 * hits.speed, hits.surface >= 0, frequency)]
         hits, moved = _between_frames(hits)
         intensity = _rendered(hits)
-        weight = hits.distance if self.settings.version == "shipped" else intensity
         seen = (hits.distance > MIN_VISIBLE) & (intensity > MIN_VISIBLE)
         loss = power_loss(2 * np.maximum(hits.distance, MIN_VISIBLE))
         # The published program spreads the chirp loops of a frame over the whole frame period.
@@ -128,7 +126,7 @@ class RFGenesisBackend:
         parts, left = [], seen
         for chosen in classes:
             if (left & chosen).any():
-                parts.append(_paths(hits, weight * loss, 2 * moved * spread, left & chosen, radar.center_frequency_hz))
+                parts.append(_paths(hits, hits.distance * loss, 2 * moved * spread, left & chosen, radar.center_frequency_hz))
             left = left & ~chosen
         return parts
 
@@ -171,37 +169,31 @@ def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[
         for start in range(0, frames, step):
             block = slice(start, start + step)
             turned = np.einsum("fij,pj->fpi", sensor[block, :3, :3], directions)
-            origins = np.broadcast_to(sensor[block, None, :3, 3], turned.shape)
-            found, cos, face = first_hits(built, origins.reshape(-1, 3), turned.reshape(-1, 3))
-            found, cos, face = (values.reshape(turned.shape[:2]) for values in (found, cos, face))
-            nearer = found < distance[block]
-            radial = -np.einsum("fpi,fi->fp", turned, velocity[block])
-            distance[block][nearer], cosine[block][nearer] = found[nearer], cos[nearer]
-            speed[block][nearer] = radial[nearer]
-            surface[block][nearer] = np.asarray(indices)[built.surface[face[nearer]]]
+            away, cos, face = first_hits(built, np.broadcast_to(sensor[block, None, :3, 3], turned.shape), turned)
+            nearer = away < distance[block]
+            hit = away, cos, -np.einsum("fpi,fi->fp", turned, velocity[block]), np.asarray(indices)[built.surface[face]]
+            for every, values in zip((distance, cosine, speed, surface), hit, strict=True):
+                every[block][nearer] = values[nearer]
     return Hits(directions, np.where(np.isfinite(distance), distance, 0.0), cosine, surface, speed)
 
 
 def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the first hit of each of N rays.
+    """Find the first hits of rays with start points and unit directions (..., 3).
 
-    Args:
-        built: geometry that the rays may hit.
-        origins: (N, 3) start points of the rays in metres.
-        directions: (N, 3) unit directions of the rays.
     Returns:
-        Distance (N,) float64 in metres, which is infinite if the ray hits nothing, cosine of incidence (N,) and face index (N,).
+        Distance (...) float64 in metres, which is infinite if the ray hits nothing, cosine of incidence (...) and face index (...).
     """
     import mitsuba as mi
 
-    ray = mi.Ray3f(mi.Point3f(*origins.T.astype(np.float32)), mi.Vector3f(*directions.T.astype(np.float32)))
-    hit = built.scene().ray_intersect_preliminary(ray, coherent=True)
-    valid, face, rough = np.array(hit.is_valid()), np.array(hit.prim_index).astype(np.int64), np.array(hit.t).astype(float)
-    face = np.where(valid, face, 0)
+    start, way = (values.reshape(-1, 3).T.astype(np.float32) for values in (origins, directions))
+    ray = mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*way))
+    hit, shape = built.scene().ray_intersect_preliminary(ray, coherent=True), origins.shape[:-1]
+    valid, face, rough = (np.array(values).reshape(shape) for values in (hit.is_valid(), hit.prim_index, hit.t))
+    face = np.where(valid, face.astype(np.int64), 0)
     normals = np.cross(built.corners[:, 1] - built.corners[:, 0], built.corners[:, 2] - built.corners[:, 0])
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[face]
-    slope = np.einsum("ni,ni->n", directions, normals)
-    height = np.einsum("ni,ni->n", built.corners[face, 0] - origins, normals)
+    slope = np.einsum("...i,...i->...", directions, normals)
+    height = np.einsum("...i,...i->...", built.corners[face, 0] - origins, normals)
     steep = np.abs(slope) > 1e-4  # at grazing incidence, Mitsuba's float32 distance is more accurate than the computed float64 distance
     exact = np.where(steep, height / np.where(steep, slope, 1.0), rough)
     return np.where(valid, exact, np.inf), np.abs(slope), face

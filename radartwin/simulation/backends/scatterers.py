@@ -1,4 +1,4 @@
-"""Simulate objects as one or a few isotropic point scatterers, and each wall of a room as a single mirror reflection.
+"""Simulate objects as one isotropic point scatterer each, and each wall of a room as a single mirror reflection.
 
 This simulator is the simplest one of the package. The simulator models no near field, no paths between object and room, and no occlusion.
 The shape of an object enters only through a table of its far-field radar cross-section sigma. By the radar equation, a point at distance R
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import trimesh
+from trimesh.triangles import points_to_barycentric
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
@@ -26,7 +27,6 @@ from radartwin.simulation.rcs import rcs
 from radartwin.store.digest import array_digest
 
 CROSS_SECTIONS = ("table", "sphere")
-POINTS = ("centre", "box")
 ROOMS = ("images", "void")
 NEAREST_M = 1e-3  # shortest distance of a point scatterer, in metres; walls that are nearer are ignored
 EDGE = 1e-9  # tolerance of barycentric coordinates, so that a point on the diagonal of a rectangular wall lies on both triangles
@@ -40,8 +40,6 @@ class PointSettings:
     Attributes:
         cross_section: "table" uses the object's far-field radar cross-section at the current viewing angle. "sphere" uses the
             cross-section of a ball of the same material, whose radius is half the mean side length of the object's bounding box.
-        points: "centre" puts one point at the centre of the object's bounding box. "box" puts points of equal power at the centres of
-            those faces of the bounding box that face the sensor.
         room: "images" simulates one mirror reflection per wall; "void" ignores the room.
         step_deg: step of the cross-section table in azimuth and in elevation, in degrees. The simulator computes a table entry when it
             first needs this entry.
@@ -49,13 +47,12 @@ class PointSettings:
     """
 
     cross_section: str = "table"
-    points: str = "centre"
     room: str = "images"
     step_deg: float = 1.0
     rays_per_wavelength2: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, options in (("cross_section", CROSS_SECTIONS), ("points", POINTS), ("room", ROOMS)):
+        for name, options in (("cross_section", CROSS_SECTIONS), ("room", ROOMS)):
             check_option(f"points: {name}", getattr(self, name), options)
         if not 0 < self.step_deg <= 90:
             raise InputError(f"points: step_deg must be above 0 and at most 90 degrees, not {self.step_deg!r}")
@@ -94,24 +91,15 @@ class PointBackend:
         return [part for part in parts if len(part)]
 
     def _object(self, surface: Surface, radar: Radar, sensor: np.ndarray, velocity: np.ndarray) -> Paths:
+        """Return the paths to the centre of an object's bounding box, for the poses (F, 4, 4) and velocities (F, 3) of the sensor."""
         low, high = surface.mesh.bounds
-        centre, half = (low + high) / 2, (high - low) / 2
-        towards = sensor[:, :3, 3] - centre
-        section = self._cross_section(surface, radar.center_frequency_hz, towards, float(half.mean()))
-        points, share = centre[None], np.ones((len(sensor), 1))
-        if self.settings.points == "box":
-            points = centre + np.concatenate([np.diag(half), -np.diag(half)])
-            outwards = np.concatenate([np.eye(3), -np.eye(3)])
-            lit = np.einsum("fpi,pi->fp", sensor[:, None, :3, 3] - points, outwards) > 0
-            inside = ~lit.any(axis=1)
-            share = np.where(inside[:, None], 1 / len(points), lit / np.maximum(lit.sum(axis=1), 1)[:, None])
-        pose, point = np.nonzero(share > 0)
-        away = points[point] - sensor[pose, :3, 3]
+        away = (low + high) / 2 - sensor[:, :3, 3]
         distance = np.maximum(np.linalg.norm(away, axis=1), NEAREST_M)
-        wavelength = SPEED_OF_LIGHT / radar.center_frequency_hz
-        level = np.sqrt(section[pose] * share[pose, point] * wavelength**2 / (4 * np.pi) ** 3) / distance**2
-        frequencies = np.array([radar.center_frequency_hz])
-        return _paths(sensor, velocity, pose, level[:, None], frequencies, away / distance[:, None], distance)
+        wavelength, frequency = SPEED_OF_LIGHT / radar.center_frequency_hz, radar.center_frequency_hz
+        section = self._cross_section(surface, frequency, -away, float((high - low).mean()) / 2)
+        level = np.sqrt(section * wavelength**2 / (4 * np.pi) ** 3) / distance**2
+        pose = np.arange(len(sensor))
+        return _paths(sensor, velocity, pose, level[:, None], np.array([frequency]), away / distance[:, None], distance)
 
     def _cross_section(self, surface: Surface, frequency_hz: float, towards: np.ndarray, radius_m: float) -> np.ndarray:
         """Return the radar cross-sections (F,) of an object in m^2.
@@ -163,14 +151,9 @@ def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity
     normals = np.cross(edges[:, 0], edges[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     height = np.einsum("fti,ti->ft", sensor[:, None, :3, 3] - corner, normals)
-    foot = sensor[:, None, :3, 3] - height[:, :, None] * normals - corner
-    first, second = edges[:, 0], edges[:, 1]
-    gram = np.stack([(first * first).sum(1), (first * second).sum(1), (second * second).sum(1)], axis=1)
-    along = np.stack([np.einsum("fti,ti->ft", foot, first), np.einsum("fti,ti->ft", foot, second)], axis=2)
-    area = gram[:, 0] * gram[:, 2] - gram[:, 1] ** 2
-    b = (gram[:, 2] * along[:, :, 0] - gram[:, 1] * along[:, :, 1]) / area
-    c = (gram[:, 0] * along[:, :, 1] - gram[:, 1] * along[:, :, 0]) / area
-    on = (b >= -EDGE) & (c >= -EDGE) & (b + c <= 1 + EDGE) & (np.abs(height) > NEAREST_M)
+    foot = sensor[:, None, :3, 3] - height[:, :, None] * normals
+    shares = points_to_barycentric(np.tile(built.corners, (len(sensor), 1, 1)), foot.reshape(-1, 3)).reshape(*height.shape, 3)
+    on = (shares >= -EDGE).all(axis=2) & (np.abs(height) > NEAREST_M)
     pose, face = _once_per_plane(on, height, normals, built.surface)
     away = -height[pose, face, None] * normals[face]
     distance = np.abs(height[pose, face])

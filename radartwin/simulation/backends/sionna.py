@@ -2,7 +2,7 @@
 
 Sionna treats every facet that contains a mirror reflection point as an infinite mirror, and it ignores all other facets. Sionna's echoes of
 walls are therefore exact, but its echoes of objects are not. A plate of any size has the echo of an infinite mirror, a trihedral or a
-sphere has no echo, and diffuse paths add coherently. `sionna_scene.limits` warns the user about these errors. If transmitter and receiver
+sphere has no echo. `sionna_scene.limits` warns the user about these errors. If transmitter and receiver
 are at one point, the reflection point in a corner lies exactly on an edge, and rounding decides whether Sionna finds the path. The setting
 `separation_m` therefore moves the receiver aside while Sionna searches for paths.
 
@@ -48,8 +48,6 @@ class SionnaSettings:
     Attributes:
         max_bounces: largest number of reflections per path, 1 to 32.
         rays: number of rays per pose in all directions; None takes RAYS.
-        diffuse: whether to add diffuse reflection. Its power is the power that roughness removes from the mirror reflection at normal
-            incidence.
         diffraction: whether to add paths with one diffraction at an edge (uniform theory of diffraction), also at free edges, and to let
             Sionna refract. Sionna treats the faces at an edge as metal. The material that RadarTwin gives to Sionna only reflects, so
             refraction finds no further paths. At the reflection boundary of a free edge, the diffracted wave of sionna-rt 2.2.0 has the
@@ -61,7 +59,6 @@ class SionnaSettings:
 
     max_bounces: int = 4
     rays: int | None = None
-    diffuse: bool = False
     diffraction: bool = False
     separation_m: float = 0.0
     variant: str = "auto"
@@ -70,7 +67,6 @@ class SionnaSettings:
         check_whole("sionna: max_bounces", self.max_bounces, 1, 32)
         if self.rays is not None:
             check_whole("sionna: rays", self.rays, 1, MAX_RAYS)
-        check_flag("sionna: diffuse", self.diffuse)
         check_flag("sionna: diffraction", self.diffraction)
         if not 0 <= self.separation_m <= 1:
             raise InputError(f"sionna: separation_m must be from 0 to 1 m, not {self.separation_m!r}")
@@ -91,7 +87,7 @@ class SionnaBackend:
         motion: Mapping[str, np.ndarray] | None = None,
         track: np.ndarray | None = None,
     ) -> list[Paths]:
-        """Return one `Paths` object with mirror reflections and one with diffuse and diffracted paths. The arguments are those of
+        """Return one `Paths` object with mirror reflections and one with diffracted paths. The arguments are those of
         `backend.Backend.paths`.
 
         If neither sensor nor surfaces move, the paths have a single pose.
@@ -99,12 +95,12 @@ class SionnaBackend:
         Warns:
             UserWarning: Sionna cannot compute the echo of a surface of this scene correctly.
         """
+        if not len(scene):
+            return []
         motion = motion or {}
         if poses_module.at_rest(sensor_poses, *motion.values()):
             sensor_poses, motion = sensor_poses[:1], {name: poses[:1] for name, poses in motion.items()}
-        mesh = convert(scene.surfaces, motion, radar, self.settings.diffuse)
-        if not len(mesh.faces):
-            return []
+        mesh = convert(scene.surfaces, motion, radar)
         traced = self.traced(mesh, sensor_poses)
         for text in limits(scene.surfaces, mesh, traced, radar.wavelength_m):
             warnings.warn(text, stacklevel=2)
@@ -115,7 +111,7 @@ class SionnaBackend:
         mirrored, others = (
             {name: values[usable & chosen] for name, values in traced.items()} for chosen in (traced["mirrored"], ~traced["mirrored"])
         )
-        parts = [_specular(mirrored, mesh, sensor_poses), _scattered(others, mesh, sensor_poses)]
+        parts = [_specular(mirrored, mesh, sensor_poses), _diffracted(others, mesh, sensor_poses)]
         return [part for part in parts if len(part)]
 
     @property
@@ -125,7 +121,7 @@ class SionnaBackend:
     def traced(self, mesh: SionnaScene, sensor_poses: np.ndarray) -> dict[str, np.ndarray]:
         """Let Sionna search the paths over the mesh of a scene, and return the arrays of `sionna_worker.trace`."""
         s = self.settings
-        return ask(_trace, s.variant, mesh, sensor_poses, self._offset, s.max_bounces, s.rays or RAYS, s.diffuse, s.diffraction)
+        return ask(_trace, s.variant, mesh, sensor_poses, self._offset, s.max_bounces, s.rays or RAYS, s.diffraction)
 
 
 def ask(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -198,8 +194,8 @@ def _specular(traced: dict[str, np.ndarray], mesh: SionnaScene, sensor_poses: np
     ).where(there)  # fmt: skip
 
 
-def _scattered(traced: dict[str, np.ndarray], mesh: SionnaScene, sensor_poses: np.ndarray) -> Paths:
-    """Build paths that contain a diffuse hit or a diffraction. Each path is the line from the sensor through the hits that Sionna found,
+def _diffracted(traced: dict[str, np.ndarray], mesh: SionnaScene, sensor_poses: np.ndarray) -> Paths:
+    """Build paths that contain a diffraction. Each path is the line from the sensor through the hits that Sionna found,
     and back to the sensor.
     """
     pose, rows, bounces = traced["pose"], np.arange(len(traced["pose"])), traced["bounces"]

@@ -3,8 +3,6 @@
 - Sionna treats each facet as an infinite mirror. A real flat face of area A at distance d returns at most 2 A/(lambda d) times the field of
   an infinite mirror, where lambda is the wavelength. If this ratio is below one, Sionna's echo of the face is too strong.
 - A curved object or an object with corners mostly has no mirror reflection point on any of its facets, so Sionna returns no echo.
-- Sionna adds diffuse paths as fields, with phases that follow from the path lengths. Near the mirror direction these paths are in phase, so
-  the sum grows with the number of paths.
 """
 
 import warnings
@@ -14,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, reflection
-from radartwin.materials.roughness import ament
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import reflection_table
@@ -38,11 +34,10 @@ class SionnaScene:
     tm: np.ndarray  # (D, C, Q) TM reflection coefficients
     row: np.ndarray  # (T,) table row of each triangle
     frequencies_hz: np.ndarray  # (Q,) frequency nodes
-    scattering: np.ndarray  # (T,) Sionna's scattering coefficient of each triangle
 
 
-def convert(surfaces: Sequence[Surface], motion: Mapping[str, np.ndarray], radar: Radar, diffuse: bool) -> SionnaScene:
-    """Merge all surfaces to one mesh, without faces smaller than MIN_AREA_M2. If `diffuse` is False, the scattered power is lost."""
+def convert(surfaces: Sequence[Surface], motion: Mapping[str, np.ndarray], radar: Radar) -> SionnaScene:
+    """Merge all surfaces to one mesh, without faces smaller than MIN_AREA_M2. The power that rough surfaces scatter is lost."""
     moving = {i: motion[s.name] for i, s in enumerate(surfaces) if s.name in motion}
     frames = max((len(poses) for poses in moving.values()), default=1)
     vertices, faces, index, count = [np.zeros((frames, 0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], 0
@@ -54,11 +49,8 @@ def convert(surfaces: Sequence[Surface], motion: Mapping[str, np.ndarray], radar
         index.append(np.full(len(kept), i))
         count += len(points)
     owner = np.concatenate(index)
-    te, tm, row, frequencies = reflection_tables([(s.material, 0.0 if diffuse else s.roughness_m) for s in surfaces], radar)
-    scattered = scattering(surfaces, radar.center_frequency_hz) if diffuse else np.zeros(len(surfaces))
-    return SionnaScene(
-        np.concatenate(vertices, axis=1), np.concatenate(faces), owner, moving, te, tm, row[owner], frequencies, scattered[owner]
-    )
+    te, tm, row, frequencies = reflection_tables([(s.material, s.roughness_m) for s in surfaces], radar)
+    return SionnaScene(np.concatenate(vertices, axis=1), np.concatenate(faces), owner, moving, te, tm, row[owner], frequencies)
 
 
 def reflection_tables(
@@ -79,16 +71,6 @@ def reflection_tables(
     return te, tm, np.array([distinct.index(entry) for entry in entries]), frequencies
 
 
-def scattering(surfaces: Sequence[Surface], frequency_hz: float) -> np.ndarray:
-    """Return Sionna's scattering coefficient of each surface, (S,).
-
-    Its square is the fraction of the reflected power that roughness removes from the mirror reflection at normal incidence.
-    """
-    wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
-    kept = np.array([float(ament(s.roughness_m, np.array(1.0), wavenumber)) if s.roughness_m else 1.0 for s in surfaces])
-    return np.sqrt(1 - kept**2)
-
-
 def limits(surfaces: Sequence[Surface], mesh: SionnaScene, traced: Mapping[str, np.ndarray], wavelength_m: float) -> Iterator[str]:
     """Yield one warning for each limit of Sionna that affects the paths `traced`, which `sionna_worker.trace` returned."""
     names, reached = [s.name or f"surface {i}" for i, s in enumerate(surfaces)], mesh.surface[traced["face"][traced["face"] >= 0]]
@@ -100,8 +82,6 @@ def limits(surfaces: Sequence[Surface], mesh: SionnaScene, traced: Mapping[str, 
             f"sionna: the echo of {_listed(list(excess))} has the level of an infinite mirror, "
             f"{'up to ' if len(excess) > 1 else ''}{max(excess.values()):.1f} dB more than that of its area"
         )
-    if traced["scattered"].any():
-        yield "sionna: diffuse paths add coherently, so that their level grows with `rays` and is not the diffuse power"
 
 
 @contextmanager

@@ -7,7 +7,7 @@ Sionna's own material is one homogeneous slab in air, but the walls of radartwin
 coefficients of `radartwin.materials.reflection` at 4096 or more equally spaced cosines of incidence, with linear interpolation between
 them. The interpolation error is below 3e-3 of the incident field for all wall, floor and ceiling materials of the rooms, at angles of
 incidence up to 89.7 degrees. For a slab in air, the table agrees with Sionna's own material. Tests check both statements. Sionna's own code
-computes polarisation, diffuse pattern and sampling probabilities. A single material object serves all surfaces, because Dr.Jit processes
+computes polarisation and sampling probabilities. A single material object serves all surfaces, because Dr.Jit processes
 the code of every material object on each call.
 """
 
@@ -23,19 +23,17 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.backends.sionna_scene import SionnaScene
 
 NAME = "scene"
-SEED = 0  # random seed of Sionna's diffuse rays
 
 
 def trace(
-    mesh: SionnaScene, sensor_poses: np.ndarray, offset_m: np.ndarray, max_bounces: int, rays: int, diffuse: bool, diffraction: bool
+    mesh: SionnaScene, sensor_poses: np.ndarray, offset_m: np.ndarray, max_bounces: int, rays: int, diffraction: bool
 ) -> dict[str, np.ndarray]:
     """Trace the paths at all sensor poses (F, 4, 4). The receiver is at the position `offset_m` (3,) in the sensor frame, in metres.
 
     Returns:
         Arrays of N paths: index of the pose (N,), amplitude (N, Q) without the propagation phase, length_m (N,), `vertex`
-        (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; `scattered` (N,), which
-        is true for paths with a diffuse hit; and `mirrored` (N,), which is true for paths of mirror reflections only. Q is the number of
-        frequency nodes and D the largest number of hits of a path.
+        (N, D, 3), the hit points in metres; `face` (N, D), the indices of the hit faces, -1 after the last hit; and `mirrored` (N,), which
+        is true for paths of mirror reflections only. Q is the number of frequency nodes and D the largest number of hits of a path.
     """
     scene, material, solver = *_build(mesh), PathSolver(deterministic=True)
     parts = [_no_paths(len(mesh.frequencies_hz))]
@@ -46,8 +44,8 @@ def trace(
         _place(scene, sensor, offset_m)
         material.use(mesh.te[..., 0], mesh.tm[..., 0])
         paths = solver(
-            scene, max_depth=max_bounces, samples_per_src=rays, los=False, specular_reflection=True, diffuse_reflection=diffuse,
-            refraction=diffraction, diffraction=diffraction, edge_diffraction=diffraction, synthetic_array=True, seed=SEED,
+            scene, max_depth=max_bounces, samples_per_src=rays, los=False, specular_reflection=True, diffuse_reflection=False,
+            refraction=diffraction, diffraction=diffraction, edge_diffraction=diffraction, synthetic_array=True, seed=0,
         )  # fmt: skip
         if paths._paths_buffer.buffer_size:
             amplitude = _amplitudes(scene, solver, paths, material, mesh, rays, diffraction)
@@ -68,7 +66,7 @@ def _build(mesh: SionnaScene) -> tuple[Any, "TabulatedMaterial"]:
     parameters["vertex_positions"] = mi.Float(corners.astype(np.float32).ravel())
     parameters["faces"] = mi.UInt(mesh.faces.astype(np.uint32).ravel())
     parameters.update()
-    material = TabulatedMaterial(mesh.row, mesh.scattering)
+    material = TabulatedMaterial(mesh.row)
     material.use(mesh.te[..., 0], mesh.tm[..., 0])
     scene: Any = load_scene()
     scene.frequency = float(mesh.frequencies_hz.mean())
@@ -96,7 +94,6 @@ def _hits(paths: Any) -> dict[str, np.ndarray]:
         "length_m": np.array(paths.tau)[0, 0, order].astype(float) * SPEED_OF_LIGHT,
         "vertex": np.moveaxis(np.array(paths.vertices)[:, 0, 0, order], 0, 1).astype(float),
         "face": np.where(kind == InteractionType.NONE, -1, face.astype(np.int64)),
-        "scattered": (kind == InteractionType.DIFFUSE).any(axis=1),
         "mirrored": ((kind == InteractionType.NONE) | (kind == InteractionType.SPECULAR)).all(axis=1),
     }
 
@@ -104,7 +101,7 @@ def _hits(paths: Any) -> dict[str, np.ndarray]:
 def _no_paths(nodes: int) -> dict[str, np.ndarray]:
     return {
         "pose": np.zeros(0, int), "amplitude": np.zeros((0, nodes), complex), "length_m": np.zeros(0), "vertex": np.zeros((0, 1, 3)),
-        "face": np.zeros((0, 1), np.int64), "scattered": np.zeros(0, bool), "mirrored": np.zeros(0, bool),
+        "face": np.zeros((0, 1), np.int64), "mirrored": np.zeros(0, bool),
     }  # fmt: skip
 
 
@@ -135,19 +132,16 @@ class TabulatedMaterial(RadioMaterial):
 
     Args:
         row: (F,) index of the table row that holds the coefficients of each of F faces.
-        scattering: (F,) Sionna's scattering coefficient of each face, from 0 to 1. Its square is the scattered fraction of the reflected
-            power.
     """
 
-    def __init__(self, row: np.ndarray, scattering: np.ndarray) -> None:
+    def __init__(self, row: np.ndarray) -> None:
         # Sionna uses the conductivity to choose between reflection and transmission. With the conductivity of a metal, it always reflects.
         super().__init__(name="tabulated", conductivity=1e7)
         self._rows = mi.UInt(np.ascontiguousarray(row, np.uint32))
-        self._scattering = mi.Float(np.ascontiguousarray(scattering, np.float32))
         self._table: list[Any] = []
         self._cosines = 0
         self._row: Any = None
-        dr.make_opaque(self._rows, self._scattering)
+        dr.make_opaque(self._rows)
 
     def use(self, te: np.ndarray, tm: np.ndarray) -> None:
         """Set the complex TE and TM reflection tables (D materials, C equally spaced cosines of incidence from 0 to 1)."""
@@ -169,9 +163,8 @@ class TabulatedMaterial(RadioMaterial):
         return super().pdf(ctx, si, wo, active)
 
     def _select(self, si: Any) -> None:
-        """Select the table rows of the faces that the rays hit, and set the scattering coefficients that Sionna reads."""
+        """Select the table rows of the faces that the rays hit."""
         self._row = dr.gather(mi.UInt, self._rows, si.prim_index)
-        self._s = dr.gather(mi.Float, self._scattering, si.prim_index)
 
     def _specular_reflection_transmission_matrix(
         self, to_world: Any, ki_local: Any, ko_local: Any, reflection: Any, r_te: Any, r_tm: Any, t_te: Any, t_tm: Any

@@ -6,6 +6,8 @@ from radartwin.errors import InputError
 from radartwin.simulation.checks import check_flag, check_option, check_positive, check_whole
 from radartwin.simulation.pruning import PRUNE
 
+MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing this number of tubes takes some minutes
+MAX_DENSITY = 10_000  # largest number of ray tubes per square wavelength; this density gives seven million tubes on a 10 cm plate
 SPACING_M = 0.04  # distance between places of a moving radar; paths are moved by half of it at most
 MOST_SPACING_M = 0.1  # with places 0.5 m apart, the error of the moved paths is 0.4 of the signal (a can beside a wall)
 
@@ -47,6 +49,10 @@ class TraceSettings:
     place_spacing_m: float = SPACING_M
 
     def __post_init__(self) -> None:
+        check_whole("max_bounces", self.max_bounces, 1)
+        if self.rays is not None:
+            check_whole("rays", self.rays, 1, MAX_RAYS)
+        check_positive("rays_per_wavelength2", self.rays_per_wavelength2, MAX_DENSITY)
         check_option("room", self.room, ("auto", "panels", "tubes"))
         check_flag("coupling", self.coupling)
         check_flag("diffuse", self.diffuse)

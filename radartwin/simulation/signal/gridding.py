@@ -38,17 +38,12 @@ class PathArrays(NamedTuple):
     amplitude: Any
 
 
-class Elements(NamedTuple):
-    """Hold the positions of the antenna elements in the sensor frame, in metres."""
+class Setup(NamedTuple):
+    """Hold the antenna elements, and define how a path length in metres is converted to a phase and to a position in the delay grid."""
 
-    tx: Any  # (T, 3) positions of the transmit antennas, in metres
-    rx: Any  # (R, 3) positions of the receive antennas, in metres
+    tx: Any  # (T, 3) positions of the transmit antennas in the sensor frame, in metres
+    rx: Any  # (R, 3) positions of the receive antennas
     planar: Any  # True assumes plane waves, so that all antenna elements see a path in the same direction
-
-
-class GridScale(NamedTuple):
-    """Define how a path length in metres is converted to a phase and to a position in the delay grid."""
-
     cycles_per_m: Any  # phase per metre of path length at the middle of the frequency sweep, in cycles
     cells_per_m: Any  # number of delay-grid cells per metre of path length
     cells: Any  # number of delay-grid cells
@@ -203,52 +198,51 @@ def ripple(first, last, departure, arrival, num_tx, points, weights, out):
 
 
 @compiled
-def spread(first, last, starts, paths, elements, scale, grid):
+def spread(first, last, starts, paths, setup, grid):
     """Add the paths of the tasks `first` to `last` - 1 to delay grids. Each task has its own delay grid.
 
     Args:
         starts: index of the first path of each task, followed by the number of paths N.
         paths: the PathArrays of all tasks.
-        elements: the Elements of the radar's antenna array.
-        scale: the GridScale that converts path lengths to phases and grid positions.
+        setup: the Setup of the radar and the grid.
         grid: (tasks, terms, (cells + pad) x 2 C) delay grids in single precision, to which the paths are added, one for each term of the
             motion. A cell has the real parts of all C channels, followed by the imaginary parts. The grid has `pad` more cells than the
             period of the delays, for kernels and copies that extend beyond its end.
     """
-    channels = len(elements.tx) * len(elements.rx)
-    width = (grid.shape[2] // (2 * channels) - scale.cells) * 2 * channels
-    received, length, turn, offset = np.empty(len(elements.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels)
+    channels = len(setup.tx) * len(setup.rx)
+    width = (grid.shape[2] // (2 * channels) - setup.cells) * 2 * channels
+    received, length, turn, offset = np.empty(len(setup.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels)
     orders = np.empty(grid.shape[1])
     shift, lines = np.empty(channels, np.int64), np.empty((3, width), np.float32)
     shape, turned = lines[0].reshape(-1, 2, channels), lines[1].reshape(-1, 2, channels)
-    order, ends = np.empty(starts[last] - starts[first], np.int64), np.empty(scale.cells + 1, np.int64)
+    order, ends = np.empty(starts[last] - starts[first], np.int64), np.empty(setup.cells + 1, np.int64)
     for task in range(first, last):
-        _by_delay(starts[task], starts[task + 1], paths, scale, order, ends)
+        _by_delay(starts[task], starts[task + 1], paths, setup, order, ends)
         for i in range(starts[task + 1] - starts[task]):
-            _spread(order[i], paths, elements, scale, grid[task], orders, received, length, turn, offset, shift, shape, turned, lines)
+            _spread(order[i], paths, setup, grid[task], orders, received, length, turn, offset, shift, shape, turned, lines)
 
 
 @innermost
-def _by_delay(start, stop, paths, scale, order, ends):
+def _by_delay(start, stop, paths, setup, order, ends):
     """Write the paths `start` to `stop` - 1 to `order`, sorted by their grid cell, so that the cells stay in the processor's cache.
 
     The work array `ends` has one entry more than the grid has cells.
     """
     ends[:] = 0
     for p in range(start, stop):
-        ends[int(np.floor(scale.cells_per_m * (paths.length_in[p] + paths.length_out[p]))) % scale.cells + 1] += 1
+        ends[int(np.floor(setup.cells_per_m * (paths.length_in[p] + paths.length_out[p]))) % setup.cells + 1] += 1
     for m in range(1, len(ends)):
         ends[m] += ends[m - 1]
     for p in range(start, stop):
-        cell = int(np.floor(scale.cells_per_m * (paths.length_in[p] + paths.length_out[p]))) % scale.cells
+        cell = int(np.floor(setup.cells_per_m * (paths.length_in[p] + paths.length_out[p]))) % setup.cells
         order[ends[cell]] = p
         ends[cell] += 1
 
 
 @innermost
-def _lengths(p, paths, elements, drift, received, length):
+def _lengths(p, paths, setup, drift, received, length):
     """Write the length of path `p` between the elements of each channel, at the middle of the frame, to `length` (C,)."""
-    tx, rx, planar = elements.tx, elements.rx, elements.planar
+    tx, rx, planar = setup.tx, setup.rx, setup.planar
     count = len(rx)
     if len(paths.mirror) > 0:
         whole = paths.length_in[p] + paths.length_out[p]
@@ -265,20 +259,20 @@ def _lengths(p, paths, elements, drift, received, length):
 
 
 @innermost
-def _spread(p, paths, elements, scale, grid, orders, received, length, turn, offset, shift, shape, turned, lines):
+def _spread(p, paths, setup, grid, orders, received, length, turn, offset, shift, shape, turned, lines):
     """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task.
 
     The other arguments are work arrays: `orders` (terms,), `received` (R,), `turn` (2, C), and `length`, `offset` and `shift` (C,).
     `shape` (cells, 2, C) receives the weights of a copy of the path in all channels of the cells that its kernel reaches, and `turned` the
     same times j. They are the first two rows of `lines` (3, cells x 2 C), whose third row receives the sum of all copies.
     """
-    channels, kernel, copies = len(length), scale.kernel, paths.amplitude.shape[1]
+    channels, kernel, copies = len(length), setup.kernel, paths.amplitude.shape[1]
     # The length of each channel gives the phase factor and the position in the grid.
-    _lengths(p, paths, elements, scale.middle_s * paths.rate[p], received, length)
+    _lengths(p, paths, setup, setup.middle_s * paths.rate[p], received, length)
     lowest = np.inf
     for c in range(channels):
-        turn[0, c], turn[1, c] = _turn(scale.cycles_per_m * length[c])
-        offset[c] = scale.cells_per_m * length[c]
+        turn[0, c], turn[1, c] = _turn(setup.cycles_per_m * length[c])
+        offset[c] = setup.cells_per_m * length[c]
         lowest = min(lowest, offset[c])
     if len(paths.gain) > 0:
         for c in range(channels):
@@ -311,7 +305,7 @@ def _spread(p, paths, elements, scale, grid, orders, received, length, turn, off
         for c in range(channels):
             turned[i, 0, c], turned[i, 1, c] = -shape[i, 1, c], shape[i, 0, c]
     width = 2 * channels
-    left, one, every = (int(lowest) - copies // 2) % scale.cells * width, reach * width, (reach + copies - 1) * width
+    left, one, every = (int(lowest) - copies // 2) % setup.cells * width, reach * width, (reach + copies - 1) * width
     # Sum of all copies whose weight is not negligible.
     total, power = lines[2, :every], 0.0
     total[:] = 0.0
@@ -319,13 +313,13 @@ def _spread(p, paths, elements, scale, grid, orders, received, length, turn, off
         a = paths.amplitude[p, m]
         squared = a.real * a.real + a.imag * a.imag
         power += squared
-        if squared > scale.least * scale.least:
+        if squared > setup.least * setup.least:
             place = m * width
             _combine(np.float32(a.real), lines[0, :one], np.float32(a.imag), lines[1, :one], total[place : place + one])
     # The sum times the weight of each term of the motion goes to the grid of this term.
-    _motion(scale.motion_per_mps * paths.rate[p], orders)
+    _motion(setup.motion_per_mps * paths.rate[p], orders)
     for k in range(len(orders)):
-        if power * orders[k] * orders[k] > scale.least * scale.least:
+        if power * orders[k] * orders[k] > setup.least * setup.least:
             _add(np.float32(orders[k]), total, grid[k, left : left + every])
 
 

@@ -17,23 +17,22 @@ import numpy as np
 from radartwin.compiled import shared_out
 from radartwin.simulation.drjit_arrays import upload
 from radartwin.simulation.signal import gridding
-from radartwin.simulation.signal.gridding import TAPS, Elements, GridScale, PathArrays
+from radartwin.simulation.signal.gridding import TAPS, PathArrays, Setup
 
 _element_distance, _image_distance = gridding._element_distance.py_func, gridding._image_distance.py_func  # they also take Dr.Jit arrays
 _BITS = 60  # the largest sum that a cell can reach is at most 2 to this power
 
 
-def spread(starts: np.ndarray, parts: list[PathArrays], elements: Elements, scale: GridScale, terms: int) -> np.ndarray:
+def spread(starts: np.ndarray, parts: list[PathArrays], setup: Setup, terms: int) -> np.ndarray:
     """Return the delay grids (F, terms, cells x 2 C) of F frames in single precision, as `gridding.spread` fills them, without `pad`.
 
     Args:
         starts: (P, F + 1) index of the first path of each frame in each of P parts, followed by the end of the last frame.
         parts: the paths of P parts.
-        elements: elements of the radar's antenna array.
-        scale: scale that converts path lengths to phases and grid positions.
+        setup: setup of the radar and the grid.
         terms: number of terms of the motion.
     """
-    frames, width = starts.shape[1] - 1, 2 * len(elements.tx) * len(elements.rx) * scale.cells
+    frames, width = starts.shape[1] - 1, 2 * len(setup.tx) * len(setup.rx) * setup.cells
     strongest = max(_largest(part.amplitude) * (_largest(part.gain) if part.gain.size else 1.0) for part in parts)
     paths = int((starts[:, -1] - starts[:, 0]).sum())
     # A path adds at most TAPS copies to one cell, and weights of the motion are at most 2.
@@ -41,7 +40,7 @@ def spread(starts: np.ndarray, parts: list[PathArrays], elements: Elements, scal
     total = dr.zeros(mi.Int64, frames * terms * width)
     for start, part in zip(starts, parts, strict=True):
         if start[-1] > start[0]:
-            _add(start, part, elements, scale, terms, unit, total)
+            _add(start, part, setup, terms, unit, total)
     values = mi.Float(mi.Float64(total) * dr.opaque(mi.Float64, unit))
     return values.numpy().reshape(frames, terms, width)
 
@@ -50,9 +49,9 @@ def _largest(values: np.ndarray) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
-def _add(start: np.ndarray, part: PathArrays, elements: Elements, scale: GridScale, terms: int, unit: float, total: Any) -> None:
+def _add(start: np.ndarray, part: PathArrays, setup: Setup, terms: int, unit: float, total: Any) -> None:
     """Add the paths `start`[0] to `start`[-1] - 1 of one part to the grids `total`, whose cells count multiples of `unit`."""
-    chosen, (num_tx, num_rx), copies = slice(start[0], start[-1]), (len(elements.tx), len(elements.rx)), part.amplitude.shape[1]
+    chosen, (num_tx, num_rx), copies = slice(start[0], start[-1]), (len(setup.tx), len(setup.rx)), part.amplitude.shape[1]
     channels, count = num_tx * num_rx, int(start[-1] - start[0])
     lane = dr.arange(mi.UInt32, count * channels)
     path = lane // dr.opaque(mi.UInt32, channels)
@@ -61,44 +60,44 @@ def _add(start: np.ndarray, part: PathArrays, elements: Elements, scale: GridSca
         dr.gather(mi.Float64, upload(mi.Float64, values[chosen]), path) for values in (part.length_in, part.length_out, part.rate)
     )
     antenna_out = channel // dr.opaque(mi.UInt32, num_rx)
-    transmitter = _vectors(elements.tx)(antenna_out)
-    receiver = _vectors(elements.rx)(channel - antenna_out * dr.opaque(mi.UInt32, num_rx))
+    transmitter = _vectors(setup.tx)(antenna_out)
+    receiver = _vectors(setup.rx)(channel - antenna_out * dr.opaque(mi.UInt32, num_rx))
     arrival = _vectors(part.arrival[chosen])(path)
-    drift = rate * dr.opaque(mi.Float64, scale.middle_s)
+    drift = rate * dr.opaque(mi.Float64, setup.middle_s)
     if len(part.mirror):
         entries = upload(mi.Float64, part.mirror[chosen])
         mirror = mi.Matrix3d(*(dr.gather(mi.Float64, entries, 9 * path + i) for i in range(9)))
-        length = drift + _image_distance(length_in + length_out, arrival, mirror, transmitter, receiver, elements.planar)
+        length = drift + _image_distance(length_in + length_out, arrival, mirror, transmitter, receiver, setup.planar)
     else:
         departure = _vectors(part.departure[chosen])(path)
-        length = drift + _element_distance(length_in, departure, transmitter, elements.planar)
-        length += _element_distance(length_out, arrival, receiver, elements.planar)
-    cycles = length * dr.opaque(mi.Float64, scale.cycles_per_m)
+        length = drift + _element_distance(length_in, departure, transmitter, setup.planar)
+        length += _element_distance(length_out, arrival, receiver, setup.planar)
+    cycles = length * dr.opaque(mi.Float64, setup.cycles_per_m)
     sine, cosine = dr.sincos(mi.Float(2 * np.pi * (cycles - dr.round(cycles))))
     if len(part.gain):
         gain = part.gain[chosen]
         real, imaginary = (dr.gather(mi.Float, upload(mi.Float, values), lane) for values in (gain.real, gain.imag))
         cosine, sine = cosine * real - sine * imaginary, cosine * imaginary + sine * real
-    place = length * dr.opaque(mi.Float64, scale.cells_per_m)
+    place = length * dr.opaque(mi.Float64, setup.cells_per_m)
     lowest = dr.floor(place)
     offset = mi.Float(place - lowest)
     weights = []
     for tap in range(TAPS):
-        weight = mi.Float(float(scale.kernel[0, tap]))
-        for coefficient in scale.kernel[1:, tap]:
+        weight = mi.Float(float(setup.kernel[0, tap]))
+        for coefficient in setup.kernel[1:, tap]:
             weight = dr.fma(weight, offset, float(coefficient))
         weights.append(weight)
-    cells = dr.opaque(mi.UInt32, scale.cells)  # a power of two
+    cells = dr.opaque(mi.UInt32, setup.cells)  # a power of two
     first = mi.UInt32(mi.Int64(lowest) - copies // 2) & (cells - 1)
     columns, widths = dr.opaque(mi.UInt32, terms), dr.opaque(mi.UInt32, copies)
     frame = np.repeat(np.arange(len(start) - 1), np.diff(start))
     base = dr.gather(mi.UInt32, upload(mi.UInt32, frame), path) * columns
     amplitude = upload(mi.Float64, np.ascontiguousarray(part.amplitude[chosen]).view(float))
     orders = np.empty((count, terms))
-    shared_out(gridding.motions, count, scale.motion_per_mps * part.rate[chosen], orders, grain=1000)
+    shared_out(gridding.motions, count, setup.motion_per_mps * part.rate[chosen], orders, grain=1000)
     motions = upload(mi.Float64, orders)
     part_of_cell, stride = dr.opaque(mi.UInt32, channels), dr.opaque(mi.UInt32, 2 * channels)
-    factor, least = dr.opaque(mi.Float64, 1 / unit), dr.opaque(mi.Float, (scale.least / unit) ** 2)
+    factor, least = dr.opaque(mi.Float64, 1 / unit), dr.opaque(mi.Float, (setup.least / unit) ** 2)
 
     def body(step: Any) -> tuple[Any]:
         """Add one copy of the path to the grid of one term of the motion."""

@@ -146,11 +146,11 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
     terms = slow.shape[2]
     arrays, least = _expanded(parts, radar, frequency, cells)
     cells_per_m = radar.slope_hz_per_s / radar.sample_rate_hz / SPEED_OF_LIGHT * cells
-    scale = gridding.GridScale(
+    setup = gridding.Setup(
+        radar.tx_positions, radar.rx_positions, elements == "planar",
         (radar.start_frequency_hz + radar.slope_hz_per_s * fast_time[samples // 2]) / SPEED_OF_LIGHT, cells_per_m, cells, middle_s,
         motion_per_mps, _kernel_polynomials(), least,
     )  # fmt: skip
-    antennas = gridding.Elements(radar.tx_positions, radar.rx_positions, elements == "planar")
     array_m = sum(float(np.linalg.norm(np.ptp(positions, axis=0))) for positions in (radar.tx_positions, radar.rx_positions))
     edges = np.stack([np.searchsorted(part.pose, np.arange(frames + 1)) for part in parts])
     gpu, copies = variant.on_gpu(), max(array.amplitude.shape[1] for array in arrays)
@@ -166,12 +166,12 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
         if gpu:
             from radartwin.simulation.signal import spreading
 
-            grid = spreading.spread(starts[:, low : high + 1], arrays, antennas, scale, terms)
+            grid = spreading.spread(starts[:, low : high + 1], arrays, setup, terms)
         else:
             grid = room[: high - low]
             grid[:] = 0.0
             for start, array in zip(starts, arrays, strict=True):
-                shared_out(gridding.spread, int(high - low), start[low : high + 1], array, antennas, scale, grid)
+                shared_out(gridding.spread, int(high - low), start[low : high + 1], array, setup, grid)
         shared_out(gridding.finish, last - first, tasks[first : last + 1] - low, grid, *_of_grid(samples, cells), slow, iq[first:last])
         first = last
     return iq
