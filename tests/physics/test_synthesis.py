@@ -70,7 +70,7 @@ def test_synthesis_matches_the_direct_sum(rate, nodes):
 
 
 @pytest.mark.usefixtures("spreading")
-@pytest.mark.parametrize(("nodes", "thickness_m", "rate"), [(16, 0.01, 0.2), (76, 0.1, 0.2), (76, 0.1, 5.0)])
+@pytest.mark.parametrize(("nodes", "thickness_m", "rate"), [(16, 0.01, 0.2), (52, 0.06, 0.0), (76, 0.1, 5.0)])
 def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, rate):
     """A path whose amplitude over frequency is that of several delayed echoes has the signal of as many paths without dispersion."""
     radar = Radar.iwr1843(element="isotropic")
@@ -87,23 +87,6 @@ def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, 
     expected = synthesize(several, radar, elements="planar")
     error = np.linalg.norm(synthesize(one, radar, elements="planar") - expected) / np.linalg.norm(expected)
     assert error < 1e-4
-
-
-@pytest.mark.usefixtures("spreading")
-def test_delayed_echo_in_the_amplitude_equals_a_longer_path():
-    """A path whose amplitude over frequency contains an echo delayed by twice 300 mm has the signal of two paths."""
-    radar = Radar.iwr1843(element="isotropic")
-    nodes = chebyshev_nodes(radar.start_frequency_hz, radar.start_frequency_hz + radar.sampled_bandwidth_hz, 52)
-    forward, one = np.array([[1.0, 0.0, 0.0]]), np.ones(1, int)
-
-    def path(amplitude, frequencies, half_m):
-        rest = (np.array([half_m]), np.array([half_m]), forward, forward, np.zeros(1))
-        return Paths(1, np.zeros(1, int), one, np.asarray(amplitude, complex)[None], frequencies, *rest)
-
-    middle = np.array([radar.center_frequency_hz])
-    both = synthesize(path(1 + 0.4 * np.exp(2j * np.pi * nodes * 0.6 / C), nodes, 2.0), radar, elements="planar")
-    apart = synthesize(path([1], middle, 2.0), radar, elements="planar") + synthesize(path([0.4], middle, 2.3), radar, elements="planar")
-    assert np.abs(both - apart).max() < 1e-4
 
 
 @pytest.mark.usefixtures("spreading")
