@@ -16,7 +16,7 @@ from radartwin.compiled import compiled, innermost
 TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
 DEGREE = TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
 _TAPS_BEFORE = TAPS // 2 - 1  # number of kernel taps to the left of the grid cell in which the delay of a path lies
-_SMALL = 1e-4  # for arguments below this limit, three terms of the Bessel functions' power series are exact in double precision
+_SMALL = 1e-13  # smallest argument of the Bessel functions' recurrence, which smaller arguments would make overflow
 
 
 class PathArrays(NamedTuple):
@@ -107,15 +107,8 @@ def _image_distance(length, direction, mirror, transmitter, receiver, planar):
 @innermost
 def bessel(argument, out):
     """Write J_0..J_(len(out)-1) of a real argument to `out`, by Miller's downward recurrence with J_0 + 2 J_2 + 2 J_4 + ... = 1."""
-    x, count = abs(argument), len(out)
+    x, count = max(abs(argument), _SMALL), len(out)
     out[:] = 0.0
-    if x < _SMALL:
-        out[0] = 1 - x * x / 4
-        if count > 1:
-            out[1] = argument / 2
-        if count > 2:
-            out[2] = x * x / 8
-        return
     order = 14 if x < 1 else 2 * ((int(x) + 18 + int(3 * x ** (1 / 3))) // 2)
     above, here, total = 0.0, 1e-30, 2e-30
     if order < count:
