@@ -148,7 +148,8 @@ def _tabulated(
     for entry in sizes:
         table[:, [other == entry for other in surfaces]] = _evaluate(entry, cosines, nodes)[:, None]
     table.flags.writeable = nodes.flags.writeable = False
-    return ReflectionTable(*table, nodes, surfaces), {entry: error for entry, (_, _, error) in sizes.items()}
+    te, tm, through_te, through_tm = table
+    return ReflectionTable(te, tm, through_te, through_tm, nodes, surfaces), {entry: error for entry, (_, _, error) in sizes.items()}
 
 
 def _evaluate(entry: tuple[str | Layered, float], cosines: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,7 +69,8 @@ def sionnas_slab(cosine: np.ndarray, permittivity: complex, thickness_m: float, 
     import mitsuba as mi
     from sionna.rt.utils import itu_coefficients_single_layer_slab
 
-    eta = mi.Complex2f(permittivity.real, permittivity.imag)
+    pair: Any = mi.Complex2f
+    eta = pair(permittivity.real, permittivity.imag)
     both = itu_coefficients_single_layer_slab(mi.Float(cosine), eta, mi.Float(thickness_m), mi.Float(wavelength_m))[:2]
     return np.stack([np.array(values.real) + 1j * np.array(values.imag) for values in both])
 

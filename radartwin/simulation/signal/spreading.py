@@ -66,7 +66,8 @@ def _add(start: np.ndarray, part: PathArrays, setup: Setup, terms: int, unit: fl
     drift = rate * dr.opaque(mi.Float64, setup.middle_s)
     if len(part.mirror):
         entries = upload(mi.Float64, part.mirror[chosen])
-        mirror = mi.Matrix3d(*(dr.gather(mi.Float64, entries, 9 * path + i) for i in range(9)))
+        matrix: Any = mi.Matrix3d
+        mirror = matrix(*(dr.gather(mi.Float64, entries, 9 * path + i) for i in range(9)))
         length = drift + _image_distance(length_in + length_out, arrival, mirror, transmitter, receiver, setup.planar)
     else:
         departure = _vectors(part.departure[chosen])(path)
