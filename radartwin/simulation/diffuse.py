@@ -50,7 +50,6 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table, visibility
-from radartwin.simulation.curved.hits import Occluder
 from radartwin.simulation.flat import crossing, obstacles
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, traced_once
@@ -258,10 +257,10 @@ def mover_paths(mover: Body, others: Sequence[Body], radar: Radar, sensor_poses:
     return found.where(~visibility.hidden(found, sensor, obstacles))
 
 
-def _obstacle(body: Body, poses: np.ndarray, frames: slice) -> Occluder:
+def _obstacle(body: Body, poses: np.ndarray, frames: slice) -> visibility.Occluder:
     """Describe a body as an obstacle for points in the frame with the transformations `poses` (F, 4, 4) to the world."""
     change = poses_module.inverse(body.poses[frames]) @ poses[frames]
-    return Occluder(body.geometry, change[:, :3, :3], change[:, :3, 3])
+    return visibility.Occluder(body.geometry, change[:, :3, :3], change[:, :3, 3])
 
 
 def paths(

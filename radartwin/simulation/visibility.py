@@ -5,17 +5,25 @@ of static surfaces can therefore stay in a cache, and their sum with the negated
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from radartwin.simulation.curved.hits import Occluder
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
 
 LANES = 200_000  # number of pairs of a path and a frame examined at once, which need about 30 MB
 SHORT = 1e-4  # a ray ends at this fraction of its length before the point, so that it does not hit the surface of the point
+
+
+@dataclass(frozen=True)
+class Occluder:
+    """Describe a body that can block the line between sensor and another body."""
+
+    geometry: Geometry  # triangles of the blocking body
+    rotation: np.ndarray  # (F, 3, 3) rotation matrices from the frame of the paths to the body's frame, for F sensor poses
+    translation: np.ndarray  # (F, 3) translations between the same frames, in metres
 
 
 def visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:

@@ -177,12 +177,12 @@ _mirror_paths | part[e] * onwards | part[e] | later lines do not shadow the edge
 simulation/flat/legs: physics/test_shadows
 _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors
 
-simulation/flat/coupling: physics/test_coupling
-group_paths | out_leg != back_leg | out_leg != out_leg | paths over the room run in one direction only
+simulation/backends/coupling: physics/test_coupling
+group_paths | block.out_leg != block.back_leg | block.out_leg != block.out_leg | paths over the room run in one direction only
 _place | direction[n, i] * velocity[r, i] | 0.0 * velocity[r, i] | paths over the room have no Doppler shift
 _place | place[r, i] + direction[n, i] * length[n] | place[r, i] + direction[n, i] | legs end one metre from the mirror image
 _place | turn[r, i, 1] * direction[n, 1] | -turn[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
-group_paths | legs.weigh(amplitude, place_of[frame], leg[row], point) | legs | legs have no amplitudes
+weighed | legs.weigh(amplitude, self.place[row], leg[row], point) | legs | legs have no amplitudes
 
 simulation/flat/legs: physics/test_coupling
 _lines | level.conjugate() | level | a leg is not conjugated

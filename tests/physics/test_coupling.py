@@ -13,7 +13,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects, rooms
 from radartwin.scene.surface import Role
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.flat import coupling
+from radartwin.simulation.backends import coupling
 from radartwin.simulation.flat.legs import Legs
 
 RADAR = traced.MONOSTATIC
@@ -96,21 +96,30 @@ def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
         assert min(turned, 180 - turned) < 8
 
 
-def test_pairs_of_legs_are_limited_with_a_warning():
-    legs = replace(FREE_SPACE, order=np.array([0, 1, 1, 1]), share=np.array([[1.0, 0.5, 0.4, 0.3]]))
-    every = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, np.inf)
-    assert len(every[0]) == 10
-    # the squared products of the 11 pairs add up to 0.43
-    with pytest.warns(coupling.CoupledWarning, match="3,000,000 paths over the room; in a frame, the 11 weakest .* at most about -4 dB"):
-        strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 0.01, 4)
-    assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 0, 2)]
+def test_pairs_of_legs_are_chosen_for_each_pose_by_their_field():
+    legs = replace(FREE_SPACE, order=np.array([0, 1, 1, 2]), share=np.array([[1.0, 0.5, 0.4, 0.3]] * 2))
+    frame, (place, out, back) = coupling._chosen(legs, np.array([0, 1, 0]), 4, np.array([0.01, 0.45, 1.0]))
+    every = [(0, 0, i, k) for i in range(4) for k in range(max(i, 1), 4) if (i, k) != (3, 3)]  # 4 reflections leave none for the object
+    assert list(zip(frame, place, out, back, strict=True)) == [*every, (1, 1, 0, 1)]
 
 
-def test_left_out_pairs_below_the_target_error_give_no_warning(recwarn):
-    legs = replace(FREE_SPACE, order=np.array([0, 1, 1]), share=np.array([[1.0, 0.5, 0.0005]]))
-    strongest = coupling._pairs(legs, np.zeros(1, int), 1, 4, 1e-4, 4)
-    assert list(zip(*strongest, strict=True)) == [(0, 0, 0), (0, 0, 1), (0, 1, 1)]
-    assert not recwarn.list
+def test_paths_do_not_depend_on_the_number_traced_at_once_or_on_other_poses(monkeypatch):
+    """The strongest pairs of legs differ from pose to pose, and one of the poses is too close to the ball for a planar grid of tubes."""
+    scene, poses = rt.Scene([floor(), ball((0.4, 0.0, 0.3))]), np.concatenate([at(SENSOR), at((0.345, 0.0, 0.3)), at((-0.5, 0.2, 0.7))])
+    motion = {"ball": np.tile(np.eye(4), (3, 1, 1))}
+
+    def fields(some):
+        parts = backend(max_bounces=3).traced(scene, RADAR, poses[some], {"ball": motion["ball"][some]}).groups[("ball",)]
+        paths = [[part.frames(k, k + 1) for part in parts] for k in range(len(poses[some]))]
+        return np.array([[traced.field([part], RADAR.center_frequency_hz) for part in pose] for pose in paths])
+
+    whole = fields(slice(None))
+    assert (np.abs(whole[:, 0]) > 0).all()
+    assert (np.abs(whole[:, 1]) > 0).tolist() == [True, False, True]
+    for k in range(3):
+        assert fields(slice(k, k + 1))[0] == pytest.approx(whole[k], rel=1e-4)
+    monkeypatch.setattr(coupling, "AT_ONCE", 100)
+    assert fields(slice(None)) == pytest.approx(whole, rel=1e-6)
 
 
 def test_without_coupling_only_the_direct_echo_remains():

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -20,12 +20,12 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import pruning, reflection_table, visibility
-from radartwin.simulation.backends import tube_paths
+from radartwin.simulation import reflection_table, visibility
+from radartwin.simulation.backends import coupling, tube_paths
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target, clusters
-from radartwin.simulation.flat import coupling, obstacles, shadows, silhouette
 from radartwin.simulation.flat import faces as faces_module
+from radartwin.simulation.flat import obstacles, shadows, silhouette
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, made_once
@@ -45,13 +45,6 @@ THIN_M = 0.0115
 # Prepared static surfaces, which together have at most CACHED_FACES faces.
 _static_scenes: "Recent[StaticScene]" = Recent(geometry_module.CACHED_FACES)
 atexit.register(_static_scenes.clear)
-
-
-class Surroundings(NamedTuple):
-    """Hold the static surfaces around an object. Both fields are None for an object in free space."""
-
-    room: FlatRoom | None  # faces at which the paths of the object may also reflect, and everything that hides the object
-    occluder: Geometry | None  # triangles that may block the paths of an object that is too close for a planar grid of tubes
 
 
 @dataclass(frozen=True)
@@ -195,10 +188,10 @@ class StaticScene:
         return replace(part, amplitude=amplitude)
 
     def object_paths(
-        self, settings: TraceSettings, poses: np.ndarray, radar: Radar, least: float = 0.0, direct: bool = True
+        self, settings: TraceSettings, poses: np.ndarray, radar: Radar, least: np.ndarray | None = None, direct: bool = True
     ) -> list[Paths]:
-        """Trace the small or curved static objects in a room of flat faces, without paths whose amplitude is below `least`. If `direct` is
-        False, return only the paths between these objects and the room.
+        """Trace the small or curved static objects in a room of flat faces, without paths over the room whose amplitude is below `least`
+        (F,). If `direct` is False, return only the paths between these objects and the room.
         """
         geometry = self.geometry
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
@@ -206,50 +199,10 @@ class StaticScene:
         parts: list[Paths] = []
         for cluster in tube_paths.clusters(self.surfaces, np.unique(geometry.surface[self.compact])):
             members = np.isin(geometry.surface, cluster) & self.compact
-            objects, others = (geometry_module.subset(geometry, chosen) for chosen in (members, ~members))
-            surroundings = Surroundings(self.beside(cluster, done), others)
-            found = group_paths(settings, Target(objects, self.table), surroundings, radar, poses, unmoved, least, direct=direct)
-            parts += found if direct else found[1:]
+            group = Target(geometry_module.subset(geometry, members), self.table)
+            parts += coupling.group_paths(settings, group, self.beside(cluster, done), radar, poses, unmoved, least=least, direct=direct)
             done += cluster
         return parts
-
-
-def group_paths(
-    settings: TraceSettings,
-    group: Target,
-    surroundings: Surroundings,
-    radar: Radar,
-    sensor_poses: np.ndarray,
-    poses: np.ndarray,
-    least: float = 0.0,
-    ball: tuple[np.ndarray, float] | None = None,
-    prune: float = pruning.PRUNE,
-    direct: bool = True,
-) -> list[Paths]:
-    """Trace the paths of a group of surfaces that move together.
-
-    Args:
-        settings: of the tracer. group: triangles and reflection table of the surfaces.
-        surroundings: static surfaces around the group.
-        radar: radar whose frequency sweep and frame rate apply.
-        sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
-        poses: (F, 4, 4) transformations from the group's own frame to the world.
-        least, ball, prune, direct: as in `radartwin.simulation.flat.coupling.group_paths`.
-    """
-    room = surroundings.room
-    alone = room is None
-    coupled = room is not None and bool(room.usable.any()) and settings.coupling and settings.max_bounces > 1
-    source = (poses_module.inverse(poses[:1]) @ sensor_poses[:1])[:, :3, 3]
-    density = settings.coupled_rays_per_wavelength2
-    found = coupling.group_paths(
-        room, group.geometry, group.table, sensor_poses, poses, radar, max_bounces=settings.max_bounces,
-        cell_m=tube_paths.cell_m(group.geometry, settings, source, radar, alone), prune=prune, coupled=coupled, least=least,
-        ball=ball, coupled_cell_m=None if density is None else radar.wavelength_m / float(np.sqrt(density)), direct=direct,
-    )  # fmt: skip
-    if found is not None:
-        return found
-    # An object too close for a planar grid of tubes has direct paths only.
-    return [tube_paths.object_paths(group, settings, sensor_poses, poses, radar, surroundings.occluder, alone)] if direct else []
 
 
 def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:

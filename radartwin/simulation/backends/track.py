@@ -21,9 +21,10 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
-from radartwin.simulation.backends.static_scene import StaticScene, Surroundings, group_paths, shadows_of_mover, static_scene, target
+from radartwin.simulation.backends.coupling import group_paths
+from radartwin.simulation.backends.static_scene import StaticScene, shadows_of_mover, static_scene, target
 from radartwin.simulation.backends.trace_settings import SPACING_M, TraceSettings
-from radartwin.simulation.flat.room import Searched
+from radartwin.simulation.flat.room import FlatRoom, Searched
 from radartwin.simulation.merging import merged
 from radartwin.simulation.paths import Paths, traced_once
 from radartwin.simulation.signal.synthesis import received
@@ -165,10 +166,9 @@ class Track:
         return self._room.searched(self._poses, self._radar, settings.max_bounces, settings.prune, settings.diffractions)
 
     @cached_property
-    def surroundings(self) -> Surroundings:
-        """Return the room around objects that do not belong to it."""
-        room = self._room
-        return Surroundings(None, None) if room is None else Surroundings(room.beside(flat=room.is_flat), room.geometry)
+    def surroundings(self) -> FlatRoom | None:
+        """Return the room around objects that do not belong to it; None in free space."""
+        return None if self._room is None else self._room.beside(flat=self._room.is_flat)
 
     @cached_property
     def _by_faces(self) -> bool:
@@ -221,8 +221,7 @@ class Track:
             return [tube_paths.room_paths(room.surfaces, tube_paths.Target(room.geometry, room.table), settings, radar, poses)]
         walls = room.room_paths(poses, radar, settings.max_bounces, settings.prune, self.searched)
         if self._still or settings.place_spacing_m == 0:  # every pose is a place, with all tubes
-            loudest = max(float(pruning.level(part, radar).max(initial=0.0)) for part in walls)
-            return [*walls, *room.object_paths(settings, poses, radar, pruning.PAIRS * loudest)]
+            return [*walls, *room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)))]
         if not self._sparse:
             alone = room.object_paths(replace(settings, coupling=False), poses, radar)
             walls = [*walls, *(merged(part, radar) for part in alone)]
@@ -231,11 +230,14 @@ class Track:
         return [*walls, *self._clutter(poses).seen(poses, radar.frame_rate_hz)]
 
     @cached_property
-    def _loudest(self) -> float:
-        """Return the level of the strongest path of the flat room along the track."""
+    def _loudest(self) -> np.ndarray:
+        """Return the level (P,) of the strongest path of the flat room at each place."""
         assert self._room is not None
         walls = self._room.room_paths(self._places, self._radar, self._settings.max_bounces, self._settings.prune, self.searched)
-        return max(float(pruning.level(part, self._radar).max(initial=0.0)) for part in walls)
+        return self._loudest_of(walls, len(self._places))
+
+    def _loudest_of(self, walls: Sequence[Paths], poses: int) -> np.ndarray:
+        return pruning.strongest(walls, [pruning.level(part, self._radar) for part in walls], poses)
 
     def _clutter(self, poses: np.ndarray) -> TracedPlaces:
         """Return the paths of the clutter at the places that are nearest to the poses of a drive (F, 4, 4).
@@ -251,7 +253,7 @@ class Track:
         for block in np.array_split(places, -(-len(places) // TOGETHER)):
             if not set(block) & set(index) or int(block[0]) in self._of_place:
                 continue
-            parts = room.object_paths(settings, self._places[block], self._radar, least, direct=sparse)
+            parts = room.object_paths(settings, self._places[block], self._radar, least[block], direct=sparse)
             if sparse:
                 parts = [pruning.pruned(part, self._radar, pruning.CLUTTER) for part in parts]
             self._of_place |= {place: [part.frames(k, k + 1) for part in parts] for k, place in enumerate(block)}

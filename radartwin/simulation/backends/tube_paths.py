@@ -6,7 +6,8 @@ without a room, opaque objects of flat faces are computed by their polygons inst
 """
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, Hits, Occluder, TraceOptions
+from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import polygons
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
@@ -57,7 +58,8 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
         cluster_of_surface[members] = label
     cluster = cluster_of_surface[target.geometry.surface]
     sensor, velocity = poses_module.relative(poses, None, radar.frame_rate_hz)
-    grids: list[tuple[tube_grid.TubeGrid, int]] = []
+    every = np.arange(len(poses))
+    found: list[tuple[int, np.ndarray, tube_grid.TubeGrid]] = []  # cluster that the tubes must hit first, poses, and grid
     alone = not (cluster == ROOM).any()
     body = polygons.of(target.geometry, target.table) if alone else None
     if body is not None:
@@ -68,38 +70,26 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
     if not alone:
         faces = 6 if radar.sees_behind else 5
         rays = settings.rays or _room_rays(target.geometry, sensor[:, :3, 3], radar.wavelength_m)
-        grids += [(grid, ROOM) for grid in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
+        found += [(ROOM, every, grid) for grid in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
     for label in range(ROOM + 1, ROOM + 1 + len(objects)):
         part = geometry_module.subset(target.geometry, cluster == label)
         if len(part.corners):
-            grids += [(grid, label) for grid in _object_grids(part, settings, sensor, radar, alone)]
-    return _collect(target, settings, grids, sensor, velocity, radar, cluster)
-
-
-def object_paths(
-    target: Target,
-    settings: TraceSettings,
-    sensor_poses: np.ndarray,
-    object_poses: np.ndarray,
-    radar: Radar,
-    occluder: Geometry | None,
-    alone: bool,
-) -> Paths:
-    """Trace the direct paths between the sensor and a moving object, in the object's own frame.
-
-    Args:
-        target: triangles and reflection table of the object.
-        settings: settings of the tracer.
-        sensor_poses: (F, 4, 4) transformations from the sensor frame to the world.
-        object_poses: (F, 4, 4) transformations from the object's frame to the world.
-        radar: radar whose antenna pattern and frame rate apply.
-        occluder: static triangles in the world that may block the paths; None if nothing blocks them.
-        alone: whether the scene has no room; only then `settings.rays` sets the number of tubes.
-    """
-    sensor, velocity = poses_module.relative(sensor_poses, object_poses, radar.frame_rate_hz)
-    hidden = None if occluder is None else Occluder(occluder, object_poses[:, :3, :3], object_poses[:, :3, 3])
-    grids = [(grid, ROOM + 1) for grid in _object_grids(target.geometry, settings, sensor, radar, alone)]
-    return _collect(target, settings, grids, sensor, velocity, radar, None, hidden)
+            cell = cell_m(part, settings, sensor[:1, :3, 3], radar, alone)
+            found += [(label, *rows_and_grid) for rows_and_grid in grids(part, sensor[:, :3, 3], sensor[:, :3, :3], cell)]
+    # Weak paths are dropped separately for each cluster, because a single narrow tube of an object is far weaker than the echo of a wall,
+    # although the sum of the object's tubes is not.
+    pruners: dict[int, Pruner] = {}
+    parts: dict[int, list[Paths]] = {}
+    for label, rows, grid in found:
+        antenna = Antennas(sensor[rows, :3, 3], sensor[rows, :3, 2])
+        options = TraceOptions(settings.max_bounces, cluster, label, prune=TRACED, hats=label == ROOM)
+        hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
+        part = _in_sensor_frame(replace(hits, pose=rows[hits.pose]), target.table, sensor, velocity)
+        parts.setdefault(label, []).append(pruners.setdefault(label, Pruner(radar, PRUNE, len(sensor))).add(part))
+    joined = {label: Paths.concatenate(group) for label, group in parts.items()}
+    # the paths of a single grid have been pruned with each other already
+    strong = [part if len(parts[label]) == 1 else pruners[label].add(part) for label, part in joined.items()]
+    return strong[0] if len(strong) == 1 else Paths.concatenate(strong)
 
 
 def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, radar: Radar, alone: bool) -> float:
@@ -128,45 +118,22 @@ def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]
     return [chosen[label == k].tolist() for k in range(number)]
 
 
-def _object_grids(geometry: Geometry, settings: TraceSettings, sensor: np.ndarray, radar: Radar, alone: bool) -> list[tube_grid.TubeGrid]:
-    """Return one grid of tubes over a small object, or six grids that cover all directions if the object is too close for a planar grid."""
-    source = sensor[:, :3, 3]
-    cell = cell_m(geometry, settings, source[:1], radar, alone)
-    grid = tube_grid.towards(geometry.hull_points(), source, geometry.centre, cell, geometry.grid_shift)
-    if grid is not None:
-        return [grid]
-    reach = max(NEAREST_M, float(np.linalg.norm(geometry.hull_points() - source.mean(0), axis=1).max()))
-    return tube_grid.all_around(source, sensor[:, :3, :3], _limited(int(6 * (2 * reach / cell) ** 2)))
+def grids(geometry: Geometry, place: np.ndarray, rotation: np.ndarray, cell_m: float) -> Iterator[tuple[np.ndarray, tube_grid.TubeGrid]]:
+    """Yield grids of tubes over a small object, each with the indices of its places.
 
-
-def _collect(
-    target: Target,
-    settings: TraceSettings,
-    grids: Sequence[tuple[tube_grid.TubeGrid, int]],
-    sensor: np.ndarray,
-    velocity: np.ndarray,
-    radar: Radar,
-    cluster: np.ndarray | None = None,
-    occluder: Occluder | None = None,
-) -> Paths:
-    """Trace grids of tubes and convert the hits to paths in the sensor's frame.
-
-    Each entry of `grids` is a grid of tubes and the number of the cluster that these tubes must hit first.
+    All places (F, 3) that are far enough share one grid. A place that is too close for a planar grid has a grid for each face of a cube,
+    which is turned by `rotation` (F, 3, 3).
     """
-    antenna = Antennas(sensor[:, :3, 3], sensor[:, :3, 2])
-    # Weak paths are dropped separately for each cluster, because a single narrow tube of an object is far weaker than the echo of a wall,
-    # although the sum of the object's tubes is not.
-    pruners: dict[int, Pruner] = {}
-    parts: dict[int, list[Paths]] = {}
-    for grid, label in grids:
-        options = TraceOptions(settings.max_bounces, cluster, label, occluder=occluder, prune=TRACED, hats=label == ROOM)
-        hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
-        part = _in_sensor_frame(hits, target.table, sensor, velocity)
-        parts.setdefault(label, []).append(pruners.setdefault(label, Pruner(radar, PRUNE, len(sensor))).add(part))
-    joined = {label: Paths.concatenate(group) for label, group in parts.items()}
-    # the paths of a single grid have been pruned with each other already
-    strong = [part if len(parts[label]) == 1 else pruners[label].add(part) for label, part in joined.items()]
-    return strong[0] if len(strong) == 1 else Paths.concatenate(strong)
+    points = geometry.hull_points()
+    close = tube_grid.near(points, place, geometry.centre)
+    if not close.all():
+        grid = tube_grid.towards(points, place[~close], geometry.centre, cell_m, geometry.grid_shift)
+        assert grid is not None
+        yield np.flatnonzero(~close), grid
+    for row in np.flatnonzero(close):
+        reach = max(NEAREST_M, float(np.linalg.norm(points - place[row], axis=1).max()))
+        for grid in tube_grid.all_around(place[[row]], rotation[[row]], _limited(int(6 * (2 * reach / cell_m) ** 2))):
+            yield np.array([row]), grid
 
 
 def _in_sensor_frame(hits: Hits, table: ReflectionTable, sensor: np.ndarray, velocity: np.ndarray) -> Paths:

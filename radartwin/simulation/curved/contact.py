@@ -9,15 +9,12 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from radartwin.simulation.curved.device import Device, vectors
+from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
-from radartwin.simulation.curved.hits import Occluder
 
 COS_GRAZING = 1e-3  # tubes with a smaller cosine of incidence are ignored, because they cannot resolve the echo of a smooth surface
 FLAT = 1e-10  # a facet counts as flat if the sum of the squared differences of its unit vertex normals is below this limit
-# A visibility test ends before its target point, by this fraction of the distance. The test against an occluder ends this many metres
-# before its target point.
-SHADOW_SHORT = 1e-4
+SHADOW_SHORT = 1e-4  # a visibility test ends before its target point, by this fraction of the distance
 
 
 @dataclass
@@ -178,15 +175,6 @@ def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, se
     """Return a mask of those tubes in `seen` for which no facet blocks the line from the contact to the receiver."""
     reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
     return seen & ~device.scene.ray_test(limited(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
-
-
-def blocked(occluder: Occluder, pose: Any, first: Any, last: Any, active: Any) -> Any:
-    """Return whether the occluder blocks the line between the points `first` and `last`, which are given in the object's frame."""
-    turn = [dr.gather(mi.Vector3f, vectors(occluder.rotation[:, i]), pose, active) for i in range(3)]
-    offset = dr.gather(mi.Vector3f, vectors(occluder.translation), pose, active)
-    a, b = (mi.Vector3f(*(dr.dot(t, p) for t in turn)) + offset for p in (first, last))
-    distance = dr.norm(b - a)
-    return occluder.geometry.scene().ray_test(limited(a, (b - a) / dr.maximum(distance, 1e-9), distance - SHADOW_SHORT), active)
 
 
 def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:

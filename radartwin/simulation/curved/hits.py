@@ -5,8 +5,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from radartwin.simulation.geometry import Geometry
-
 
 @dataclass(frozen=True)
 class Antennas:
@@ -18,15 +16,6 @@ class Antennas:
 
 
 @dataclass(frozen=True)
-class Occluder:
-    """Describe static surfaces that can block the line between sensor and object."""
-
-    geometry: Geometry  # triangles of the static surfaces
-    rotation: np.ndarray  # (F, 3, 3) rotation matrices from the object's frame to the frame of the static surfaces, for F sensor poses
-    translation: np.ndarray  # (F, 3) translations from the object's frame to the frame of the static surfaces, in metres
-
-
-@dataclass(frozen=True)
 class TraceOptions:
     """Set how a grid of tubes is traced."""
 
@@ -35,7 +24,6 @@ class TraceOptions:
     # contribute, so that two grids of different tube density never count the same path twice.
     cluster: np.ndarray | None = None
     first_cluster: int = 0  # number of the object cluster that the first hit of a tube must belong to
-    occluder: Occluder | None = None  # surfaces that may block the line from the sensor to the first hit or from the last hit to the sensor
     # The tracer drops hits whose amplitude is below this factor times the strongest amplitude of the same pose in the same block of tubes
     # (`division.blocks`).
     prune: float = 0.0

@@ -115,8 +115,8 @@ def hits(
     if options.least is not None:
         floor = np.maximum(floor, EARLY * options.least)
     pose, piece = np.nonzero((level > 0) & (level >= floor[:, None]))
-    if not geometry.convex or options.occluder is not None:
-        seen = _visible(geometry, rims, grid, receive.position, pose, piece, options)
+    if not geometry.convex:
+        seen = _visible(geometry, rims, grid, receive.position, pose, piece)
         pose, piece = pose[seen], piece[seen]
     way, back = rims.middle[piece] - grid.source[pose], rims.middle[piece] - receive.position[pose]
     if grid.plane:
@@ -129,7 +129,7 @@ def hits(
     return Hits(pose, np.ones(len(pose), int), value, length_in, length_out, departure, arrival, length_in)
 
 
-def _visible(geometry, rims, grid, receiver, pose, piece, options) -> np.ndarray:
+def _visible(geometry, rims, grid, receiver, pose, piece) -> np.ndarray:
     """Return the mask of those pieces that source and receiver see at each pose."""
     import drjit as dr
     import mitsuba as mi
@@ -150,8 +150,6 @@ def _visible(geometry, rims, grid, receiver, pose, piece, options) -> np.ndarray
         distance = np.linalg.norm(away, axis=1)
         reach = dr.opaque(mi.Float, np.inf) if grid.plane else upload(mi.Float, (1 - contact.SHADOW_SHORT) * distance)
         seen &= ~geometry.scene().ray_test(contact.limited(origin, vectors(away / distance[:, None]), reach))
-        if options.occluder is not None:
-            seen &= ~contact.blocked(options.occluder, upload(mi.UInt32, pose), vectors(end[pose]), origin, True)
     return np.broadcast_to(seen.numpy(), len(pose))
 
 

@@ -118,7 +118,7 @@ class Tracer:
             dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT), transmit.cross, receive.cross,
         )  # fmt: skip
         # The receiver sees the first hit of every tube, and no tube is traced beyond this hit.
-        self.single = self.monostatic and options.max_bounces == 1 and not (self.walls or self.panes or options.occluder)
+        self.single = self.monostatic and options.max_bounces == 1 and not (self.walls or self.panes)
 
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
@@ -160,8 +160,7 @@ class Tracer:
             A list of hits, which may be empty, and a list of (tubes, (bounce, crossed)) for the tubes that must still be traced.
         """
         options = self.options
-        source = tubes.origin
-        contact, near, met, active = self._meet(tubes, source, bounce, active)
+        contact, near, met, active = self._meet(tubes, bounce, active)
         straight, onwards = [], []
         if self.panes and crossed < CROSSINGS:
             copies, passing = self.panes.behind(tubes, contact, met)
@@ -200,7 +199,7 @@ class Tracer:
             groups = ((picked(hits, free), met) for free, met in panes.free(Line(origin, hits[4], reach, across), self.grid.plane))
         return [self._read(some, met, bounce, strongest) for some, met in groups]
 
-    def _meet(self, tubes: Tubes, origin: Any, bounce: int, active: Any) -> tuple[Contact, Contact, Any, Any]:
+    def _meet(self, tubes: Tubes, bounce: int, active: Any) -> tuple[Contact, Contact, Any, Any]:
         """Move the tubes to their next facet.
 
         Returns:
@@ -215,8 +214,6 @@ class Tracer:
                 active = self.walls.enter(tubes, near, active)
                 active = contacts.cast(self.device, tubes, False, active)
                 contact, active = contacts.meet(self.device, tubes, False, active)
-            if self.options.occluder is not None:
-                active &= ~contacts.blocked(self.options.occluder, tubes.pose, origin, near.facet_point, active)
         return contact, near, met, active
 
     def _reception(self, tubes: Tubes, contact: Contact, near: Contact, clear: bool, active: Any) -> tuple[Reception, list, Any]:
@@ -237,9 +234,6 @@ class Tracer:
                 wall, seen = self.walls.exit(contact, outgoing, length, seen, plane)
         elif not self.geometry.convex and not clear and not self.panes:
             seen = contacts.visible(self.device, contact, outgoing, length, seen, plane)
-        if self.options.occluder is not None and not clear:
-            receiver = dr.gather(mi.Vector3f, self.setting.receiver, tubes.pose, active)
-            seen &= ~contacts.blocked(self.options.occluder, tubes.pose, receiver, contact.facet_point, seen)
         walls = [contacts.encounter(self.device, wall, outgoing, reception.across, True, seen)[1]] if self.walls else []
         return reception, walls, seen
 

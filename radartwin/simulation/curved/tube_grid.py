@@ -85,25 +85,33 @@ def towards(
     Returns:
         The grid, or None if a source is inside the target or too close to it for one planar grid.
     """
-    offset = centre - source
-    distance = np.linalg.norm(offset, axis=-1)
-    forward, u_axis, v_axis = frame_towards(offset)
-    relative = points[None] - source[:, None]
-    depth = np.einsum("fvi,fi->fv", relative, forward)
-    across_u = np.einsum("fvi,fi->fv", relative, u_axis)
-    across_v = np.einsum("fvi,fi->fv", relative, v_axis)
-    if plane:
-        step = np.full(len(source), cell_m)
-    else:
-        if (depth <= 0.2 * distance[:, None]).any():
-            return None
-        across_u, across_v = across_u / depth, across_v / depth
-        if max(np.abs(across_u).max(), np.abs(across_v).max()) > 4:
-            return None
-        step = cell_m / distance
+    forward, u_axis, v_axis, across_u, across_v, close = _view(points, source, centre, plane)
+    if close.any():
+        return None
+    step = np.full(len(source), cell_m) if plane else cell_m / np.linalg.norm(centre - source, axis=-1)
     low_u, step_u, count_u = _grid(across_u.min(1), across_u.max(1), step, shift[0])
     low_v, step_v, count_v = _grid(across_v.min(1), across_v.max(1), step, shift[1])
     return TubeGrid(source, forward, u_axis, v_axis, low_u, low_v, step_u, step_v, count_u, count_v, plane)
+
+
+def near(points: np.ndarray, source: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Return a mask (F,) of the sources that are inside the target or too close to it for one planar grid; arguments as in `towards`."""
+    return _view(points, source, centre, False)[5]
+
+
+def _view(points: np.ndarray, source: np.ndarray, centre: np.ndarray, plane: bool) -> tuple[np.ndarray, ...]:
+    """Return the axes (F, 3) of the grids towards the target, the coordinates u and v (F, V) of its points in the view, and a mask (F,) of
+    the sources that are too close.
+    """
+    offset = centre - source
+    forward, u_axis, v_axis = frame_towards(offset)
+    depth, u, v = (np.einsum("fvi,fi->fv", points[None] - source[:, None], axis) for axis in (forward, u_axis, v_axis))
+    if plane:
+        return forward, u_axis, v_axis, u, v, np.zeros(len(source), bool)
+    close = (depth <= 0.2 * np.linalg.norm(offset, axis=-1, keepdims=True)).any(axis=1)
+    depth = np.where(close[:, None], np.inf, depth)
+    u, v = u / depth, v / depth
+    return forward, u_axis, v_axis, u, v, close | (np.maximum(np.abs(u), np.abs(v)).max(axis=1) > 4)
 
 
 _CUBE = np.array(
