@@ -229,7 +229,7 @@ def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_p
         still = static_paths(static, radar, sensor_poses[:1] if poses_module.at_rest(sensor_poses) else sensor_poses)
         parts.append(still)
         if movers:
-            frames = slice(1) if poses_module.at_rest(sensor_poses, *(mover.poses for mover in movers)) else slice(None)
+            frames = slice(1) if still.poses == 1 and poses_module.at_rest(*(mover.poses for mover in movers)) else slice(None)
             obstacles = [_obstacle(mover, np.eye(4)[None], frames) for mover in movers]
             parts.append(visibility.negated(still, sensor_poses[frames], obstacles))
     bodies = [*movers] if static is None else [static, *movers]

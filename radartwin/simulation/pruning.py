@@ -61,24 +61,6 @@ def _largest(amplitude: np.ndarray) -> np.ndarray:
     return out
 
 
-class Pruner:
-    """Remove weak paths from several `Paths` objects that are added one after another.
-
-    The pruner keeps a path if its amplitude is at least `share` times the amplitude of the strongest path at the same sensor pose, among
-    all paths added up to this time. All `Paths` objects have F = `poses` sensor poses.
-    """
-
-    def __init__(self, radar: Radar, share: float, poses: int):
-        self._radar, self._share = radar, share
-        self._strongest = np.zeros(poses)  # (F,) amplitude of the strongest path at each sensor pose
-
-    def add(self, paths: Paths) -> Paths:
-        """Add the paths of one `Paths` object and return those paths that are strong enough."""
-        levels = level(paths, self._radar)
-        np.maximum.at(self._strongest, paths.pose, levels)
-        return paths.where((levels >= self._share * self._strongest[paths.pose]) & (levels > 0))
-
-
 def strong_masks(parts: Sequence[Paths], radar: Radar, share: float) -> list[np.ndarray]:
     """Return, for each `Paths` object of the list `parts`, a mask of its strong paths.
 
@@ -103,4 +85,4 @@ def strongest(parts: Sequence[Paths], levels: Sequence[np.ndarray], frames: int)
 
 def pruned(part: Paths, radar: Radar, share: float) -> Paths:
     """Return the paths whose amplitude is at least `share` (0 to 1) times the amplitude of the strongest path at the same sensor pose."""
-    return Pruner(radar, share, part.poses).add(part)
+    return part.where(strong_masks([part], radar, share)[0])

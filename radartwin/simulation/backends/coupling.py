@@ -1,4 +1,4 @@
-"""Paths of an object, direct and over the flat faces of a room.
+"""Paths of an object, direct and over the flat faces of a room, and its shadow on the paths of the room.
 
 A leg connects sensor and object, directly or by reflections at a sequence of faces. A path consists of a leg to the object and a leg back.
 Four steps find the paths. Ray tubes or polygons give the direct paths without the room, and with them the level of the object's echo. The
@@ -9,9 +9,10 @@ which includes reflections, the edges of the faces and shadows. Every choice is 
 are not modelled, and neither are paths over a face of an object that is too close to the sensor for a planar grid of tubes.
 """
 
-from collections.abc import Iterator
+import atexit
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -19,18 +20,20 @@ from radartwin.compiled import compiled, fixed, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import poses as poses_module
+from radartwin.simulation import visibility
 from radartwin.simulation.backends import tube_paths
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
-from radartwin.simulation.flat import polygons
+from radartwin.simulation.flat import polygons, silhouette
 from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.polygons import Polyhedron
 from radartwin.simulation.flat.room import FlatRoom
+from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, TRACED, both_gains, largest, strong_masks
+from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest, strong_masks, strongest
 from radartwin.simulation.reflection_table import lagrange_basis
 
 AT_ONCE = 2_000_000  # about as many hits are traced at once before the weak ones among them are dropped; limits memory
@@ -83,23 +86,23 @@ def group_paths(
     straight = replace(alone, legs=legs, place=place)
     level = largest(hits.amplitude) * straight.strength[hits.pose]
     # The amplitude of a tube grows with its cross-section.
-    strongest = np.zeros(frames)
-    np.maximum.at(strongest, hits.pose, level if body is not None else level * (cell_m / direct_cell_m) ** 2)
+    most = np.zeros(frames)
+    np.maximum.at(most, hits.pose, level if body is not None else level * (cell_m / direct_cell_m) ** 2)
     per_pose = np.bincount(hits.pose, minlength=frames) * (1.0 if body is not None else (direct_cell_m / coupled_cell_m) ** 2)
     some = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
-    floor = prune * strongest
+    floor = prune * most
     for block in pairs.blocks(per_pose):
         weakest = floor[block.frame] / np.maximum(block.strength, 1e-30)  # the ray tracer multiplies this by EARLY
         hits = _traced(group, body, block, coupled_cell_m, settings.max_bounces, weakest, max(TRACED, EARLY * prune))
         level = largest(hits.amplitude) * block.strength[hits.pose] * (hits.bounce + block.reflections[hits.pose] <= settings.max_bounces)
-        np.maximum.at(strongest, block.frame[hits.pose], level)
-        keep = _strong(block, hits, level, prune * strongest)
+        np.maximum.at(most, block.frame[hits.pose], level)
+        keep = _strong(block, hits, level, prune * most)
         some.append((block, hits.where(keep), level[keep]))
 
     # 4. Weight: the field of the two legs at each hit.
     parts, firsts, crosses = [], [], []
     for block, hits, level in some:
-        hits = hits.where(_strong(block, hits, level, prune * strongest))
+        hits = hits.where(_strong(block, hits, level, prune * most))
         parts.append(block.weighed(hits, group.table.frequencies_hz, object_poses))
         firsts.append(hits.first_m)
         crosses.append((block.out_leg != block.back_leg)[hits.pose])
@@ -110,6 +113,49 @@ def group_paths(
         kept.append(_both_ways(parts.pop(0).where(keep), first[keep], cross[keep]))
     over = [part for both in kept[1:] for part in both]
     return [Paths.concatenate(kept[0]), Paths.concatenate(over or [kept[0][0].where(slice(0))])]
+
+
+def shadows_of_mover(
+    parts: Sequence[Paths], levels: Sequence[np.ndarray], geometry: Geometry, sensor_poses: np.ndarray, poses: np.ndarray,
+    wavenumber: float,
+) -> list[Paths]:  # fmt: skip
+    """Return paths that add the shadow of a moving body to static paths: copies of the shaded paths, whose amplitude is the change by the
+    shadow.
+
+    A change below the share `pruning.SHADED` of the strongest path of its frame is left out.
+
+    Args:
+        parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
+        levels: for each part, the largest amplitude (N,) of each of its N paths over the antenna elements (`pruning.level`).
+        geometry: triangles of the body in its own frame. All of them block, also those of a material that transmits.
+        sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
+        wavenumber: rad/m.
+    """
+    body = _skin(geometry)
+    inverse, frames = poses_module.inverse(poses), len(poses)
+    sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
+    most, out = strongest(parts, levels, frames), []
+    for part, loudness in zip(parts, levels, strict=True):
+        if part.points is None:
+            continue
+        kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
+        for frame, row in visibility.pairs(part, frames):
+            points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
+            change = silhouette.factors(body, sensor[frame], points, part.mirror is not None, wavenumber) - 1
+            shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
+            kept.append((frame[shaded], row[shaded], change[shaded]))
+        frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))
+        chosen = part.where(row)
+        out.append(replace(chosen, poses=frames, pose=frame, amplitude=chosen.amplitude * change[:, None], points=None))
+    return out
+
+
+@lru_cache(maxsize=4)
+def _skin(geometry: Geometry) -> silhouette.Skin:
+    return silhouette.skin(geometry)
+
+
+atexit.register(_skin.cache_clear)  # Mitsuba scenes of cached geometries must be freed before Mitsuba is unloaded
 
 
 def _legs(

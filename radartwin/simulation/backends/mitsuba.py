@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from radartwin.radar.chirp import Radar
-from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.scene import Scene
 from radartwin.simulation import diffuse, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.static_scene import static_scene, target
@@ -28,7 +28,6 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.track import Track
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.paths import Paths
-from radartwin.store.digest import array_digest
 from radartwin.store.recent import Recent
 
 _tracks: Recent[Track] = Recent(1)  # the last track, which all blocks of a recording share
@@ -98,28 +97,24 @@ class MitsubaBackend:
         """
         variant.activate(self.settings.variant)
         motion = motion or {}
+        track = sensor_poses if track is None else track
         surfaces = [s for s in scene.surfaces if s.name not in motion]
-        resting = poses_module.at_rest(sensor_poses if track is None else track)
+        static = static_scene(surfaces, radar) if surfaces else None
+        key = id(static), radar, track.tobytes(), self.settings, id(searched)
+        along = _tracks.get(key, 1, lambda: Track(static or [], radar, track, self.settings, searched=searched))
+        sensor = sensor_poses[:1] if along.still else sensor_poses
         still, movers, found = None, [], Traced([], {}, [], [])
-        along = self._along(surfaces, radar, sensor_poses if track is None else track, searched)
-        if surfaces:
-            static = static_scene(surfaces, radar)
-            found.static.extend(along.static(sensor_poses[:1] if resting else sensor_poses)[0])
+        if static is not None:
+            found.static.extend(along.static(sensor)[0])
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
         for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
-            frames = slice(1) if resting and poses_module.at_rest(poses) else slice(None)
+            frames = slice(1) if along.still and poses_module.at_rest(poses) else slice(None)
             members = [s for s in scene.surfaces if s.name in names]
             group = target(members, radar)
             found.groups[tuple(names)] = along.group(group, sensor_poses[frames], poses[frames])
-            found.shadows.append(along.shadows(group.geometry, sensor_poses[:1] if resting else sensor_poses, poses[frames]))
+            found.shadows.append(along.shadows(group.geometry, sensor, poses[frames]))
             movers.append(diffuse.Body(members, group.geometry, poses))
         if self.settings.diffuse and any(surface.roughness_m > 0 for surface in scene.surfaces):
             found.diffuse.extend(diffuse.of_scene(still, movers, radar, sensor_poses))
         return found
-
-    def _along(self, surfaces: list[Surface], radar: Radar, track: np.ndarray, searched: Searched | None) -> Track:
-        """Return the track of a recording, which all its blocks share."""
-        static = static_scene(surfaces, radar) if surfaces else None
-        key = (id(static), radar, array_digest(track), self.settings, id(searched))
-        return _tracks.get(key, 1, lambda: Track(static or [], radar, track, self.settings, searched=searched))

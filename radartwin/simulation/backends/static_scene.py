@@ -10,7 +10,7 @@ import atexit
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import reflection_table, visibility
+from radartwin.simulation import reflection_table
 from radartwin.simulation.backends import coupling, tube_paths
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target, clusters
@@ -29,7 +29,6 @@ from radartwin.simulation.flat import obstacles, shadows, silhouette
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, made_once
-from radartwin.simulation.pruning import SHADED, strongest
 from radartwin.simulation.reflection_table import ReflectionTable
 from radartwin.store.recent import Recent
 
@@ -222,53 +221,6 @@ def target(surfaces: list[Surface], radar: Radar) -> Target:
         [(s.material, s.roughness_m) for s in surfaces], radar.start_frequency_hz, high, [s.name for s in surfaces]
     )
     return Target(geometry_module.build([s.mesh for s in surfaces]), table)
-
-
-def shadows_of_mover(
-    parts: Sequence[Paths],
-    levels: Sequence[np.ndarray],
-    geometry: Geometry,
-    sensor_poses: np.ndarray,
-    poses: np.ndarray,
-    wavenumber: float,
-) -> list[Paths]:
-    """Return paths that add the shadow of a moving body to static paths: copies of the shaded paths, whose amplitude is the change by the
-    shadow.
-
-    A change below the share `pruning.SHADED` of the strongest path of its frame is left out.
-
-    Args:
-        parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
-        levels: for each part, the largest amplitude (N,) of each of its N paths over the antenna elements (`pruning.level`).
-        geometry: triangles of the body in its own frame. All of them block, also those of a material that transmits.
-        sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
-        wavenumber: rad/m.
-    """
-    body = _skin(geometry)
-    inverse, frames = poses_module.inverse(poses), len(poses)
-    sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
-    most, out = strongest(parts, levels, frames), []
-    for part, loudness in zip(parts, levels, strict=True):
-        if part.points is None:
-            continue
-        kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
-        for frame, row in visibility.pairs(part, frames):
-            points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
-            change = silhouette.factors(body, sensor[frame], points, part.mirror is not None, wavenumber) - 1
-            shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
-            kept.append((frame[shaded], row[shaded], change[shaded]))
-        frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))
-        chosen = part.where(row)
-        out.append(replace(chosen, poses=frames, pose=frame, amplitude=chosen.amplitude * change[:, None], points=None))
-    return out
-
-
-@lru_cache(maxsize=4)
-def _skin(geometry: Geometry) -> silhouette.Skin:
-    return silhouette.skin(geometry)
-
-
-atexit.register(_skin.cache_clear)  # Mitsuba scenes of cached geometries must be freed before Mitsuba is unloaded
 
 
 def small_faces(surfaces: Sequence[Surface], geometry: Geometry) -> np.ndarray:

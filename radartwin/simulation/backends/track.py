@@ -21,8 +21,8 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
-from radartwin.simulation.backends.coupling import group_paths
-from radartwin.simulation.backends.static_scene import StaticScene, shadows_of_mover, static_scene, target
+from radartwin.simulation.backends.coupling import group_paths, shadows_of_mover
+from radartwin.simulation.backends.static_scene import StaticScene, static_scene, target
 from radartwin.simulation.backends.trace_settings import SPACING_M, TraceSettings
 from radartwin.simulation.flat.room import FlatRoom, Searched
 from radartwin.simulation.merging import merged
@@ -184,7 +184,7 @@ class Track:
         return self._poses[covering(self._poses, self._settings.place_spacing_m or SPACING_M)]
 
     @cached_property
-    def _still(self) -> bool:
+    def still(self) -> bool:
         """Return whether the sensor rests."""
         return poses_module.at_rest(self._poses)
 
@@ -196,7 +196,7 @@ class Track:
         assert self._room is not None
         key = poses.tobytes()
         if self._latest[0] != key:
-            parts = self._stored(poses) if self._still else self._static(poses)
+            parts = self._stored(poses) if self.still else self._static(poses)
             self._latest = key, parts, [pruning.level(part, self._radar) for part in parts]
         return self._latest[1:]
 
@@ -220,7 +220,7 @@ class Track:
         if not self._by_faces:
             return [tube_paths.room_paths(room.surfaces, tube_paths.Target(room.geometry, room.table), settings, radar, poses)]
         walls = room.room_paths(poses, radar, settings.max_bounces, settings.prune, self.searched)
-        if self._still or settings.place_spacing_m == 0:  # every pose is a place, with all tubes
+        if self.still or settings.place_spacing_m == 0:  # every pose is a place, with all tubes
             return [*walls, *room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)))]
         if not self._sparse:
             alone = room.object_paths(replace(settings, coupling=False), poses, radar)
@@ -344,7 +344,10 @@ class Track:
 
     def shadows(self, body: geometry.Geometry, sensor: np.ndarray, poses: np.ndarray) -> list[Paths]:
         """Return the paths that add the shadow of a body at poses (F, 4, 4) to the paths of the room from sensor poses `sensor`."""
-        return [] if self._room is None else shadows_of_mover(*self.static(sensor), body, sensor, poses, self._room.room.wavenumber)
+        if self._room is None:
+            return []
+        parts, levels = self.static(sensor)
+        return shadows_of_mover(parts, levels, body, sensor, poses, self._room.room.wavenumber)
 
     def at_rest(self, surfaces: Sequence[Surface], sensor: np.ndarray, coupled: bool) -> list[Paths]:
         """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the RESTING objects that were used last

@@ -23,7 +23,7 @@ from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import polygons
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import PRUNE, TRACED, Pruner, pruned
+from radartwin.simulation.pruning import PRUNE, TRACED, pruned
 from radartwin.simulation.reflection_table import ReflectionTable
 
 # Ratio of tube width to sqrt(wavelength x distance) in a room. Flat walls alone would allow a ratio of 1, but furniture needs narrower
@@ -77,19 +77,15 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
             cell = cell_m(part, settings, sensor[:1, :3, 3], radar, alone)
             found += [(label, *rows_and_grid) for rows_and_grid in grids(part, sensor[:, :3, 3], sensor[:, :3, :3], cell)]
     # Weak paths are dropped separately for each cluster, because a single narrow tube of an object is far weaker than the echo of a wall,
-    # although the sum of the object's tubes is not.
-    pruners: dict[int, Pruner] = {}
+    # although the sum of the object's tubes is not. The paths of each grid are pruned first, to save memory.
     parts: dict[int, list[Paths]] = {}
     for label, rows, grid in found:
         antenna = Antennas(sensor[rows, :3, 3], sensor[rows, :3, 2])
         options = TraceOptions(settings.max_bounces, cluster, label, prune=TRACED, hats=label == ROOM)
         hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
         part = _in_sensor_frame(replace(hits, pose=rows[hits.pose]), target.table, sensor, velocity)
-        parts.setdefault(label, []).append(pruners.setdefault(label, Pruner(radar, PRUNE, len(sensor))).add(part))
-    joined = {label: Paths.concatenate(group) for label, group in parts.items()}
-    # the paths of a single grid have been pruned with each other already
-    strong = [part if len(parts[label]) == 1 else pruners[label].add(part) for label, part in joined.items()]
-    return strong[0] if len(strong) == 1 else Paths.concatenate(strong)
+        parts.setdefault(label, []).append(pruned(part, radar, PRUNE))
+    return Paths.concatenate([pruned(Paths.concatenate(some), radar, PRUNE) for some in parts.values()])
 
 
 def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, radar: Radar, alone: bool) -> float:

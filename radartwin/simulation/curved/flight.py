@@ -121,15 +121,7 @@ class Tubes:
 
     def compacted(self, alive: Any) -> "Tubes":
         """Return only the tubes at the lane indices `alive`."""
-
-        def pick(value: Any) -> Any:
-            if value is None:
-                return None
-            if isinstance(value, list | tuple):
-                return [pick(v) for v in value]
-            return dr.gather(type(value), value, alive)
-
-        return Tubes(*(pick(getattr(self, field.name)) for field in fields(self)))
+        return Tubes(*picked([getattr(self, field.name) for field in fields(self)], alive))
 
     @staticmethod
     def joined(parts: "list[Tubes]") -> "Tubes":
@@ -160,6 +152,13 @@ class Tubes:
     def values(self) -> Iterator[Any]:
         """Return all arrays of the state."""
         return (value for field in fields(self) if (value := getattr(self, field.name)) is not None)
+
+
+def picked(value: Any, keep: Any) -> Any:
+    """Return arrays at the lane indices `keep`, for an array, None, or nested sequences of these."""
+    if isinstance(value, list | tuple):
+        return [picked(v, keep) for v in value]
+    return None if value is None else dr.gather(type(value), value, keep)
 
 
 def project(axis: Any, direction: Any) -> Any:

@@ -18,12 +18,12 @@ from radartwin.simulation.curved import contact as contacts
 from radartwin.simulation.curved import division, flight, scatter
 from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
 from radartwin.simulation.curved.device import Device, vectors
-from radartwin.simulation.curved.flight import Tubes
+from radartwin.simulation.curved.flight import Tubes, picked
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.jones import Coefficients, Encounters
 from radartwin.simulation.curved.scatter import Reception
 from radartwin.simulation.curved.shell import Shells
-from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls, picked
+from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.drjit_arrays import upload
 from radartwin.simulation.geometry import Geometry

@@ -12,7 +12,7 @@ import mitsuba as mi
 
 from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact, Encounter, encounter, limited, surface
 from radartwin.simulation.curved.device import Device
-from radartwin.simulation.curved.flight import Tubes
+from radartwin.simulation.curved.flight import Tubes, picked
 from radartwin.simulation.drjit_arrays import upload
 
 # Largest number of panes that a path crosses before its last reflection, and also after it. Four panes of glass leave -25 dB each way.
@@ -111,8 +111,3 @@ class Panes:
             if not dr.width(more):
                 return
             index, line, encounters = picked(index, more), Line(*picked(line, more)), picked(onward, more)
-
-
-def picked(value: Any, keep: Any) -> Any:
-    """Return arrays at the lane indices `keep`, for an array or nested sequences of arrays."""
-    return [picked(v, keep) for v in value] if isinstance(value, list | tuple) else dr.gather(type(value), value, keep)
