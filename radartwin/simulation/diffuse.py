@@ -226,7 +226,7 @@ def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_p
     """
     parts = []
     if static is not None:
-        still = static_paths(static, radar, sensor_poses[:1] if poses_module.at_rest(sensor_poses) else sensor_poses)
+        still = static_paths(static, radar, sensor_poses)
         parts.append(still)
         if movers:
             frames = slice(1) if still.poses == 1 and poses_module.at_rest(*(mover.poses for mover in movers)) else slice(None)
@@ -239,7 +239,10 @@ def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_p
 
 
 def static_paths(static: Body, radar: Radar, sensor_poses: np.ndarray) -> Paths:
-    """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), from the array cache if it has them."""
+    """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), or for one pose if the sensor rests, from the array cache if
+    it has them.
+    """
+    sensor_poses = sensor_poses[:1] if poses_module.at_rest(sensor_poses) else sensor_poses
     scatterers, strength = cloud(static.surfaces, static.geometry), strengths(static.surfaces, radar)
     velocity = poses_module.relative(sensor_poses, None, radar.frame_rate_hz)[1]
     spec = {"diffuse": DIFFUSE_POWER, "element": radar.pattern, "frequency_hz": strength.frequency_hz, "strength": strength.digest}
