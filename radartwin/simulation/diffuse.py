@@ -239,8 +239,8 @@ def of_scene(static: Body | None, movers: Sequence[Body], radar: Radar, sensor_p
 
 
 def static_paths(static: Body, radar: Radar, sensor_poses: np.ndarray) -> Paths:
-    """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), or for one pose if the sensor rests, from the array cache if
-    it has them.
+    """Return the diffuse paths of static surfaces for F sensor poses (F, 4, 4), or for one pose if the sensor rests. The array cache keeps
+    them.
     """
     sensor_poses = sensor_poses[:1] if poses_module.at_rest(sensor_poses) else sensor_poses
     scatterers, strength = cloud(static.surfaces, static.geometry), strengths(static.surfaces, radar)

@@ -183,11 +183,9 @@ _place | direction[n, i] * velocity[r, i] | 0.0 * velocity[r, i] | paths over th
 _place | place[r, i] + direction[n, i] * length[n] | place[r, i] + direction[n, i] | legs end one metre from the mirror image
 _place | turn[r, i, 1] * direction[n, 1] | -turn[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
 _Pairs.weighed | legs.weigh(amplitude, self.place[row], leg[row], point) | legs | legs have no amplitudes
-_chosen | np.column_stack([place, share]) | np.column_stack([place, 0 * share + share.min()]) | pairs of legs have the share of the weakest pose
+_chosen | [place, share] | [place, 0 * share + share.min()] | pairs of legs have the smallest share of all poses
 group_paths | hits.where(keep) | hits.where(np.arange(min(1, len(keep)))) | only one hit of each block of pairs is kept
-
-simulation/curved/tube_grid: physics/test_coupling
-near | _view(points, source, centre, False)[5] | 0 * source[:, 0] + _view(points, source, centre, False)[5].any() > 0 | one close place makes all places close
+group_paths | alone.near(group)[pairs.frame] | alone.near(group).any() | one pose close to an object uncouples all poses
 
 simulation/flat/legs: physics/test_coupling
 _lines | level.conjugate() | level | a leg is not conjugated

@@ -12,8 +12,8 @@ from experiments.validation.oracles import stack, traced
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects, rooms
 from radartwin.scene.surface import Role
-from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.backends import coupling
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.flat.legs import Legs
 
 RADAR = traced.MONOSTATIC
