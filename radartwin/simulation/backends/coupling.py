@@ -272,8 +272,8 @@ class _Pairs:
         return tube_grid.near(group.geometry.hull_points(), self.out.place, group.geometry.centre)
 
     def where(self, keep: np.ndarray) -> "_Pairs":
-        chosen = (values[keep] for values in (self.frame, self.place, self.out_leg, self.back_leg))
-        return _Pairs(self.legs, *chosen, self.out.where(keep), self.back.where(keep))
+        frame, place, out_leg, back_leg = (values[keep] for values in (self.frame, self.place, self.out_leg, self.back_leg))
+        return _Pairs(self.legs, frame, place, out_leg, back_leg, self.out.where(keep), self.back.where(keep))
 
     def blocks(self, hits: np.ndarray) -> Iterator["_Pairs"]:
         """Divide the pairs into blocks of about AT_ONCE hits, if a pair of each pose has `hits` (F,) hits."""
@@ -283,10 +283,13 @@ class _Pairs:
                 yield self.where(rows)
 
     def weighed(self, hits: Hits, nodes: np.ndarray, objects: np.ndarray) -> Paths:
-        """Return the paths of hits at the frequencies `nodes` (Q,), with the field of their two legs, for object poses (F, 4, 4)."""
+        """Return the paths of hits at the frequencies `nodes` (Q,), with the field of their two legs, for object poses (F, 4, 4).
+
+        The field may be written to the amplitudes of the hits.
+        """
         row, legs, rate = hits.pose, self.legs, np.zeros(len(hits.pose))
         sides = (self.out, hits.departure, hits.first_m), (self.back, hits.arrival, hits.length_out_m)
-        (departure, first), (arrival, last) = (end.placed(row, self.frame[row], objects, *line, rate) for end, *line in sides)
+        (departure, first), (arrival, last) = (end.placed(row, self.frame[row], objects, way, length, rate) for end, way, length in sides)
         amplitude = hits.amplitude
         if legs.disturbed or self.reflections.any():
             if not np.array_equal(nodes, legs.frequencies_hz):
