@@ -122,7 +122,9 @@ _joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the or
 
 simulation/flat/search: simulation/test_cells
 _planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre
-_meets | margin * (1 + away / max(heights, margin)) | 0.0 | a path must exist at the test place itself
+
+simulation/flat/field: simulation/test_cells
+reflect_points | margin > 0 | False | a path must exist at the test place itself
 
 simulation/flat/search: physics/test_furnished_rooms
 _far | math.sqrt(max(excess, 0.0)) - change | math.sqrt(max(excess, 0.0)) + change | edges are weaker anywhere in a cell than at its centre

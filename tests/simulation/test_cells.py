@@ -11,25 +11,30 @@ from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import variant
 from radartwin.simulation.backends.static_scene import static_scene
 from radartwin.simulation.flat.room import CELL_M, TEST_M, FlatRoom
-from radartwin.simulation.flat.search import Sequences, near
-from radartwin.simulation.pruning import PRUNE
+from radartwin.simulation.flat.search import Sequences
+from radartwin.simulation.pruning import EARLY, PRUNE
 
 RADAR = rt.Radar.iwr1843("isotropic")
 MIRRORS = 14
+WEAK = 0.1 * PRUNE  # share of the strongest path above which sequences with edges are compared
 
 
-@pytest.fixture(scope="module")
-def mirrors() -> FlatRoom:
+def upright(mirrors: int) -> FlatRoom:
     """Return a room of upright metal mirrors, 12 to 30 cm wide, that face the origin within 12 degrees."""
     variant.activate("auto")
     rng, lines = np.random.default_rng(5), []
-    for angle in 2 * np.pi * np.arange(MIRRORS) / MIRRORS:
+    for angle in 2 * np.pi * np.arange(mirrors) / mirrors:
         turn = angle + np.pi / 2 + np.radians(rng.uniform(-12, 12))
         half = rng.uniform(0.06, 0.15) * np.array([np.cos(turn), np.sin(turn)])
         middle = rng.uniform(0.7, 1.3) * np.array([np.cos(angle), np.sin(angle)])
         lines.append(np.stack([middle - half, middle + half]))
     surfaces = [rt.Surface(fullwave.extruded(line[None], 0.5), "metal", f"mirror {i}", role="room") for i, line in enumerate(lines)]
     return static_scene(surfaces, RADAR).room
+
+
+@pytest.fixture(scope="module")
+def mirrors() -> FlatRoom:
+    return upright(MIRRORS)
 
 
 def chains(longest: int) -> Sequences:
@@ -64,5 +69,46 @@ def test_paths_beside_a_test_place_are_near_it(mirrors):
         place, beside = trajectory.pose(at), trajectory.pose(at + 0.99 * TEST_M * way / np.linalg.norm(way))
         there, here = (mirrors.levels(every, pose, RADAR) > 0 for pose in (beside, place))
         missing += np.count_nonzero(there & ~here)
-        assert near(mirrors.faces, mirrors.wavenumber, every, at, TEST_M)[there].all()
+        assert mirrors._levels(every, np.arange(len(every)), place, RADAR, 0.0, None, TEST_M)[0][there].all()
     assert missing > 5
+
+
+def edged(room: FlatRoom, most: int) -> Sequences:
+    """Return all sequences over one or two edges with at most `most` reflections, of which at most one is between the edges."""
+    faces, edges = range(len(room.faces.offset)), range(len(room.faces.length))
+    ways = [chain for m in range(most + 1) for chain in product(faces, repeat=m) if all(a != b for a, b in pairwise(chain))]
+    # a face reflects no ray from or to an edge of its own
+    beside = [[way for way in ways if not way or way[-1] not in room.faces.sides[e]] for e in edges]
+    rows = [
+        ((len(a), 0, len(b)), (e, -1), (*a, *b[::-1]))
+        for e in edges for a in beside[e] for b in beside[e] if len(a) + len(b) <= most and a <= b
+    ]  # fmt: skip
+    rows += [
+        ((len(a), len(c), len(b)), (e, f), (*a, *c, *b[::-1]))
+        for e in edges for f in range(e, len(edges)) for a in beside[e] for b in beside[f]
+        for c in [(), *((p,) for p in faces if p not in (*room.faces.sides[e], *room.faces.sides[f]))]
+        if len(a) + len(b) + len(c) <= most and (e != f or (c and a <= b))
+    ]  # fmt: skip
+    count, edge, chain = zip(*rows, strict=True)
+    chains = np.array([[*way, *[-1] * (most - len(way))] for way in chain])
+    return Sequences(np.array(count), np.array(edge), chains, np.ones(len(rows), bool))
+
+
+def test_a_cell_finds_every_edge_and_every_pair_of_edges_of_its_places():
+    """All sequences of at most two edges and one reflection are tried at places of a cell."""
+    room, rng = upright(4), np.random.default_rng(8)
+    ways = rng.normal(size=(8, 3))
+    places = np.stack([np.eye(4), *(trajectory.pose(CELL_M * way / np.linalg.norm(way)) for way in ways)])
+    every = edged(room, 1)
+    found = room._sequences(places, places, RADAR, 2, EARLY * WEAK, True)
+
+    def key(sequences, k, way=1):
+        used, edges = sequences.count[k].sum(), sequences.edge[k][::way]
+        return tuple(sequences.count[k][::way]), tuple(edges[edges >= 0]), tuple(sequences.chain[k, :used][::way])
+
+    known = {key(found, k, way) for k in range(len(found)) for way in (1, -1)}
+    for place in places:
+        levels = room.levels(every, place, RADAR)
+        strong = np.flatnonzero(levels > WEAK * room.levels(found, place, RADAR).max())
+        assert np.count_nonzero(every.edge[strong, 1] >= 0) > 20
+        assert {key(every, k) for k in strong} <= known

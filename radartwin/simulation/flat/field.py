@@ -38,6 +38,8 @@ INSIDE = 0.01  # points of diffraction are at least this far inside the ends of 
 APART = 0.012  # an edge has no wave at points closer than this to its line, in units of 1/k
 FREE = 2 - 1e-6  # smallest opening of the free edge of a sheet
 _TURN = cmath.exp(0.25j * math.pi)
+ONWARDS = 3.0  # largest ratio of a field behind an edge to the field there without the edge
+WEAK = -1.0  # length of a path whose field is too weak
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
 
 
@@ -100,8 +102,8 @@ def image(faces: Faces, point: Point, chain: np.ndarray, plane: float) -> Vector
 
 
 @innermost
-def contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
-    """Return whether a point of the plane of face `p` lies in one of the face's triangles."""
+def contains(faces: Faces, p: int, x: float, y: float, z: float, margin: float = 0.0) -> bool:
+    """Return whether a point of the plane of face `p` lies in one of the face's triangles or within a margin of it."""
     for t in range(faces.first[p], faces.first[p + 1]):
         inside = True
         for i in range(3):
@@ -110,7 +112,7 @@ def contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
             ex, ey, ez = faces.triangle[t, j, 0] - ax, faces.triangle[t, j, 1] - ay, faces.triangle[t, j, 2] - az
             turn = faces.normal[p, 0] * (ey * (z - az) - ez * (y - ay))
             turn += faces.normal[p, 1] * (ez * (x - ax) - ex * (z - az)) + faces.normal[p, 2] * (ex * (y - ay) - ey * (x - ax))
-            if turn < 0:
+            if turn < 0 and (margin == 0 or turn < -margin * norm((ex, ey, ez))):
                 inside = False
                 break
         if inside:
@@ -119,8 +121,11 @@ def contains(faces: Faces, p: int, x: float, y: float, z: float) -> bool:
 
 
 @innermost
-def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, points: np.ndarray) -> bool:
-    """Write the reflection points (len(chain), 3) of the path from `source` over `chain` to `end`; returns whether the path exists."""
+def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, points: np.ndarray, margin: float = 0.0) -> bool:
+    """Write the reflection points (len(chain), 3) of the path from `source` over `chain` to `end`; returns whether the path exists.
+
+    With a margin, the path counts as existing if it exists after its ends move by less than the margin.
+    """
     x, y, z = source[0], source[1], source[2]
     for i in range(len(chain)):  # `points` holds the images of the source first
         p = chain[i]
@@ -134,11 +139,15 @@ def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, p
         nx, ny, nz = faces.normal[p, 0], faces.normal[p, 1], faces.normal[p, 2]
         above = x * nx + y * ny + z * nz - faces.offset[p]
         below = points[i, 0] * nx + points[i, 1] * ny + points[i, 2] * nz - faces.offset[p]
-        if above * below >= 0 or abs(above) < GRAZING_M or abs(below) < GRAZING_M:
+        lower = min(abs(above), abs(below))
+        if (above * below >= 0 or lower < GRAZING_M) and lower >= margin:
             return False
-        share = above / (above - below)
+        heights = max(abs(above) + abs(below), 1e-12)
+        share, reach = abs(above) / heights, 0.0
+        if margin > 0:  # at grazing incidence, the point of reflection moves farther than the ends
+            reach = margin * (1 + distance((x, y, z), vector(points, i)) / max(heights, margin))
         x, y, z = x + share * (points[i, 0] - x), y + share * (points[i, 1] - y), z + share * (points[i, 2] - z)
-        if not contains(faces, p, x, y, z):
+        if not contains(faces, p, x, y, z, reach):
             return False
         points[i, 0], points[i, 1], points[i, 2] = x, y, z
     return True
@@ -262,12 +271,19 @@ def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
 
 
 @innermost
-def open_angle(faces: Faces, e: int, direction: Vector) -> float:
-    """Return the angle of a direction as `angle`; a direction at most OPEN_RAD inside a face of the edge has the angle of this face."""
+def open_angle(faces: Faces, e: int, direction: Vector, slack: float = 0.0) -> float:
+    """Return the angle of a direction as `angle`; a direction at most OPEN_RAD inside a face of the edge has the angle of this face.
+
+    slack: by which the direction can turn, rad; a direction that can leave the face is turned as far as possible.
+    """
     value, last = angle(faces, e, direction[0], direction[1], direction[2]), faces.opening[e] * math.pi
     if value <= last:
         return value
-    return last if value < last + OPEN_RAD else 0.0 if value > 2 * math.pi - OPEN_RAD else value
+    inside, other = value - last, 2 * math.pi - value
+    if min(inside, other) >= OPEN_RAD + slack:
+        return value
+    opened = min(slack, 0.5 * last)
+    return last - opened if inside < other else opened
 
 
 @innermost
@@ -405,7 +421,7 @@ def passing_matrix(
 @innermost
 def edge_terms(
     faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float,
-    weights: tuple[complex, complex, complex], out: np.ndarray,
+    weights: tuple[complex, complex, complex], phi0: float, phi: float, out: np.ndarray,
 ) -> None:  # fmt: skip
     """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
@@ -416,17 +432,14 @@ def edge_terms(
 
     Args:
         before, after: directions of travel (3,). distance_m: distance parameter without the square of the sine.
-        weights: of `ends_weight`.
+        weights: of `ends_weight`. phi0, phi: angles of source and observer about the edge, in its open sector, rad.
     """
-    for i in range(3):
-        out[i, 0, 0], out[i, 0, 1], out[i, 1, 0], out[i, 1, 1] = 0j, 0j, 0j, 0j
+    for i in range(1, 3):
+        out[i, 0, 1], out[i, 1, 0] = 0j, 0j
     cosine, cosine_after = dot(before, vector(faces.along, e)), dot(after, vector(faces.along, e))
     # beyond the end of an edge, the two angles between ray and edge differ
     sine = math.sqrt(max(math.sqrt(max((1 - cosine * cosine) * (1 - cosine_after * cosine_after), 0.0)), SMALL_SINE * SMALL_SINE))
     n = faces.opening[e]
-    phi0, phi = open_angle(faces, e, (-before[0], -before[1], -before[2])), open_angle(faces, e, after)
-    if max(phi, phi0) > n * math.pi:
-        return
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
     ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
@@ -481,8 +494,8 @@ def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]
 def evaluate(
     begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
     nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
-    axis: np.ndarray, least: np.ndarray, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray, arrival: np.ndarray,
-    met: np.ndarray,
+    axis: np.ndarray, least: np.ndarray, margin: float, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray,
+    arrival: np.ndarray, met: np.ndarray,
 ) -> None:  # fmt: skip
     """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
 
@@ -492,7 +505,9 @@ def evaluate(
             a sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
         pose, which: (N,) pose and sequence of each pair. sensor, axis: (F, 3) place and antenna axis. least: (F,) weakest |field|.
-        amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists.
+        margin: by which the sensor can move, m. A path that exists within the margin counts as existing, with about its largest field.
+        amplitude (N, Q), length (N, 3), departure and arrival (N, 3): results; the length is zero where no path exists, and WEAK where
+            the field is below `least`.
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
     """
     faces_of, nodes = chain.shape[1], tables.te.shape[2]
@@ -504,14 +519,14 @@ def evaluate(
     )  # fmt: skip
     # the loop creates no arrays, so that it counts no references
     _evaluate(
-        begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least,
+        begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least, margin,
         amplitude, length, departure, arrival, met, path,
     )  # fmt: skip
 
 
 @innermost
 def _evaluate(
-    begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least,
+    begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least, margin,
     amplitude, length, departure, arrival, met, path,
 ):  # fmt: skip
     """Compute the paths of `evaluate` in the memory of one path."""
@@ -527,9 +542,9 @@ def _evaluate(
         _set(path.node, 0, source if edges else place)
         _set(path.node, edges + 1, receiver if edges else place)
         _diffraction_points(faces, edge[s], edges, wavenumber, path)
-        if not _legs(faces, edge[s], edges, wavenumber, path):
+        if not _legs(faces, edge[s], edges, wavenumber, margin, path):
             continue
-        factor = _edges(faces, tables, edge[s], edges, wavenumber, path)
+        factor = _edges(faces, tables, edge[s], edges, wavenumber, margin, least[pose[n]], path)
         if factor == 0:
             continue
         twice = edges == 0 and reversed_at_corners(path.chain[0, : path.count[0]], path.points[0], CORNER / wavenumber, path.other_order)
@@ -539,6 +554,7 @@ def _evaluate(
         # the test of visibility is expensive, so that weak paths are left out before it
         _carry(faces, tree, opaque, tables, edge[s], edges, antenna, twice, False, path)
         if _received(field, transverse(antenna, back), factor, level) < least[pose[n]]:
+            length[n, 0] = WEAK
             continue
         panes = 0
         for i in range(edges + 1):
@@ -619,7 +635,7 @@ def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, wavenumber: 
 
 
 @innermost
-def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> bool:
+def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, margin: float, path: Work) -> bool:
     """Write the points of reflection, the lengths and the directions of all legs of a path; return whether all legs exist."""
     for i in range(edges + 1):
         chain = path.chain[i, : path.count[i]]
@@ -645,20 +661,23 @@ def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, path: W
             for side in range(2):
                 shift = beside(faces, edge[i - 1], edge[i], p, side)
                 open_side = shift[0] != 0 or shift[1] != 0 or shift[2] != 0
-                if open_side and reflect_points(faces, moved(here, shift, 1.0), chain, moved(there, shift, 1.0), path.points[i]):
+                if open_side and reflect_points(faces, moved(here, shift, 1.0), chain, moved(there, shift, 1.0), path.points[i], margin):
                     path.share[i] += 0.5
                     _set(path.beside, i, shift)
             here, there = moved(here, vector(path.beside, i), 1.0), moved(there, vector(path.beside, i), 1.0)
-        if path.share[i] == 0 or not reflect_points(faces, here, chain, there, path.points[i]):
+        if path.share[i] == 0 or not reflect_points(faces, here, chain, there, path.points[i], margin):
             return False
     return True
 
 
 @innermost
-def _edges(faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumber: float, path: Work) -> complex:
+def _edges(
+    faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumber: float, margin: float, least: float, path: Work
+) -> complex:
     """Write the diffraction matrices and the factors of the slope terms of a path; return its spreading times the weights of its edges.
 
-    The function returns 0 if the path has no field.
+    The function returns 0 if the path has no field, or if the wave from its first edge is too weak for a field of at least `least` behind
+    the second edge.
     """
     # radii of curvature of the wave: across the previous edge, and in the plane of this edge and the ray
     across, within = path.size[0], path.size[0]
@@ -666,9 +685,20 @@ def _edges(faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumbe
     for i in range(edges):
         e, line, x = edge[i], vector(faces.along, edge[i]), vector(path.node, i + 1)
         before, after, s = vector(path.arrive, i), vector(path.leave, i + 1), path.size[i + 1]
+        # angles about the edge; a ray that grazes a face has the angle of the side on which it runs
+        in_way, out_way = (
+            moved(before, vector(path.beside, i), -TILT_RAD / OUTSIDE_M),
+            moved(after, vector(path.beside, i + 1), TILT_RAD / OUTSIDE_M),
+        )
+        # the margin turns the directions by at most this angle times metres
+        turned = 0.5 * math.pi * margin / math.sqrt(max(1 - dot(line, before) ** 2, SMALL_SINE * SMALL_SINE))
+        phi0 = open_angle(faces, e, (-in_way[0], -in_way[1], -in_way[2]), min(turned / path.size[i], 0.5 * math.pi))
+        phi = open_angle(faces, e, out_way, min(turned / s, 0.5 * math.pi))
+        if max(phi0, phi) > faces.opening[e] * math.pi:
+            return 0j
         # weight for the ends of the edge, seen from the unfolded previous point and the unfolded following point
         weights = ends_weight(faces, e, x, moved(x, before, -path.size[i]), moved(x, after, s), wavenumber)
-        if abs(weights[0]) < OUTSIDE:
+        if abs(weights[0]) < (OUTSIDE if margin == 0 else 0.3 * OUTSIDE):
             return 0j
         # curvature of the wave from the previous edge, in the plane of ray and edge
         rho, path.bend[i] = within, 0j
@@ -683,12 +713,13 @@ def _edges(faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumbe
             path.bend[i] = gradient / (1j * wavenumber * math.sqrt(max(1 - dot(line, before) ** 2, SMALL_SINE * SMALL_SINE)))
             factor *= path.share[i]
         parameter = s * (rho + s) * across * within / (rho * (across + s) * (within + s))
-        # a ray that grazes a face has the angle of the side on which it runs
-        before, after = (
-            moved(before, vector(path.beside, i), -TILT_RAD / OUTSIDE_M),
-            moved(after, vector(path.beside, i + 1), TILT_RAD / OUTSIDE_M),
-        )
-        edge_terms(faces, tables, e, before, after, parameter, wavenumber, weights, path.matrix[i])
+        edge_terms(faces, tables, e, in_way, out_way, parameter, wavenumber, weights, phi0, phi, path.matrix[i])
+        if i + 1 < edges:  # leave out the path if its field would be too weak even without the second edge
+            rest, first = s + path.size[2], path.matrix[i]
+            largest = max(abs(first[0, 0, 0]), abs(first[0, 0, 1]), abs(first[0, 1, 0]), abs(first[0, 1, 1]))
+            largest += max(abs(first[1, 0, 0]), abs(first[1, 1, 1])) / (wavenumber * s)
+            if ONWARDS * largest * abs(factor) * math.sqrt(rho / (rest * (rho + rest))) < least:
+                return 0j
         # spreading from the edge to the next point
         factor *= math.sqrt(rho / (s * (rho + s)))
         across, within = s, rho + s

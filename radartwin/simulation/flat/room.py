@@ -26,6 +26,7 @@ CELL_M = 0.1  # largest distance of a test place from the centre of its cell
 TEST_M = 0.015  # largest distance of a pose of the track from a test place
 MARGIN_M = 0.025  # margin around a test place within which its sequences exist; poses beside the track need more than TEST_M
 LATE = 0.6  # factor on thresholds near the pose itself: of fields at its middle channel, and of two diffractions at its test place
+ELSEWHERE = 0.3  # smallest ratio of the level of a path at the centre of a cell to its level at any place of the cell
 EYES = 16  # largest number of poses of a cell from which visibility is tested
 COARSE = 4  # number of places of a cell where a path with two diffractions must be strong
 # Places, relative to a test place and in units of the margin in the frame of the sensor, where a path must be strong.
@@ -245,31 +246,49 @@ class FlatRoom:
         beside the place, so nothing blocks paths with fewer than two diffractions here. Of the many paths with two diffractions, the
         function keeps those that are seen and strong at one of the three places.
         """
-        every, least = self._sequences(places, eyes, radar, max_bounces, EARLY * prune, twice), self._least(radar, EARLY * prune)
-        margin = _margin(radar)
+        every = self._sequences(places, eyes, radar, max_bounces, EARLY * prune, twice)
+        margin, double = _margin(radar), every.edge[:, 1] >= 0
         beside = np.stack([_shifted(places, share * margin) for share in TESTED], axis=1)
-        few = every.where(every.edge[:, 1] < 0)
-        strongest = np.array([min(self.levels(few, pose, radar).max(initial=0.0) for pose in three) for three in beside])
+        few, out = every.where(~double), []
+        strongest = np.array([min(self._loudest(few, pose, radar) for pose in three) for three in beside])
         # Pairs of edges are numerous. Those that are weak at a few places of the cell are left out.
-        double, coarse = np.flatnonzero(every.edge[:, 1] >= 0), _apart(beside.reshape(-1, 4, 4), COARSE)
-        strong = np.zeros(len(double), bool)
-        for pose in beside.reshape(-1, 4, 4)[coarse]:
-            exists, levels = self._levels(every, double, pose, radar, least * strongest.min(), self._nothing)
-            strong[exists[levels > EARLY * prune * strongest.min()]] = True
-        every, out = search.Sequences.joined([few, every.where(double[strong])]), []
+        coarse = beside.reshape(-1, 4, 4)[_apart(beside.reshape(-1, 4, 4), COARSE)]
+        limit = np.where(double, EARLY * prune * strongest.min(), -np.inf)
+        every = every.where(~double | self._strong_at(every, np.flatnonzero(double), coarse, radar, limit, self._nothing)[0])
+        double = every.edge[:, 1] >= 0
         for three, loudest in zip(beside, strongest, strict=True):
-            close = every.where(search.near(self.faces, self.wavenumber, every, three[0, :3, 3], margin))
-            double = close.edge[:, 1] >= 0
             limit = np.where(double, LATE, EARLY) * prune * loudest
-            weak, strong = np.zeros((2, len(close)), bool)
-            for which, blocking in ((np.flatnonzero(~double), self._nothing), (np.flatnonzero(double), None)):
-                for pose in three:
-                    exists, levels = self._levels(close, which, pose, radar, 0.0, blocking)
-                    exists = which[exists]
-                    weak[exists[levels <= limit[exists]]] = True
-                    strong[exists[levels > limit[exists]]] = True
-            out.append(close.where(strong | ~(weak | double)))
+            near = self._levels(every, np.arange(len(every)), three[0], radar, 0.0, self._nothing, margin)[1] > EARLY * limit
+            pairs = self._strong_at(every, np.flatnonzero(near & double), three, radar, limit, None)[0]
+            strong, exists = self._strong_at(every, np.flatnonzero(near & ~double), three, radar, limit, self._nothing)
+            out.append(every.where(pairs | strong | (near & ~double & ~exists)))
         return out
+
+    def _strong_at(
+        self, every: search.Sequences, which: np.ndarray, poses: np.ndarray, radar: Radar, limit: np.ndarray,
+        blocking: obstacles.Hierarchy | None,
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return which of the K sequences, of those with the indices `which`, have a level above `limit` (K,) at one of several poses, and
+        which exist there.
+
+        blocking: as in `_levels`.
+        """
+        strong, exists = np.zeros((2, len(every)), bool)
+        for pose in poses:
+            which = which[~strong[which]]
+            least = self._least(radar, float(limit[which].min(initial=np.inf)))
+            there, level = self._levels(every, which, pose, radar, least, blocking)
+            exists[which] |= there
+            strong[which] = level > limit[which]
+        return strong, exists
+
+    def _loudest(self, sequences: search.Sequences, pose: np.ndarray, radar: Radar) -> float:
+        """Return the level of the strongest sequence at a pose (4, 4). Only sequences that can be stronger are tested for visibility."""
+        loudest = 0.0
+        for kind in _kinds(sequences):
+            level = self._levels(sequences, np.flatnonzero(kind), pose, radar, self._least(radar, loudest))[1]
+            loudest = max(loudest, float(level.max(initial=0.0)))
+        return loudest
 
     def single_diffractions(self, pose: np.ndarray, radar: Radar, max_bounces: int, prune: float) -> search.Sequences:
         """Find the sequences with at most one diffraction that can be strong at or beside one sensor pose (4, 4).
@@ -280,10 +299,7 @@ class FlatRoom:
 
     def levels(self, sequences: search.Sequences, pose: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the level (K,) of each sequence at a sensor pose (4, 4): received amplitude with element gain, 0 without a path."""
-        out = np.zeros(len(sequences))
-        found, level = self._levels(sequences, np.arange(len(sequences)), pose, radar, 0.0)
-        out[found] = level
-        return out
+        return self._levels(sequences, np.arange(len(sequences)), pose, radar, 0.0)[1]
 
     def _least(self, radar: Radar, share: float) -> float:
         """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""
@@ -296,18 +312,18 @@ class FlatRoom:
 
     def _levels(
         self, every: search.Sequences, which: np.ndarray, pose: np.ndarray, radar: Radar, least: float,
-        blocking: obstacles.Hierarchy | None = None,
+        blocking: obstacles.Hierarchy | None = None, margin: float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """Return which sequences (N,) have a path at a pose (4, 4), and the levels of these paths in the middle of the sweep.
+        """Return which sequences (N,) have a path at a pose (4, 4), and the levels (N,) of the paths with a field of at least `least`.
 
-        blocking: obstacles; None means those of the room.
+        blocking: obstacles; None means those of the room. margin: by which the sensor can move, as in `field.evaluate`.
         """
-        none = np.zeros(len(which), int)
-        found, (amplitude, _, departure, arrival, _) = self._fields(
-            every, none, which, pose[None], np.full(1, least), self._middle, blocking
-        )
-        gain = both_gains(radar, departure[found] @ pose[:3, :3], arrival[found] @ pose[:3, :3])
-        return found, np.abs(amplitude[found, 0]) * gain / (2 * self.wavenumber)
+        one = pose[None], np.full(1, least), self._middle, blocking, margin
+        strong, (amplitude, length, departure, arrival, _) = self._fields(every, np.zeros(len(which), int), which, *one)
+        level, rotation = np.zeros(len(which)), pose[:3, :3]
+        gain = both_gains(radar, departure[strong] @ rotation, arrival[strong] @ rotation)
+        level[strong] = np.abs(amplitude[strong, 0]) * gain / (2 * self.wavenumber)
+        return length[:, 0] != 0, level
 
     def _beams(self, cell: search.Cell, longest: int, bounds: search.Levels) -> search.Beams:
         return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, bounds, cell, longest)
@@ -349,7 +365,8 @@ class FlatRoom:
         linked = self.links if twice else np.zeros((0, 3), int)
         edged = search.sequences(self.faces, beams, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least, reach)
         every = search.Sequences.joined([closed, edged])
-        return every.where(search.near(self.faces, self.wavenumber, every, cell.places[0], reach))
+        level = self._levels(every, np.arange(len(every)), places[0], radar, ELSEWHERE * least, self._nothing, reach)[1]
+        return every.where(level > 0)
 
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, poses: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at any of the poses.
@@ -384,6 +401,7 @@ class FlatRoom:
         least: np.ndarray,
         tables: field.Tables,
         blocking: obstacles.Hierarchy | None = None,
+        margin: float = 0.0,
     ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all."""
         n, q, points = len(pose), tables.te.shape[2], every.chain.shape[1] + 2
@@ -394,7 +412,7 @@ class FlatRoom:
             self.faces, self.blocking if blocking is None else blocking, self.table.opaque, tables,
             self.wavenumber, poses[:, :3, :3] @ field.NUDGE / self.wavenumber,
             every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
-            np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least,
+            np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least, margin,
         )  # fmt: skip
         shared_out(field.evaluate, n, *arguments, *values, pieces=16)
         return np.flatnonzero(values[1][:, 0] > 0), values
@@ -427,7 +445,8 @@ class FlatRoom:
         level[0] = np.abs(every_value[0][:, middle])
         strongest = np.zeros(len(poses))
         np.maximum.at(strongest, pose, level[0])
-        apart = np.flatnonzero((level[0] == 0) | (level[0] > CHANNELS * strongest[pose])) if len(channels) > 1 else np.zeros(0, int)
+        missing = every_value[1][:, 0] == 0
+        apart = np.flatnonzero(missing | (level[0] > CHANNELS * strongest[pose])) if len(channels) > 1 else np.zeros(0, int)
         # the channels need the fields in the middle of the sweep only
         ends = [
             self._fields(every, pose[apart], which[apart], _shifted(poses, end), EARLY * least, self._middle)[1][0][:, 0]

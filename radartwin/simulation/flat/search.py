@@ -7,7 +7,7 @@ one diffraction. Two edges that see each other, directly or over one face, give 
 
 All geometric tests and bounds hold for the whole ball: the planes that bound a beam touch the ball on its far side, distances are shortened
 by the radius, and edges within reach of a shadow boundary count as lying on it. Only visibility is tested at single places of the cell.
-`near` then chooses the sequences that exist within a margin around one place.
+Which of the sequences exist within a margin around one place, `field.evaluate` tells.
 """
 
 import math
@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, cores, each, innermost, shared_out
+from radartwin.compiled import compiled, cores, each, innermost
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import OUTSIDE, beside, edge_point, grazed_face, image, open_angle, panes_on, reflect_points
+from radartwin.simulation.flat.field import beside, edge_point, grazed_face, keller, open_angle, panes_on, reflect_points
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
-from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
@@ -419,15 +419,6 @@ def _mirrored(faces: Faces, p: int, x: Vector, plane: float) -> Vector:
 
 
 @innermost
-def _place(start: Vector, along: Vector, source: Vector, end: Vector) -> float:
-    """Return the place along a line where the path from source over the line to end is shortest."""
-    z_s = (source[0] - start[0]) * along[0] + (source[1] - start[1]) * along[1] + (source[2] - start[2]) * along[2]
-    z_e = (end[0] - start[0]) * along[0] + (end[1] - start[1]) * along[1] + (end[2] - start[2]) * along[2]
-    h_s, h_e = distance(source, moved(start, along, z_s)), distance(end, moved(start, along, z_e))
-    return (z_s * h_e + z_e * h_s) / max(h_s + h_e, 1e-12)
-
-
-@innermost
 def _far(wavenumber: float, radius: float, excess: float, before: float, after: float) -> float:
     """Return the approximate strength, at most 1/2, of an edge wave whose path is longer than the undisturbed line by `excess`.
 
@@ -580,9 +571,9 @@ def _doubles(
             at_a = vector(image, a)
             if order[a] + over > spare or gain * strength[a] * best[f] < least * (distance(at_a, middle1) - reach) * 0.4:
                 continue
-            z2 = min(max(_place(start2, along2, at_a, at_a), 0.0), faces.length[f])
+            z2 = min(max(keller(start2, along2, at_a, at_a), 0.0), faces.length[f])
             x2 = moved(start2, along2, z2)
-            z1 = min(max(_place(start1, along1, at_a, x2), 0.0), faces.length[e])
+            z1 = min(max(keller(start1, along1, at_a, x2), 0.0), faces.length[e])
             x1 = moved(start1, along1, z1)
             base = gain * strength[a] * _share(faces, e, wavenumber, reach, at_a, x1, x2)
             length = max(distance(at_a, x1) + distance(x1, x2) - 2 * reach, 0.0)
@@ -600,9 +591,9 @@ def _doubles(
                     continue
                 y1, y2 = x1, x2
                 for _ in range(FEW):
-                    z2 = _place(start2, along2, y1, at_b)
+                    z2 = keller(start2, along2, y1, at_b)
                     y2 = moved(start2, along2, z2)
-                    z1 = _place(start1, along1, at_a, y2)
+                    z1 = keller(start1, along1, at_a, y2)
                     y1 = moved(start1, along1, z1)
                 whole = max(distance(at_a, y1) + distance(y1, y2) + distance(y2, at_b) - 2 * reach, 1e-3)
                 worth = gain * strength[a] * strength[b] / whole
@@ -726,7 +717,7 @@ def closed(
 def _single(faces: Faces, e: int, wavenumber: float, reach: float, strength: float, least: float, at_a: Vector, at_b: Vector) -> bool:
     """Return whether a single diffraction at edge `e` between two images can be as strong as `least`; strength: field at one metre."""
     start, along = vector(faces.start, e), vector(faces.along, e)
-    z = _place(start, along, at_a, at_b)
+    z = keller(start, along, at_a, at_b)
     x = moved(start, along, z)
     worth = strength / max(distance(at_a, x) + distance(x, at_b) - 2 * reach, 1e-3)
     worth *= _taper(start, along, faces.length[e], wavenumber, reach, z, at_a, at_b)
@@ -825,94 +816,3 @@ def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.nd
 
     rows = np.concatenate(each(listed, range(pieces)))
     return rows[np.lexsort(rows.T[::-1])]
-
-
-@innermost
-def _inside(faces: Faces, p: int, x: Vector, margin: float) -> bool:
-    """Return whether a point of the plane of face `p` lies in one of the face's triangles or within a margin of it."""
-    normal = vector(faces.normal, p)
-    for t in range(faces.first[p], faces.first[p + 1]):
-        inside = True
-        for i in range(3):
-            corner, j = vector(faces.triangle[t], i), (i + 1) % 3
-            side = toward(corner, vector(faces.triangle[t], j), 1.0)
-            turn = dot(normal, cross(side, toward(corner, x, 1.0)))
-            if turn < -margin * norm(side):
-                inside = False
-                break
-        if inside:
-            return True
-    return False
-
-
-@innermost
-def _meets(faces: Faces, source: Vector, chain: np.ndarray, end: Vector, margin: float, images: np.ndarray) -> bool:
-    """Return whether the path from `source` over `chain` to `end` exists if its ends move by less than a margin. images: memory."""
-    at = source
-    for i in range(len(chain)):
-        at = _mirrored(faces, chain[i], at, 1.0)
-        images[i, 0], images[i, 1], images[i, 2] = at
-    x = end
-    for i in range(len(chain) - 1, -1, -1):
-        normal, at = vector(faces.normal, chain[i]), vector(images, i)
-        above, below = dot(x, normal) - faces.offset[chain[i]], dot(at, normal) - faces.offset[chain[i]]
-        if above * below >= 0 and min(abs(above), abs(below)) > margin:
-            return False
-        heights = max(abs(above) + abs(below), 1e-12)
-        away = distance(x, at)
-        x = moved(x, toward(x, at, 1.0), abs(above) / heights)
-        # at grazing incidence, the point of reflection moves farther than the ends
-        if not _inside(faces, chain[i], x, margin * (1 + away / max(heights, margin))):
-            return False
-    return True
-
-
-@compiled
-def _near(
-    begin: int, stop: int, faces: Faces, wavenumber: float, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, place: np.ndarray,
-    margin: float, out: np.ndarray,
-) -> None:  # fmt: skip
-    """Compute rows `begin` to `stop` - 1 of `near`."""
-    images, source = np.empty((chain.shape[1] + 1, 3)), (place[0], place[1], place[2])
-    for n in range(begin, stop):
-        m0, m1, m2 = count[n, 0], count[n, 1], count[n, 2]
-        first, between, last = chain[n, :m0], chain[n, m0 : m0 + m1], chain[n, m0 + m1 : m0 + m1 + m2][::-1]
-        e1, e2 = edge[n, 0], edge[n, 1]
-        if e1 < 0:
-            out[n] = _meets(faces, source, first, source, margin, images)
-            continue
-        mirrored, returned = image(faces, source, first, 1.0), image(faces, source, last, 1.0)
-        start1, along1 = vector(faces.start, e1), vector(faces.along, e1)
-        if e2 < 0:
-            z1 = _place(start1, along1, mirrored, returned)
-            touched = edge_point(faces, e1, z1)
-            out[n] = (
-                _taper(start1, along1, faces.length[e1], wavenumber, margin, z1, mirrored, returned) >= OUTSIDE
-                and _meets(faces, source, first, touched, margin, images)
-                and _meets(faces, source, last, touched, margin, images)
-            )
-            continue
-        # the second edge is unfolded to the space between the edges
-        back = between[::-1]
-        start2, along2 = image(faces, vector(faces.start, e2), back, 1.0), image(faces, vector(faces.along, e2), back, 0.0)
-        returned = image(faces, returned, back, 1.0)
-        z1, z2 = 0.5 * faces.length[e1], 0.5 * faces.length[e2]
-        for _ in range(2 * FEW):
-            z2 = _place(start2, along2, moved(start1, along1, z1), returned)
-            z1 = _place(start1, along1, mirrored, moved(start2, along2, z2))
-        touched1, touched2 = edge_point(faces, e1, z1), edge_point(faces, e2, z2)
-        y1, y2 = moved(start1, along1, z1), moved(start2, along2, z2)
-        out[n] = (
-            _taper(start1, along1, faces.length[e1], wavenumber, margin, z1, mirrored, y2) >= OUTSIDE
-            and _taper(start2, along2, faces.length[e2], wavenumber, margin, z2, y1, returned) >= OUTSIDE
-            and _meets(faces, source, first, touched1, margin, images)
-            and _meets(faces, touched1, between, touched2, margin, images)
-            and _meets(faces, source, last, touched2, margin, images)
-        )
-
-
-def near(faces: Faces, wavenumber: float, every: Sequences, place: np.ndarray, margin: float) -> np.ndarray:
-    """Return which sequences (K,) can have a path at a sensor position within `margin` metres of `place` (3,), whatever blocks the path."""
-    out = np.zeros(len(every), bool)
-    shared_out(_near, len(every), faces, wavenumber, every.count, every.chain, every.edge, np.ascontiguousarray(place), margin, out)
-    return out
