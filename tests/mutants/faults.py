@@ -156,7 +156,7 @@ _tail | complex(-im, re) | complex(im, -re) | the edge wave has the wrong sign
 edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) + z_r * math.sqrt(h_r) | the point of least excess is wrong
 
 simulation/flat/shadows: physics/test_shadows
-factor | _side(outlines, e, source, receiver) * value | -_side(outlines, e, source, receiver) * value | edge waves have the wrong sign
+past_faces | side * value | -side * value | edge waves have the wrong sign
 
 simulation/flat/polygons: physics/test_objects_before_walls
 _polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach) | 1.0 | the currents that form the shadow count twice
@@ -167,14 +167,17 @@ _beyond | 0.25 * math.pi - u_b * u_b | 0.25 * math.pi + u_b * u_b | the end of a
 simulation/flat/silhouette: physics/test_objects_before_walls
 _mean_depth | (1 - square) ** 2 | 1e-9 | the outline of a turning body jumps from edge to edge
 
-simulation/flat/shadows: physics/test_objects_before_walls
+simulation/flat/kirchhoff: physics/test_objects_before_walls
 reach_around | share * max((aside + radius) / (0.9 * unit) - REACH, 0.0) | 0.0 | far edges of a hoop around the line do not count
 
 simulation/flat/silhouette: physics/test_silhouette
-_find | sensor[n] + NUDGE / wavenumber | sensor[n] | a line over an edge has no factor
 _borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped
+_intervals | place[n, 0] - right[row, count[row] - 1, 0] < narrowest | True | the gaps between intervals are closed
+
+simulation/flat/shadows: physics/test_silhouette
+factors | sensor + NUDGE / wavenumber | sensor | a line over an edge has no factor
 _waves | value if side > 0 else -value | -value if side > 0 else value | edge waves have the wrong sign
-_mirror_paths | part[e] * onwards | part[e] | later lines do not shadow the edge waves of earlier lines
+_path | part[0, e] * onwards | part[0, e] | later lines do not shadow the edge waves of earlier lines
 
 simulation/flat/legs: physics/test_shadows
 _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors

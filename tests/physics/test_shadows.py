@@ -1,6 +1,7 @@
 """Compare edge waves, shadows of bodies and mirrors of finite size with Fresnel integrals and with quadrature of the same integrals."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from radartwin.scene import objects
 from radartwin.scene.surface import Surface
 from radartwin.simulation import geometry
 from radartwin.simulation.backends.static_scene import static_scene
-from radartwin.simulation.flat import kirchhoff, legs, obstacles, shadows
+from radartwin.simulation.flat import faces, kirchhoff, legs, obstacles, shadows
 
 RADAR = Radar.iwr1843("isotropic")
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -80,12 +81,14 @@ def exact_mirror(shape, source, receiver=None):
 
 
 def shadow(mesh, source, receiver):
-    """Return the factor of a line beside or behind a metal body. The source is moved as in legs, so that no line hits an edge exactly."""
+    """Return the factor of a line past flat faces. The source is moved as in legs, so that no line hits an edge exactly."""
     body = geometry.build([mesh])
-    outlines, tree = shadows.of_mesh(body), obstacles.build(body.corners, body.surface)
-    ends = np.array(source, float) + legs.NUDGE / K, np.array(receiver, float)
+    normals = trimesh.util.unitize(np.cross(*np.diff(body.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3))
+    body = replace(body, normals=np.repeat(normals[:, None], 3, axis=1))  # also the facets of a round column are flat faces
+    found, tree, none = faces.find(body, 1e-3)[0], obstacles.build(body.corners, body.surface), (0.0, 0.0, 0.0)
+    line = shadows.line_of(tuple(np.array(source, float) + legs.NUDGE / K), tuple(np.array(receiver, float)), 0.0, 0.0, none, none)
     memory = np.empty(obstacles.MAX_PANES, int), np.empty(1, bool)
-    return shadows.factor(outlines, tree, np.ones(1, bool), *ends, 0.0, 0.0, *np.zeros((2, 3)), K, -1, -1, *memory)
+    return shadows.past_faces(found, shadows.edges_of(found), tree, np.ones(1, bool), line, K, -1, -1, *memory)
 
 
 def half_plane(excess):

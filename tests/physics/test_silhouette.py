@@ -12,7 +12,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene import objects
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.simulation import geometry
-from radartwin.simulation.flat import silhouette
+from radartwin.simulation.flat import shadows, silhouette
 from radartwin.testbed.object_shape import as_made
 from tests.physics import test_shadows as plates
 
@@ -39,13 +39,13 @@ def area(body, distance):
 
 def one_way(body, source, receiver):
     """Return the factor of the line from a sensor to a point behind a body, which a closed path passes twice."""
-    both = silhouette.factors(body, np.array([source], float), np.array([[receiver]], float), False, K)[0]
+    both = shadows.factors(body, np.array([source], float), np.array([[receiver]], float), False, K)[0]
     return np.sqrt(both)
 
 
 def over_wall(body, wall):
     """Return the factor of the path from the origin to a mirror at x = `wall` and back."""
-    return silhouette.factors(body, np.zeros((1, 3)), np.array([[[wall, 0, 0]]], float), True, K)[0]
+    return shadows.factors(body, np.zeros((1, 3)), np.array([[[wall, 0, 0]]], float), True, K)[0]
 
 
 def exact_over_wall(low, high, distance, wall):
@@ -74,7 +74,7 @@ def test_shadow_of_a_plate_matches_quadrature(name):
         for share in (0.0, 0.25, 0.45, 0.55, 1.0):
             ends = (-near, share * width, 0.004), (far, share * width + 0.02, -0.008)
             exact = plates.exact_shadow(shape, *ends) ** 2
-            found = silhouette.factors(body, np.array([ends[0]]), np.array([[ends[1]]]), False, K)[0]
+            found = shadows.factors(body, np.array([ends[0]]), np.array([[ends[1]]]), False, K)[0]
             assert abs(found - exact) < 0.05 * max(1, abs(exact))
 
 
@@ -148,7 +148,7 @@ def test_shadow_of_an_object_as_made_is_that_of_its_picture(name):
         whole = np.linalg.norm(receiver)
         dark = (np.exp(1j * K * (to + back - whole)) / (to * back)).sum() * pixel**2 * whole / (1j * WAVELENGTH)
         exact = (1 - dark) ** 2
-        found = silhouette.factors(body, np.zeros((1, 3)), receiver[None, None], False, K)[0]
+        found = shadows.factors(body, np.zeros((1, 3)), receiver[None, None], False, K)[0]
         assert abs(found - exact) < 0.06 * max(1, abs(exact))
 
 
@@ -165,7 +165,7 @@ def test_shadow_is_reciprocal_on_lines_to_the_sensor():
     """Both directions of a path over two mirrors have the same factor, although the body is thick."""
     body = skin(objects.box([0.8, -0.05, -0.06], [1.2, 0.05, 0.06]))
     points = np.array([[2.5, 0.04, 0.0], [2.5, 1.5, 0.3]])
-    there, back = (silhouette.factors(body, np.zeros((1, 3)), way[None], False, K)[0] for way in (points, points[::-1]))
+    there, back = (shadows.factors(body, np.zeros((1, 3)), way[None], False, K)[0] for way in (points, points[::-1]))
     assert there == pytest.approx(back, abs=1e-3)
     assert abs(there - 1) > 0.1
 
@@ -199,8 +199,8 @@ def test_outline_is_whole_if_a_face_is_seen_edge_on():
         aside = turn @ [-1.5, size[1] / 2 + 1e-4, 0.1]
         found = [len(outline(skin(box), place)) for place in (viewer, aside)]
         assert min(found) > 0
-        shadows = [one_way(skin(box), place, turn @ [1.0, 0.0, 0.0]) for place in (viewer, aside)]
-        assert shadows[0] == pytest.approx(shadows[1], abs=0.02)
+        factor = [one_way(skin(box), place, turn @ [1.0, 0.0, 0.0]) for place in (viewer, aside)]
+        assert factor[0] == pytest.approx(factor[1], abs=0.02)
 
 
 def test_open_meshes_with_opposite_windings_have_one_outline():
@@ -232,7 +232,7 @@ def test_path_exactly_over_an_edge_keeps_a_quarter(axis):
     low, high = np.array([-0.1, -3, -3.0]), np.array([0.1, 3, 3.0])
     high[axis] = 0.0
     for mesh in (objects.box(low.tolist(), high.tolist()), objects.plate(3.0, 3.0).apply_translation(-1.5 * np.eye(3)[axis])):
-        found = silhouette.factors(skin(mesh), np.array([[-2.0, 0, 0]]), np.array([[[2.0, 0, 0]]]), False, K)[0]
+        found = shadows.factors(skin(mesh), np.array([[-2.0, 0, 0]]), np.array([[[2.0, 0, 0]]]), False, K)[0]
         assert found == pytest.approx(0.25, abs=0.03)
 
 
@@ -240,6 +240,6 @@ def test_equal_rows_are_evaluated_once():
     rows = np.random.default_rng(0).random((50, 9))
     rows[:, 6:] = np.nan
     order = np.random.default_rng(1).integers(0, 50, 200)
-    first, which = silhouette.distinct(rows[order])
+    first, which = shadows.distinct(rows[order])
     assert len(first) == len(np.unique(order))
     assert np.array_equal(rows[order][first][which], rows[order], equal_nan=True)

@@ -27,7 +27,7 @@ from radartwin.simulation.backends.tube_paths import Target
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
-from radartwin.simulation.flat import polygons, silhouette
+from radartwin.simulation.flat import polygons, shadows, silhouette
 from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.polygons import Polyhedron
 from radartwin.simulation.flat.room import FlatRoom
@@ -141,7 +141,7 @@ def shadows_of_mover(
         kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
         for frame, row in visibility.pairs(part, frames):
             points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
-            change = silhouette.factors(body, sensor[frame], points, part.mirror is not None, wavenumber) - 1
+            change = shadows.factors(body, sensor[frame], points, part.mirror is not None, wavenumber) - 1
             shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
             kept.append((frame[shaded], row[shaded], change[shaded]))
         frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))

@@ -93,7 +93,8 @@ class StaticScene:
         """Return the flat faces of the large surfaces as a room without small objects."""
         found, walls = self._large[0], self.walls
         usable = np.ones(len(found.offset), bool)
-        return FlatRoom(found, usable, obstacles.build(walls.corners, walls.surface), shadows.of_faces(found), self.table)
+        none = np.full(len(self.surfaces), -1)
+        return FlatRoom(found, usable, obstacles.build(walls.corners, walls.surface), shadows.edges_of(found), self.table, (), none)
 
     @cached_property
     def walls(self) -> Geometry:
@@ -106,19 +107,15 @@ class StaticScene:
         return faces_module.find(geometry_module.subset(self.geometry, self.compact))[0]
 
     @cached_property
-    def _bodies(self) -> list[silhouette.Skin]:
-        """Return the small objects that block. Objects that nearly touch are one body."""
-        hiding = self._hiding(self.compact)
-        groups = clusters(self.surfaces, np.unique(self.geometry.surface[hiding]))
-        masks = [hiding & np.isin(self.geometry.surface, group) for group in groups]
-        return [silhouette.skin(geometry_module.subset(self.geometry, mask)) for mask in masks]
-
-    def _hiding(self, some: np.ndarray) -> np.ndarray:
-        """Return a mask (F,) of the opaque triangles among those that the mask `some` (F,) selects.
+    def _bodies(self) -> list[tuple[list[int], silhouette.Skin]]:
+        """Return the small objects that block, with their surfaces. Objects that nearly touch are one body.
 
         A body that transmits casts no shadow here, because the shadow factor of an outline is that of an opaque body.
         """
-        return some & self.table.opaque[self.geometry.surface]
+        hiding = self.compact & self.table.opaque[self.geometry.surface]
+        groups = clusters(self.surfaces, np.unique(self.geometry.surface[hiding]))
+        masks = [hiding & np.isin(self.geometry.surface, group) for group in groups]
+        return [(group, silhouette.skin(geometry_module.subset(self.geometry, mask))) for group, mask in zip(groups, masks, strict=True)]
 
     def beside(self, own: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
         """Return the room for tracing the paths of an object. The surfaces `own` of the object do not hide the object.
@@ -140,12 +137,16 @@ class StaticScene:
     def _without(self, own: Sequence[int], done: Sequence[int], flat: bool) -> FlatRoom:
         room, objects = self.room, self._objects
         mine = self.compact & np.isin(self.geometry.surface, list(own))
-        others = geometry_module.subset(self.geometry, self._hiding(self.compact & ~mine))
         every = geometry_module.subset(self.geometry, ~mine)
         usable = np.concatenate([room.usable, ~np.isin(objects.surface, [*own, *done])]) & flat
-        outlines = shadows.Outlines.concatenate([room.outlines, shadows.of_mesh(others)] if flat else [shadows.of_mesh(others)])
         joined = faces_module.Faces.concatenate([room.faces, objects])
-        return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), outlines, self.table)
+        edges = room.edges if flat else obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int))
+        bodies, of_surface = [(group, skin) for group, skin in self._bodies if not set(group) & set(own)], room.body.copy()
+        for number, (group, _) in enumerate(bodies):
+            of_surface[group] = number
+        of_surface[self.geometry.surface[~self.compact]] = -1  # the flat faces of a surface that is not compact as a whole stay obstacles
+        skins = [skin for _, skin in bodies]
+        return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), edges, self.table, skins, of_surface)
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, diffractions: int = 2) -> Searched:
         """Return the strong sequences of faces and edges of the flat room, from the array cache if it has them; arguments as in `FlatRoom`.
@@ -181,8 +182,8 @@ class StaticScene:
         """Return paths of the room, whose amplitudes are multiplied by the shadow factors of the small objects."""
         assert part.points is not None
         amplitude = part.amplitude
-        for body in self._bodies:
-            factor = silhouette.factors(body, poses[part.pose, :3, 3], part.points, part.mirror is not None, self.room.wavenumber)
+        for _, body in self._bodies:
+            factor = shadows.factors(body, poses[part.pose, :3, 3], part.points, part.mirror is not None, self.room.wavenumber)
             amplitude = amplitude * factor[:, None]
         return replace(part, amplitude=amplitude)
 
@@ -196,7 +197,7 @@ class StaticScene:
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
         done: list[int] = []  # indices of the objects that are already traced, so that paths between two objects are traced only once
         parts: list[Paths] = []
-        for cluster in tube_paths.clusters(self.surfaces, np.unique(geometry.surface[self.compact])):
+        for cluster in clusters(self.surfaces, np.unique(geometry.surface[self.compact])):
             members = np.isin(geometry.surface, cluster) & self.compact
             group = Target(geometry_module.subset(geometry, members), self.table)
             parts += coupling.group_paths(settings, group, self.beside(cluster, done), radar, poses, unmoved, least=least, direct=direct)

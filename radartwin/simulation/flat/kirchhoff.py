@@ -21,8 +21,12 @@ import numpy as np
 
 from radartwin.compiled import innermost
 from radartwin.simulation.flat.obstacles import Point
+from radartwin.simulation.flat.vectors import distance, dot, moved, toward
 from radartwin.simulation.flat.wedge import scaled_tail
 
+# Largest Fresnel coordinate, across an edge or along it to its nearer end. An edge beyond it changes a factor by at most 0.04; the edges of
+# a hoop around the line add up (`reach_around`).
+REACH = 8.0
 _NEAR = 2.0  # largest t for which G(d, t) is summed from 0 to t; for a larger t, the rest of the integral to infinity is summed
 _FAR = 4.0  # t above which two nodes are enough for the rest of the integral
 # With these numbers of nodes, the error of G is below 1e-6.
@@ -202,3 +206,19 @@ def _over(start: Point, along: Point, source: Point, receiver: Point) -> tuple[f
         h_r += (receiver[k] - start[k] - z_r * along[k]) ** 2
     total = math.sqrt(h_s) + math.sqrt(h_r)
     return z_s, z_r, h_s, h_r, length, math.sqrt(total * total + (z_s - z_r) ** 2) - length
+
+
+@innermost
+def reach_around(centre: Point, radius: float, source: Point, receiver: Point, wavenumber: float) -> float:
+    """Return the Fresnel coordinate up to which the edges of a body in a ball change the field of a line: all edges if the line passes
+    through the ball, and REACH if the ball is farther than REACH from the line.
+    """
+    length = distance(source, receiver)
+    if length < 1e-9:
+        return REACH
+    way = toward(source, receiver, length)
+    along = min(max(dot(centre, way) - dot(source, way), 0.0), length)
+    aside = distance(centre, moved(source, way, along))
+    unit = math.sqrt(math.pi / wavenumber * max(along * (length - along) / length, 1e-6))  # width of one Fresnel coordinate
+    share = min(max(1 - (aside - radius) / (REACH * unit), 0.0), 1.0)
+    return REACH + share * max((aside + radius) / (0.9 * unit) - REACH, 0.0)

@@ -16,10 +16,10 @@ import numpy as np
 from radartwin.compiled import compiled, each, fixed, innermost, shared_out
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
-from radartwin.simulation.flat.kirchhoff import edge_part
+from radartwin.simulation.flat.kirchhoff import REACH, edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 from radartwin.simulation.flat.room import FlatRoom, cells
-from radartwin.simulation.flat.shadows import REACH, Outlines, factor
+from radartwin.simulation.flat.shadows import factors, line_of, past_faces
 from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward, vector
 from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
 from radartwin.simulation.reflection_table import lagrange_basis
@@ -276,56 +276,45 @@ def room_fields(
         points: (N, 3) other ends of the lines.
     """
     out = np.zeros((len(which), len(room.table.frequencies_hz)), complex)
+    met = np.full((len(which), chains.shape[1] + 2, 3), np.nan)
     arguments = (
-        room.faces, room.borders, room.outlines, room.blocking, room.table.opaque, room.tables, room.wavenumber,
+        room.faces, room.borders, room.edges, room.blocking, room.table.opaque, room.body, room.tables, room.wavenumber,
         NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which), np.ascontiguousarray(sensor),
         np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
     )  # fmt: skip
-    shared_out(_evaluate, len(which), *arguments, out)
+    shared_out(_evaluate, len(which), *arguments, out, met)
+    mirror = np.where(chains < 0, -1, room.body[room.faces.surface[chains]])[which]
+    last = np.count_nonzero(chains >= 0, axis=1)[which] + 1
+    end = met[np.arange(len(met)), last].copy()
+    met[np.arange(len(met)), last] = np.nan
+    for number, body in enumerate(room.bodies):  # a body whose faces are mirrors of the line blocks it in `past_faces`
+        rows = np.flatnonzero((mirror != number).all(axis=1) & out.any(axis=1))
+        out[rows] *= factors(body, sensor[place[rows]], met[rows, 1:-1], True, room.wavenumber, end[rows])[:, None]
     return out
 
 
 @compiled
 def _evaluate(
-    begin: int, stop: int, faces: Faces, borders: tuple, outlines: Outlines, tree: Hierarchy, opaque: np.ndarray,
+    begin: int, stop: int, faces: Faces, borders: tuple, edges: Hierarchy, tree: Hierarchy, opaque: np.ndarray, body: np.ndarray,
     tables: Tables, wavenumber: float, nudge: np.ndarray, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray,
-    place: np.ndarray, points: np.ndarray, out: np.ndarray,
+    place: np.ndarray, points: np.ndarray, out: np.ndarray, met: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write the fields of the lines `begin` to `stop` - 1; the arguments are those of `room_fields`."""
-    longest = chains.shape[1]
-    images, met, field = np.empty((longest + 1, 3)), np.empty((longest + 2, 3)), np.empty((out.shape[1], 3), np.complex128)
-    found, others = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_)
+    """Write the fields of the lines `begin` to `stop` - 1, without the shadows of `FlatRoom.bodies`, and their points `met` (N, C + 2, 3).
+    The other arguments are those of `room_fields`.
+    """
+    images, field = np.empty((chains.shape[1] + 1, 3)), np.empty((out.shape[1], 3), np.complex128)
+    found, others, hides = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_), np.empty(len(opaque), np.bool_)
     # the loop creates no arrays, so that it counts no references
     _lines(
-        begin,
-        stop,
-        faces,
-        borders,
-        outlines,
-        tree,
-        opaque,
-        tables,
-        wavenumber,
-        nudge,
-        chains,
-        which,
-        sensor,
-        axes,
-        place,
-        points,
-        out,
-        images,
-        met,
-        field,
-        found,
-        others,
-    )
+        begin, stop, faces, borders, edges, tree, opaque, body, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
+        images, met, field, found, others, hides,
+    )  # fmt: skip
 
 
 @innermost
 def _lines(
-    begin, stop, faces, borders, outlines, tree, opaque, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
-    images, met, field, found, others,
+    begin, stop, faces, borders, edges, tree, opaque, body, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
+    images, ways, field, found, others, hides,
 ):  # fmt: skip
     """Compute the lines of `_evaluate` in the memory of one line."""
     none = (0.0, 0.0, 0.0)
@@ -333,7 +322,7 @@ def _lines(
         m = 0
         while m < chains.shape[1] and chains[which[n], m] >= 0:
             m += 1
-        chain = chains[which[n], :m]
+        chain, met = chains[which[n], :m], ways[n]
         source, end = moved(vector(sensor, place[n]), nudge, 1.0), vector(points, n)
         _put(images, 0, source)
         for i in range(m):
@@ -367,14 +356,21 @@ def _lines(
             target = at
         if total == 0:
             continue
+        for i in range(len(opaque)):  # a body with an outline blocks here only if one of its faces is a mirror of the line
+            hides[i] = opaque[i] and body[i] < 0
+            for j in range(m):
+                hides[i] |= opaque[i] and body[i] == body[faces.surface[chain[j]]]
         before, rest = 0.0, distance(end, images[m])
         for i in range(m + 1):
             part = distance(met[i + 1], met[i])
-            total *= factor(
-                outlines, tree, opaque, met[i], met[i + 1], before, rest - before - part if i < m else 0.0,
-                vector(faces.normal, chain[i - 1]) if i else none, vector(faces.normal, chain[i]) if i < m else none, wavenumber,
-                chain[0] if m else -1, chain[m - 1] if m else -1, found, others,
+            if part < 1e-9:
+                continue
+            line = line_of(
+                vector(met, i), vector(met, i + 1), before, rest - before - part if i < m else 0.0,
+                vector(faces.normal, chain[i - 1]) if i else none, vector(faces.normal, chain[i]) if i < m else none,
             )  # fmt: skip
+            mirrors = chain[0] if m else -1, chain[m - 1] if m else -1
+            total *= past_faces(faces, edges, tree, hides, line, wavenumber, mirrors[0], mirrors[1], found, others)
             before += part
             if abs(total) < MIRRORED:
                 break

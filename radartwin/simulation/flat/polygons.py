@@ -55,9 +55,8 @@ from radartwin.simulation.flat import obstacles
 from radartwin.simulation.flat.convex import clip, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import Tables, angle, face_matrix, keller, looked_up, soft_and_hard, transverse
-from radartwin.simulation.flat.kirchhoff import edge_share
+from radartwin.simulation.flat.kirchhoff import edge_share, reach_around
 from radartwin.simulation.flat.obstacles import Hierarchy
-from radartwin.simulation.flat.shadows import reach_around
 from radartwin.simulation.flat.vectors import distance, dot
 from radartwin.simulation.flat.wedge import scaled_tail
 from radartwin.simulation.geometry import Geometry

@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from radartwin.compiled import each, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.simulation.flat import field, obstacles, search, shadows
+from radartwin.simulation.flat import field, obstacles, search, silhouette
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, both_gains, level, strong_masks
@@ -79,15 +79,18 @@ class FlatRoom:
 
     Attributes:
         faces: flat faces. usable: (P,) whether paths may reflect at a face.
-        blocking: all triangles that block. outlines: their edges, for shadows on legs.
+        blocking: all triangles that block. edges: edges of the faces that cast shadows on legs (`shadows.edges_of`).
         table: reflection of the surfaces.
+        bodies: other bodies that cast shadows on legs. body: (surfaces,) number of the body of each surface, or -1.
     """
 
     faces: Faces
     usable: np.ndarray
     blocking: obstacles.Hierarchy
-    outlines: shadows.Outlines
+    edges: obstacles.Hierarchy
     table: ReflectionTable
+    bodies: Sequence[silhouette.Skin]
+    body: np.ndarray
 
     @cached_property
     def wavenumber(self) -> float:
