@@ -174,8 +174,8 @@ def full_wave(depth, width, offset):
 
 
 def behind_box(depth, width, offsets):
-    """Return the same echoes (F,) by the simulator, for a box of 0.8 m height at F offsets. A path has the same ratio to the free echo in two
-    and in three dimensions, except for the square root of the ratio of the lengths.
+    """Return the same echoes (F,) by the simulator, for a box of 0.8 m height at F offsets. A path has the same ratio to the free echo in
+    two and in three dimensions, except for the square root of the ratio of the lengths.
     """
     wall = rt.Surface(rooms.rectangle([WALL, -4, -4], np.eye(3)[1], np.eye(3)[2], (8, 8)), "metal", "wall", role="room")
     box = rt.Surface(objects.box((-depth / 2, -width / 2, -0.4), (depth / 2, width / 2, 0.4)), "metal", "box", role="object")
@@ -206,8 +206,8 @@ def test_box_before_a_wall_matches_full_wave(depth, width):
 
 @pytest.mark.parametrize(("offset", "most_db"), [(0.0, 0.1), (0.03, 0.1), (0.06, 0.1), (0.1, 0.1), (0.15, 0.4)])  # wanted: 0.1
 def test_shadow_at_the_centre_frequency_holds_over_the_band(offset, most_db):
-    """A recording uses the shadow of the centre frequency at all frequencies of its band of 4 GHz. Far beside the line, the edge waves turn by
-    more than 1 rad over the band, and their sum with the line's own field has another mean power.
+    """A recording uses the shadow of the centre frequency at all frequencies of its band of 4 GHz. Far beside the line, the edge waves turn
+    by more than 1 rad over the band, and their sum with the line's own field has another mean power.
     """
     band = 2 * np.pi / SPEED_OF_LIGHT * (RADAR.center_frequency_hz + 4e9 * np.linspace(-0.5, 0.5, 9))
     for mesh in (*PLATES.values(), objects.box((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05)), trimesh.creation.cylinder(0.033, 0.1)):

@@ -6,7 +6,7 @@
   in a few batches. The simulator traces direct paths and paths that also reflect at flat faces (`coupling`).
 - If the sensor moves, the simulator traces the paths between resting objects and the room at some of the sensor's positions, and moves them
   to the other positions (`track`).
-- Objects cast shadows on the room's paths and on each other (`flat.shadows`).
+- Objects cast shadows on the paths of the room and on each other (`flat.shadows`).
 - Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surface (`diffuse`).
 
 If the sensor is at rest, the simulator traces the static surfaces only once and stores their paths in a cache. The simulator does not model

@@ -283,7 +283,7 @@ def room_fields(
         np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
     )  # fmt: skip
     shared_out(_evaluate, len(which), *arguments, out, met)
-    mirror = np.where(chains < 0, -1, room.body[room.faces.surface[chains]])[which]
+    mirror = np.append(room.body[room.faces.surface], -1)[chains][which]  # body of each face; -1: none
     last = np.count_nonzero(chains >= 0, axis=1)[which] + 1
     end = met[np.arange(len(met)), last].copy()
     met[np.arange(len(met)), last] = np.nan

@@ -62,18 +62,12 @@ def skin(geometry: Geometry) -> Skin:
     mesh.merge_vertices(digits_vertex=7)
     triangles, vertex = np.asarray(mesh.faces, np.int64), np.ascontiguousarray(mesh.vertices, float)
     normal = np.cross(*np.diff(geometry.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3)
-    sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    ends, forward, face = np.sort(sides, axis=1), sides[:, 0] < sides[:, 1], np.tile(np.arange(len(triangles)), 3)
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
-    ends, forward, face = ends[order], forward[order], face[order]
-    new = np.append(True, (ends[1:] != ends[:-1]).any(axis=1))
-    first = np.flatnonzero(new)
-    pair = np.diff(np.append(first, len(ends))) == 2
-    lone = np.ones(len(ends), bool)
-    lone[first[pair]] = lone[first[pair] + 1] = False
-    alone = np.flatnonzero(lone)  # an edge of one face, or of more than two, is the border of each of its faces
-    rows = np.concatenate([first[pair], alone])
-    other = np.concatenate([first[pair] + 1, np.full(len(alone), -1)])
+    ends, forward, face = (np.asarray(x) for x in (mesh.edges_sorted, mesh.edges[:, 0] < mesh.edges[:, 1], mesh.edges_face))
+    number, times = np.unique(ends @ [len(vertex), 1], return_inverse=True, return_counts=True)[1:]
+    order = np.argsort(number, kind="stable")
+    pair, alone = np.split(order[np.argsort(times[number[order]] != 2, kind="stable")], [2 * np.count_nonzero(times == 2)])
+    # an edge of one face, or of more than two, is the border of each of its faces
+    rows, other = np.concatenate([pair[::2], alone]), np.concatenate([pair[1::2], np.full(len(alone), -1)])
     faces = np.stack([face[rows], np.where(other < 0, -1, face[other])], axis=1)
     ways = np.stack([forward[rows], forward[other]], axis=1)
     unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
@@ -362,19 +356,14 @@ def _thinned(chain: np.ndarray, tolerance: float, kept: np.ndarray) -> int:
 
     Returns the number of these points.
     """
-    kept[0], count, anchor = 0, 1, 0
-    low, high = -math.inf, math.inf
+    kept[0], count, anchor, low, high = 0, 1, 0, -math.inf, math.inf
     for i in range(1, len(chain)):
-        across, up = chain[i, 0] - chain[anchor, 0], chain[i, 1] - chain[anchor, 1]
-        angle = math.atan2(up, across)
+        angle = math.atan2(chain[i, 1] - chain[anchor, 1], chain[i, 0] - chain[anchor, 0])
         if i > anchor + 1 and not low <= angle <= high:
-            anchor = i - 1
-            kept[count] = anchor
+            anchor, kept[count], low, high = i - 1, i - 1, -math.inf, math.inf
             count += 1
-            low, high = -math.inf, math.inf
-            across, up = chain[i, 0] - chain[anchor, 0], chain[i, 1] - chain[anchor, 1]
-            angle = math.atan2(up, across)
-        size = math.sqrt(across * across + up * up)
+            angle = math.atan2(chain[i, 1] - chain[anchor, 1], chain[i, 0] - chain[anchor, 0])
+        size = math.hypot(chain[i, 1] - chain[anchor, 1], chain[i, 0] - chain[anchor, 0])
         if size > tolerance:
             spread = math.asin(tolerance / size)
             low, high = max(low, angle - spread), min(high, angle + spread)
