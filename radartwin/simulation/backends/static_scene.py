@@ -93,7 +93,7 @@ class StaticScene:
         """Return the flat faces of the large surfaces as a room without small objects."""
         found, walls = self._large[0], self.walls
         usable = np.ones(len(found.offset), bool)
-        none = np.full(len(self.surfaces), -1)
+        none = np.zeros(len(self.surfaces), bool)
         return FlatRoom(found, usable, obstacles.build(walls.corners, walls.surface), shadows.edges_of(found), self.table, (), none)
 
     @cached_property
@@ -141,12 +141,11 @@ class StaticScene:
         usable = np.concatenate([room.usable, ~np.isin(objects.surface, [*own, *done])]) & flat
         joined = faces_module.Faces.concatenate([room.faces, objects])
         edges = room.edges if flat else obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int))
-        bodies, of_surface = [(group, skin) for group, skin in self._bodies if not set(group) & set(own)], room.body.copy()
-        for number, (group, _) in enumerate(bodies):
-            of_surface[group] = number
-        of_surface[self.geometry.surface[~self.compact]] = -1  # the flat faces of a surface that is not compact as a whole stay obstacles
+        bodies, outlined = [(group, skin) for group, skin in self._bodies if not set(group) & set(own)], room.outlined.copy()
+        outlined[np.array([i for group, _ in bodies for i in group], int)] = True
+        outlined[self.geometry.surface[~self.compact]] = False  # the flat faces of a surface that is not compact as a whole stay obstacles
         skins = [skin for _, skin in bodies]
-        return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), edges, self.table, skins, of_surface)
+        return FlatRoom(joined, usable, obstacles.build(every.corners, every.surface), edges, self.table, skins, outlined)
 
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, diffractions: int = 2) -> Searched:
         """Return the strong sequences of faces and edges of the flat room, from the array cache if it has them; arguments as in `FlatRoom`.

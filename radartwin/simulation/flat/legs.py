@@ -278,43 +278,42 @@ def room_fields(
     out = np.zeros((len(which), len(room.table.frequencies_hz)), complex)
     met = np.full((len(which), chains.shape[1] + 2, 3), np.nan)
     arguments = (
-        room.faces, room.borders, room.edges, room.blocking, room.table.opaque, room.body, room.tables, room.wavenumber,
-        NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which), np.ascontiguousarray(sensor),
+        room.faces, room.borders, room.edges, room.blocking, room.table.opaque, room.table.opaque & ~room.outlined, room.tables,
+        room.wavenumber, NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which), np.ascontiguousarray(sensor),
         np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
     )  # fmt: skip
     shared_out(_evaluate, len(which), *arguments, out, met)
-    mirror = np.append(room.body[room.faces.surface], -1)[chains][which]  # body of each face; -1: none
     last = np.count_nonzero(chains >= 0, axis=1)[which] + 1
     end = met[np.arange(len(met)), last].copy()
     met[np.arange(len(met)), last] = np.nan
-    for number, body in enumerate(room.bodies):  # a body whose faces are mirrors of the line blocks it in `past_faces`
-        rows = np.flatnonzero((mirror != number).all(axis=1) & out.any(axis=1))
+    for body in room.bodies:
+        rows = np.flatnonzero(out.any(axis=1))
         out[rows] *= factors(body, sensor[place[rows]], met[rows, 1:-1], True, room.wavenumber, end[rows])[:, None]
     return out
 
 
 @compiled
 def _evaluate(
-    begin: int, stop: int, faces: Faces, borders: tuple, edges: Hierarchy, tree: Hierarchy, opaque: np.ndarray, body: np.ndarray,
+    begin: int, stop: int, faces: Faces, borders: tuple, edges: Hierarchy, tree: Hierarchy, opaque: np.ndarray, hides: np.ndarray,
     tables: Tables, wavenumber: float, nudge: np.ndarray, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray,
     place: np.ndarray, points: np.ndarray, out: np.ndarray, met: np.ndarray,
 ) -> None:  # fmt: skip
     """Write the fields of the lines `begin` to `stop` - 1, without the shadows of `FlatRoom.bodies`, and their points `met` (N, C + 2, 3).
-    The other arguments are those of `room_fields`.
+    hides: (surfaces,) whether a surface blocks and is not part of these bodies. The other arguments are those of `room_fields`.
     """
     images, field = np.empty((chains.shape[1] + 1, 3)), np.empty((out.shape[1], 3), np.complex128)
-    found, others, hides = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_), np.empty(len(opaque), np.bool_)
+    found, others = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_)
     # the loop creates no arrays, so that it counts no references
     _lines(
-        begin, stop, faces, borders, edges, tree, opaque, body, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
-        images, met, field, found, others, hides,
+        begin, stop, faces, borders, edges, tree, opaque, hides, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
+        images, met, field, found, others,
     )  # fmt: skip
 
 
 @innermost
 def _lines(
-    begin, stop, faces, borders, edges, tree, opaque, body, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
-    images, ways, field, found, others, hides,
+    begin, stop, faces, borders, edges, tree, opaque, hides, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
+    images, ways, field, found, others,
 ):  # fmt: skip
     """Compute the lines of `_evaluate` in the memory of one line."""
     none = (0.0, 0.0, 0.0)
@@ -356,10 +355,6 @@ def _lines(
             target = at
         if total == 0:
             continue
-        for i in range(len(opaque)):  # a body with an outline blocks here only if one of its faces is a mirror of the line
-            hides[i] = opaque[i] and body[i] < 0
-            for j in range(m):
-                hides[i] |= opaque[i] and body[i] == body[faces.surface[chain[j]]]
         before, rest = 0.0, distance(end, images[m])
         for i in range(m + 1):
             part = distance(met[i + 1], met[i])

@@ -81,7 +81,7 @@ class FlatRoom:
         faces: flat faces. usable: (P,) whether paths may reflect at a face.
         blocking: all triangles that block. edges: edges of the faces that cast shadows on legs (`shadows.edges_of`).
         table: reflection of the surfaces.
-        bodies: other bodies that cast shadows on legs. body: (surfaces,) number of the body of each surface, or -1.
+        bodies: other bodies that cast shadows on legs. outlined: (surfaces,) whether a surface is part of such a body.
     """
 
     faces: Faces
@@ -90,7 +90,7 @@ class FlatRoom:
     edges: obstacles.Hierarchy
     table: ReflectionTable
     bodies: Sequence[silhouette.Skin]
-    body: np.ndarray
+    outlined: np.ndarray
 
     @cached_property
     def wavenumber(self) -> float:
