@@ -409,9 +409,9 @@ def test_box_on_the_floor_is_a_corner_reflector(height):
     assert levels[1:] == pytest.approx([levels[1]] * 3, abs=0.05)
 
 
-def mirror_facing(centre, towards, size=0.3):
+def mirror_facing(centre, towards, thickness, size=0.3):
     """Return a square metal plate at `centre` whose face points towards `towards`."""
-    plate = objects.box((-0.01, -size / 2, -size / 2), (0.0, size / 2, size / 2))
+    plate = objects.box((-thickness, -size / 2, -size / 2), (0.0, size / 2, size / 2))
     x = towards / np.linalg.norm(towards)
     y = np.cross([0, 0, 1.0], x)
     y /= np.linalg.norm(y)
@@ -421,9 +421,11 @@ def mirror_facing(centre, towards, size=0.3):
     return plate.apply_transform(turn)
 
 
-def test_paths_between_two_small_mirrors_count_once():
+@pytest.mark.parametrize("thickness", [0.0005, 0.003, 0.01, 0.02])
+def test_paths_between_two_small_mirrors_count_once(thickness):
     """A triangular path over two plates occurs in two directions, so the field at its path length is twice that behind two openings. The
-    field is doubled whether both plates are static or one plate is named in `motion`.
+    field is doubled whether both plates are static or one plate is named in `motion`. The openings have no thickness: the level of plates
+    varies by 0.5 dB with it.
     """
     sensor, a, b = np.array([0, 0, 1.5]), np.array([3.0, 1, 1.5]), np.array([3.0, -1, 1.5])
 
@@ -431,7 +433,7 @@ def test_paths_between_two_small_mirrors_count_once():
         return v / np.linalg.norm(v)
 
     plates = [
-        rt.Surface(mirror_facing(one, unit(sensor - one) + unit(other - one)), "metal", name, role="object")
+        rt.Surface(mirror_facing(one, unit(sensor - one) + unit(other - one), thickness), "metal", name, role="object")
         for one, other, name in ((a, b, "a"), (b, a, "b"))
     ]
     far = rt.Surface(rooms.rectangle([-30, 20, 0], np.eye(3)[0], np.eye(3)[2], (1, 1)), "metal", "far", role="room")
@@ -442,7 +444,7 @@ def test_paths_between_two_small_mirrors_count_once():
     exact = db(2 * WAVELENGTH / (4 * np.pi * length) * openings)
     scene = rt.Scene([*plates, far])
     for motion in (None, {"a": np.eye(4)[None]}):
-        assert field_of(paths_of(scene, at(sensor), motion), length - 0.15, length + 0.15) == pytest.approx(exact, abs=0.3)
+        assert field_of(paths_of(scene, at(sensor), motion), length - 0.15, length + 0.15) == pytest.approx(exact, abs=0.7)
 
 
 @pytest.mark.parametrize("room", ["auto", "tubes"])
