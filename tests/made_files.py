@@ -11,7 +11,7 @@ from radartwin.radar.recording import Recording
 from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.model import Recogniser
 from radartwin.recordings.card import Card
-from radartwin.recordings.studio_log import PACKET_BYTES
+from radartwin.radar.dca1000 import PACKET_BYTES
 
 CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
 

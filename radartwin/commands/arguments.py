@@ -101,10 +101,9 @@ def _add_recordings(group: Verbs) -> None:
     captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="index columns of all captures, or card keys of a new set")
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
     captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: the columns of each capture")
-    captures.add_argument("--radar", metavar="FILE", help="radar file, as for process (default: the .mmwave.json beside each capture)")
+    _capture(captures)
     chosen = "import only these frames of each capture, such as 100:200 (default: all)"
     captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=chosen)
-    captures.add_argument("--cut", action="store_true", help="leave out an incomplete frame at the end of a capture")
 
     _add_export(group)
 
@@ -241,11 +240,14 @@ def _recording(verb: argparse.ArgumentParser) -> None:
 
 
 def _capture(verb: argparse.ArgumentParser, prefix: str = "") -> None:
-    """Add the options that describe a capture of another tool."""
-    radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or the name of a radar option"
+    """Add the options that describe a capture of another tool (radartwin.radar.captures.load_capture)."""
+    radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or a radar option (default: the .mmwave.json beside a capture)"
     verb.add_argument("--radar", metavar="FILE", help=prefix + radar)
+    board = "board with the antennas, such as IWR6843AOP (default: that of the radar file, or a printed assumption)"
+    verb.add_argument("--board", metavar="NAME", help=prefix + board)
     swapped = "Q before I in the file (default: found from the data)"
     verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=prefix + swapped)
+    verb.add_argument("--cut", action="store_true", help=prefix + "leave out an incomplete frame at the end of a capture")
 
 
 def _output(verb: argparse.ArgumentParser) -> None:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 from radartwin.errors import InputError
 from radartwin.io.one_line import plural
 
 
-def export_timeline(options: argparse.Namespace) -> int:
-    """Write the MCAP file of the recording that the command line names, print its number of messages by topic, and return the status."""
-    from radartwin.builders.radar import named_radar
+def export_timeline(options: argparse.Namespace, capture: dict[str, Any]) -> int:
+    """Write the MCAP file of the recording that the command line names, print its number of messages by topic, and return the status.
+
+    The dictionary `capture` holds arguments of `radartwin.radar.captures.load_capture`.
+    """
     from radartwin.io.progress import Progress
     from radartwin.radar.captures import load_capture
     from radartwin.recordings.pictures import nanoseconds, read_pictures
@@ -28,8 +31,7 @@ def export_timeline(options: argparse.Namespace) -> int:
     check_target(options.mcap, encoding)
     start_ns = nanoseconds(options.start, "--start") if options.start is not None else 0
     pictures = read_pictures(options.pictures) if options.pictures is not None else None
-    radar = named_radar(options.radar) if options.radar else None
-    recording = load_capture(Path(options.overrides[0]), radar, iq_swapped=options.iq_swapped)
+    recording = load_capture(Path(options.overrides[0]), **capture)
     counts = write_timeline(recording, options.mcap, start_ns=start_ns, pictures=pictures, encoding=encoding, progress=Progress())
     print("topic messages")
     for topic, count in sorted(counts.items()):
@@ -40,6 +42,6 @@ def export_timeline(options: argparse.Namespace) -> int:
 
 def refuse_timeline_options(options: argparse.Namespace) -> None:
     """Raise InputError if an option of a timeline is given with --out."""
-    for name in ("pictures", "start", "encoding", "radar", "iq_swapped"):
-        if getattr(options, name) is not None:
+    for name in ("pictures", "start", "encoding", "radar", "board", "iq_swapped", "cut"):
+        if getattr(options, name) not in (None, False):
             raise InputError(f"--{name.replace('_', '-')} applies only to a timeline (--mcap FILE); leave it out with --out")

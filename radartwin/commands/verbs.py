@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 from radartwin.errors import ConfigError, OutputError
 from radartwin.io.one_line import plural
@@ -74,17 +75,13 @@ def simulate(options: argparse.Namespace) -> int:
 
 
 def process(options: argparse.Namespace) -> int:
-    from radartwin.builders.radar import named_radar
     from radartwin.io import files
     from radartwin.radar.captures import capture_name
     from radartwin.radar.process_capture import PEAKS_FILE, POINTS_FILE, process_capture
 
     out = options.out or options.output / "processed" / capture_name(options.recording)
     files.sweep(files.check_folder(out))
-    radar = named_radar(options.radar) if options.radar else None
-    peaks = process_capture(
-        options.recording, out, radar, iq_swapped=options.iq_swapped, static_removed=options.moving, angle=options.angle
-    )
+    peaks = process_capture(options.recording, out, static_removed=options.moving, angle=options.angle, **_capture(options))
     digits = {"range_m": 3, "doppler_mps": 3, "azimuth_deg": 1, "power_db": 1}
     print(" ".join(digits))
     for peak in peaks.itertuples(index=False):
@@ -97,7 +94,6 @@ def process(options: argparse.Namespace) -> int:
 
 
 def import_captures(options: argparse.Namespace) -> int:
-    from radartwin.builders.radar import named_radar
     from radartwin.io.progress import Progress
     from radartwin.recordings.importers import import_captures, key_values
     from radartwin.recordings.mapping import read_mapping
@@ -108,11 +104,9 @@ def import_captures(options: argparse.Namespace) -> int:
         options.out,
         key_values(options.overrides),
         read_mapping(options.map) if options.map else None,
-        radar=named_radar(options.radar) if options.radar else None,
-        cut=options.cut,
         frames=options.frames,
         progress=progress,
-        say=progress.say,
+        **_capture(options),
     )
     print(f"{options.out}: {plural(len(added), 'recording')} added, {len(target)} in all")
     return 0
@@ -122,7 +116,7 @@ def export(options: argparse.Namespace) -> int:
     if options.mcap is not None:
         from radartwin.commands.export import export_timeline
 
-        return export_timeline(options)
+        return export_timeline(options, _capture(options))
     from radartwin.commands.export import refuse_timeline_options
     from radartwin.runs import checkout
 
@@ -188,13 +182,10 @@ def view(options: argparse.Namespace) -> int:
 
 
 def classify(options: argparse.Namespace) -> int:
-    from radartwin.builders.radar import named_radar
     from radartwin.recognize.classify import classify
 
-    radar = named_radar(options.radar) if options.radar else None
-    answer = classify(
-        options.recording, options.model, radar, iq_swapped=options.iq_swapped, distance_m=options.distance, period_s=options.period
-    )
+    given = _capture(options)
+    answer = classify(options.recording, options.model, distance_m=options.distance, period_s=options.period, **given)
     print("label probability")
     for label, probability in zip(answer.classes, answer.probabilities, strict=True):
         print(f"{label} {probability:.4f}")
@@ -241,6 +232,16 @@ def clean(options: argparse.Namespace) -> int:
     from radartwin.store.clean import clean
 
     return clean(options.output, options.cache)
+
+
+def _capture(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the options that describe a capture as arguments of `radartwin.radar.captures.load_capture`."""
+    from radartwin.builders.radar import named_radar
+    from radartwin.io.progress import Progress
+
+    name = options.radar
+    radar = name if not name or Path(name).suffix or Path(name).exists() else named_radar(name)
+    return {"radar": radar, "board": options.board, "iq_swapped": options.iq_swapped, "cut": options.cut, "say": Progress().say}
 
 
 def _all_overrides(options: argparse.Namespace) -> list[str]:

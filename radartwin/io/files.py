@@ -144,7 +144,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_array(path: Path) -> np.ndarray:
-    """Read the array of a .npy file, without unpickling Python objects.
+    """Map the array of a .npy file into memory, without unpickling Python objects.
 
     Raises:
         InputError: the file is not a .npy array, holds Python objects, or declares an array larger than the file.
@@ -155,8 +155,7 @@ def read_array(path: Path) -> np.ndarray:
     try:
         with path.open("rb") as stream:
             _check_header(stream, path.stat().st_size, str(path))
-            stream.seek(0)
-            return np.load(stream, allow_pickle=False)
+        return np.load(path, mmap_mode="r", allow_pickle=False)
     except InputError:
         raise
     except (ValueError, EOFError) as error:

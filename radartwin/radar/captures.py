@@ -1,16 +1,22 @@
-"""Read raw radar data (captures) of other tools as recordings: mmWave Studio .bin files with .mmwave.json, sample arrays in .npy files, and
-folders with the files of a cascade.
+"""Read raw radar data (captures) of other tools as recordings.
 
-A capture of another tool has no amplitude calibration, so the samples of its recording are in ADC counts and its scale is 1. If the caller
-does not state whether I or Q comes first, this module finds the sample order from the noise spectrum. The receive filter passes beat
-frequencies from 0 to 0.9 fs (complex 1x mode), where fs is the sample rate. The noise is therefore lower just below fs, which appears just
-below zero in the sampled spectrum. If I and Q are exchanged, the spectrum is mirrored. The echoes do not show the sample order, because
-with complex sampling they may fill the whole band.
+| capture | samples | radar |
+|---|---|---|
+| .bin of the DCA1000, in one or more files (radartwin.radar.dca1000) | as described (radartwin.radar.layouts) | given, or beside it |
+| folder of the cascade's capture board (radartwin.radar.cascade_capture) | I before Q | given |
+| .npy cube, or .npz with the cube as `iq` and optional `poses` (F, 4, 4) | complex, or int16 with a last axis of I and Q | given |
+
+A capture of another tool has no amplitude calibration, so the samples of its recording are in ADC counts and its scale is 1. The receive
+filter passes beat frequencies from 0 to 0.9 fs (complex 1x mode), where fs is the sample rate. The noise is therefore lower just below fs,
+which appears just below zero in the sampled spectrum. If I and Q are exchanged, the spectrum is mirrored. This module finds the order of I
+and Q from this noise. If the noise does not show the order, the description of the capture decides. The echoes do not show the order,
+because with complex sampling they may fill the whole band. Frames with lost packets, which are zeros, take no part in these tests.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,50 +25,106 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
-from radartwin.radar import cascade_capture, dca1000
+from radartwin.io.git_lfs import refuse_pointer
+from radartwin.io.one_line import plural
+from radartwin.radar import cascade_capture, dca1000, studio_log
 from radartwin.radar.chirp import Radar
-from radartwin.radar.recording import Recording, read_counts, recording_files
+from radartwin.radar.description_files import Description, read_json
+from radartwin.radar.layouts import Layout
+from radartwin.radar.recording import Recording, gathered, recording_files
 
 CUBES = (".npy", ".npz")  # suffixes of files with an array of samples
 EDGE_DB = 2.0  # smallest magnitude of band_edge_db that determines the sample order; real captures have 2.7 to 9.9 dB
+EDGE_FRAMES = 16  # number of frames that test whether I and Q are exchanged; in one frame of few chirps, band_edge_db is off by 1 to 2 dB
+_REORDERED_DB = 0.5  # smallest flattening of the spectrum by a wrong order of the words; noise has 0.1 dB, captures have 1 to 7 dB
+_UNSIGNED = 24576  # median magnitude of unsigned words that are read as signed; signed words are nearer to zero
+
+Say = Callable[[str], None]
 
 
-def load_capture(path: str | Path, radar: Radar | str | Path | None = None, *, iq_swapped: bool | None = None) -> Recording:
-    """Read a recording of this package, a mmWave Studio capture, or an array of samples in a .npy or .npz file.
+@dataclass
+class _Source:
+    """A capture that can be read by blocks.
+
+    Attributes:
+        path: the file that the provenance names.
+        radar: radar that recorded the samples.
+        frames: number of whole frames.
+        read: function that returns frames (count, chirp, tx, rx, sample) in counts, from the number of the first frame, the number of
+            frames, and whether Q comes first.
+        sample_file: the files of a DCA1000 capture.
+    """
+
+    path: Path
+    radar: Radar
+    frames: int
+    read: Callable[[int, int, bool], NDArray[np.complex64]]
+    poses: NDArray[np.float64] | None = None
+    sample_file: dca1000.SampleFile | None = None
+
+
+def load_capture(
+    path: str | Path,
+    radar: Radar | str | Path | None = None,
+    *,
+    board: str | None = None,
+    iq_swapped: bool | None = None,
+    cut: bool = False,
+    frames: slice = slice(None),
+    say: Say = lambda line: None,
+) -> Recording:
+    """Read a recording of this package, or a capture of another tool.
 
     Args:
-        path: path of a recording of this package (without suffix, or with .bin or .json), of a mmWave Studio .bin file with one
-            .mmwave.json in its folder, or of a .npy file. For a capture in several .bin files, the path of any of these files selects the
-            whole capture. The array in a .npy file has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample]
-            or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. The samples of the array are complex, or int16
-            with an additional last axis of I and Q. A .npz file holds this array as `iq`, and may hold the poses of the radar as `poses`
-            (F, 4, 4). A folder with the files of the cascade's capture board is a capture too (radartwin.radar.cascade_capture).
-        radar: a Radar or the path of a radar file. An array and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
-            the .mmwave.json.
-        iq_swapped: whether Q comes before I in a capture of another tool. None detects the sample order from the noise. For a recording of
-            this package, the .json file gives the sample order.
+        path: path of a recording of this package (without suffix, or with .bin or .json), of a .bin file of the DCA1000, of a folder of the
+            cascade's capture board, or of a .npy or .npz file. For a capture in several .bin files, the path of any of these files selects
+            the whole capture. A cube has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
+            [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
+        radar: a Radar or the path of a radar file. A cube and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
+            the .mmwave.json beside it.
+        board: name of the board, in place of the board in the radar file (radartwin.radar.boards).
+        iq_swapped: whether Q comes before I in a capture of another tool; None takes the order from the noise or the description. For a
+            recording of this package, the .json file gives the order.
+        cut: whether to leave out an incomplete frame at the end; False makes it an error.
+        frames: the frames to read, as a slice without a step.
+        say: function that receives the board and notes on the capture, such as lost packets, as lines of text.
     Raises:
         MissingError: the capture or its radar description is missing.
         RecordingError: the size of the capture does not fit the radar, or samples are NaN or infinite.
     """
     path = Path(path)
-    if radar is not None and not isinstance(radar, Radar):
-        radar = Radar.from_file(radar)
-    if path.suffix in CUBES:
-        return _load_cube(path, radar, iq_swapped)
-    if cascade_capture.is_cascade_capture(path):
-        if radar is None:
-            raise RecordingError(f"{path}: a capture of the cascade does not name its radar; give it (--radar), such as awr2243_cascade")
-        return from_counts(path, cascade_capture.read_counts(path, radar), radar, iq_swapped)
     bin_path, json_path = recording_files(path)
-    if radar is None and (json_path.is_file() or not bin_path.is_file()):
-        return Recording.load(path)
-    if not bin_path.is_file():
-        raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
-    bin_path, *others = dca1000.parts(bin_path)
+    if path.suffix not in CUBES and not cascade_capture.is_cascade_capture(path) and radar is None:
+        beside = read_json(json_path) if json_path.is_file() else {}
+        if "capturedFiles" in beside or "mmWaveDevices" in beside:
+            if not bin_path.is_file() or "capturedFiles" in beside:
+                raise RecordingError(f"{json_path}: it holds no samples; {_instead(beside)}")
+        elif json_path.is_file() or not bin_path.is_file():
+            recording = Recording.load(path)
+            chosen = _chosen(path, recording.num_frames, frames)
+            return recording if frames == slice(None) else recording.part(chosen)
+        bin_path = dca1000.parts(bin_path)[0]
+        radar = description_beside(bin_path)
     if radar is None:
-        radar = Radar.from_file(description_beside(bin_path))
-    return from_counts(bin_path, read_counts(bin_path, radar, others=others), radar, iq_swapped)
+        kind = f"a {path.suffix} cube" if path.suffix in CUBES else "a capture of the cascade"
+        raise RecordingError(f"{path}: {kind} does not name its radar; give it as radar (--radar): a .cfg, .mmwave.json, .yaml or a name")
+    if isinstance(radar, Radar):
+        if board is not None:
+            raise RecordingError(f"radar {radar.name} has its own antennas, so that board {board} cannot apply; leave out --board")
+        description = Description({}, Layout(real=radar.real_sampling))
+    else:
+        radar, description = Radar.described(radar, board)
+    if path.suffix in CUBES:
+        source = _cube(path, radar)
+    elif cascade_capture.is_cascade_capture(path):
+        source = _swapping(path, radar, *cascade_capture.frame_reader(path, radar))
+    elif not bin_path.is_file():
+        raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
+    else:
+        source = _dca1000(bin_path, radar, description.layout, cut, say)
+    if description.board:
+        say(f"board: {description.board}")
+    return _recorded(source, description, iq_swapped, _chosen(path, source.frames, frames), say)
 
 
 def capture_name(path: str | Path) -> str:
@@ -90,33 +152,17 @@ def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
     return float(10 * np.log10(low / high)) if low > 0 and high > 0 else 0.0
 
 
-def from_counts(path: Path, iq: NDArray[np.complex64], radar: Radar, iq_swapped: bool | None) -> Recording:
-    """Make a recording in ADC counts from the samples of another tool.
-
-    Args:
-        path: path of the source file, which the provenance of the recording names.
-        iq: samples [frame, chirp, tx, rx, sample] in ADC counts, read under the assumption that I comes first.
-        radar: radar that recorded the samples.
-        iq_swapped: whether Q comes first in the source file; None detects the sample order from the noise.
-    """
-    edge = 0.0 if radar.real_sampling else band_edge_db(iq[0])
-    if iq_swapped is None:
-        iq_swapped = edge < -EDGE_DB
-    if iq_swapped:
-        # The samples Q + jI equal j conj(I + jQ), so the multiplication of their conjugate by j restores I + jQ exactly.
-        iq = 1j * iq.conj()
-    provenance: dict[str, Any] = {"source": path.name, "unit": "counts", "band_edge_db": round(edge, 1)}
-    return Recording(iq, radar, scale=1.0, iq_swapped=bool(iq_swapped), provenance=provenance)
-
-
 def description_beside(path: Path) -> Path:
-    """Find the .mmwave.json file of a .bin file: the only .mmwave.json in its folder, or the .mmwave.json of the same name.
+    """Find the description of a .bin file by mmWave Studio: the .json or .mmwave.json of the same name, or the only .mmwave.json in its
+    folder.
 
     Raises:
         MissingError: the folder has no such file, or several .mmwave.json files with different names.
     """
     found = sorted(path.parent.glob("*.mmwave.json"))
     same = [p for p in found if p.name.removesuffix(".mmwave.json") == path.stem]
+    if (plain := path.with_suffix(".json")).is_file() and "mmWaveDevices" in read_json(plain):
+        return plain
     if len(found) == 1 or same:
         return (same or found)[0]
     if found:
@@ -124,11 +170,138 @@ def description_beside(path: Path) -> Path:
     raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give a radar file as radar (--radar)")
 
 
-def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Recording:
+def few(items: Sequence[object]) -> str:
+    """Return the first five items of a list as text."""
+    return ", ".join(map(str, items[:5])) + (", ..." if len(items) > 5 else "")
+
+
+def _instead(content: dict[str, Any]) -> str:
+    """Return, as text, which files to give in place of a setup file or a radar description of mmWave Studio."""
+    if "mmWaveDevices" in content:
+        return "give the .bin of the capture, and this file as radar (--radar)"
+    try:
+        listed = content["capturedFiles"]["files"][0]
+        name = listed.get("processedFileName") or listed["rawFileName"]
+    except (KeyError, IndexError, TypeError, AttributeError):
+        name = "the .bin of the capture"
+    return f"give {name}, and {str(content.get('configUsed', 'its .mmwave.json')).replace(chr(92), '/').split('/')[-1]} as radar (--radar)"
+
+
+def _chosen(path: Path, count: int, frames: slice) -> range:
+    if not (chosen := range(count)[frames]):
+        raise RecordingError(f"{path}: it has {plural(count, 'frame')}, none of which is chosen; choose others with --frames")
+    return chosen
+
+
+def _recorded(source: _Source, description: Description, iq_swapped: bool | None, frames: range, say: Say) -> Recording:
+    """Read the chosen frames of a capture as a recording in ADC counts, and add what its description and its log say."""
+    radar, stated = source.radar, description.layout.q_first
+    edge = 0.0
+    if not radar.real_sampling and description.layout.image_filtered:
+        edges = [band_edge_db(source.read(frame, 1, False)[0]) for frame in _test_frames(source)]
+        edge = float(np.mean(edges)) if edges else 0.0
+    swapped = iq_swapped
+    if swapped is None:
+        swapped = edge < 0 if abs(edge) > EDGE_DB else bool(stated)
+        if stated is not None and stated != swapped:
+            say(f"its description says {'Q' if stated else 'I'} first, but its noise shows the other order, which is used (--iq-swapped)")
+    lost: list[int] = []
+
+    def read(first: int, count: int) -> NDArray[np.complex64]:
+        if source.sample_file is not None:
+            lost.extend((first + dca1000.lost_frames(source.sample_file.words(first, count)) - frames.start).tolist())
+        return source.read(first, count, bool(swapped))
+
+    iq = gathered(source.path, frames, dca1000.frame_shape(radar), read)
+    provenance: dict[str, Any] = {"source": source.path.name, "unit": "counts", "band_edge_db": round(edge, 1)}
+    provenance |= {"board": description.board} if description.board else {}
+    poses = source.poses[frames.start : frames.stop] if source.poses is not None and len(source.poses) == source.frames else source.poses
+    recording = Recording(iq, radar, poses, scale=1.0, iq_swapped=bool(swapped), provenance=provenance)
+    if source.sample_file is not None:
+        _add_log(source, description.frames, recording, say)
+    if lost:
+        say(f"{len(lost)} of {plural(len(frames), 'frame')} hold lost packets, which are zeros: frame {few(lost)}")
+    return recording
+
+
+def _add_log(source: _Source, configured: int, recording: Recording, say: Say) -> None:
+    """Copy the log beside a DCA1000 capture to the recording's provenance, and say which packets and frames are missing."""
+    expected = {"configured": configured}
+    if path := studio_log.find_log(source.path):
+        log = studio_log.read_log(path, lanes=4 if source.sample_file and source.sample_file.layout.interleaved else 2)
+        expected["logged"] = log.frames(dca1000.frame_bytes(source.radar))
+        recording.provenance["log"] = asdict(log)
+        if log.lost:
+            say(f"{log.lost} of {log.received + log.lost} packets were lost ({log.lost_bytes} bytes of zeros)")
+        if log.out_of_sequence:
+            say(f"{log.out_of_sequence} packets were out of sequence")
+    recording.provenance["frames"] = expected
+    if more := {origin: count for origin, count in expected.items() if count > source.frames}:
+        missing = ", ".join(f"{count} {origin}" for origin, count in more.items())
+        say(f"frames are missing: the capture holds {plural(source.frames, 'frame')}, {missing}")
+
+
+def _test_frames(source: _Source) -> list[int]:
+    """Return up to EDGE_FRAMES frames that are spread over a capture and hold no lost packets."""
+    spread = np.unique(np.linspace(0, source.frames - 1, EDGE_FRAMES).round().astype(int)).tolist()
+    file = source.sample_file
+    return [frame for frame in spread if file is None or not dca1000.lost_frames(file.words(frame, 1)).size]
+
+
+def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _Source:
+    """Open the files of a DCA1000 capture. Refuse words that are unsigned or in another order without a description that says so."""
+    layout, described = dca1000.with_card_settings(layout, path.parent)
+    file = dca1000.SampleFile(dca1000.parts(path), radar, layout)
+    if file.rest and not (cut and file.frames):
+        hint = "drop the incomplete frame of an interrupted capture with --cut" if file.frames else "record again"
+        raise RecordingError(f"{file.leftover(radar)}; it is truncated or belongs to another radar description; {hint}")
+    if file.rest:
+        say(f"the last frame is incomplete and dropped ({file.rest} of {file.frame_bytes} bytes)")
+
+    def read(first: int, count: int, q_first: bool) -> NDArray[np.complex64]:
+        file.layout = replace(layout, q_first=q_first)
+        return file.samples(first, count)
+
+    source = _Source(file.path, radar, file.frames, read, sample_file=file)
+    tested = _test_frames(source)[:4] if not described else []
+    words = np.concatenate([file.words(frame, 1) for frame in tested]) if tested else np.zeros((0, 1), np.int16)
+    magnitudes = np.abs(words.astype(np.int32))
+    if words.size and np.median(magnitudes) > _UNSIGNED and np.mean(magnitudes >= dca1000.FULL_SCALE) < 0.5:
+        raise RecordingError(
+            f"{path}: its counts seem unsigned; put the cf.json of the capture beside it (MSBToggle 1), or subtract 32768 from each count"
+        )
+    if words.size and not (layout.real or layout.interleaved) and radar.num_samples >= 16:
+        flatness = {alternating: _flatness_db(replace(layout, alternating=alternating), words, file.shape) for alternating in (False, True)}
+        if flatness[False] - flatness[True] > _REORDERED_DB:
+            raise RecordingError(
+                f"{path}: its samples seem to be in the order I0 Q0 I1 Q1; put the cf.json of the capture beside it (reorderEnable 1), or "
+                "record with reorderEnable 0"
+            )
+    return source
+
+
+def _flatness_db(layout: Layout, words: NDArray[np.int16], shape: tuple[int, ...]) -> float:
+    """Return the mean level in dB of the range spectra of words. A wrong order spreads each echo over the spectrum and raises the mean."""
+    iq = layout.samples(words.reshape(-1), (len(words), *shape))
+    power = np.abs(np.fft.fft(iq * np.hanning(shape[-1]), axis=-1)).astype(np.float64) ** 2
+    return float(10 * np.log10(power.mean(axis=(0, 1)) + 1e-9 * power.max() + 1e-12).mean())
+
+
+def _swapping(path: Path, radar: Radar, count: int, read: Callable[[int, int], NDArray[np.complex64]]) -> _Source:
+    """Return a source from a function that reads frames as if I came first."""
+
+    def ordered(first: int, count: int, q_first: bool) -> NDArray[np.complex64]:
+        # The samples Q + jI equal j conj(I + jQ), so the multiplication of their conjugate by j restores I + jQ exactly.
+        return 1j * read(first, count).conj() if q_first else read(first, count)
+
+    return _Source(path, radar, count, ordered)
+
+
+def _cube(path: Path, radar: Radar) -> _Source:
+    """Open an array of samples in a .npy or .npz file."""
     if not path.is_file():
         raise MissingError(f"{path}: no such file; check the path")
-    if radar is None:
-        raise RecordingError(f"{path}: a {path.suffix} cube does not name its radar; give a .cfg, .mmwave.json or .yaml as radar (--radar)")
+    refuse_pointer(path)
     try:
         stored = {"iq": files.read_array(path)} if path.suffix == ".npy" else files.read_arrays(path)
     except (InputError, OSError) as error:
@@ -136,39 +309,43 @@ def _load_cube(path: Path, radar: Radar | None, iq_swapped: bool | None) -> Reco
     if "iq" not in stored:
         raise RecordingError(f"{path}: it has no array iq; name the array of the samples iq")
     cube = stored["iq"]
-    if cube.dtype == np.int16 and cube.ndim > 2 and cube.shape[-1] == 2:
-        cube = (cube[..., 0] + 1j * cube[..., 1]).astype(np.complex64)
-    if not np.iscomplexobj(cube):
+    pairs = cube.dtype == np.int16 and cube.ndim > 2 and cube.shape[-1] == 2
+    if not pairs and not np.iscomplexobj(cube):
         raise RecordingError(f"{path}: expected complex samples, or int16 with a last axis of I and Q, not {cube.dtype} {cube.shape}")
-    if cube.ndim == 2:
+    axes = cube.shape[:-1] if pairs else cube.shape
+    if len(axes) == 2:
         # The array has a single channel. Its successive chirps are one loop of all transmitters apart.
-        radar = replace(
-            radar,
-            tx_positions_m=radar.tx_positions_m[:1],
-            rx_positions_m=radar.rx_positions_m[:1],
-            chirp_interval=radar.loop_interval_s,
-        )
+        first = {"tx_positions_m": radar.tx_positions_m[:1], "rx_positions_m": radar.rx_positions_m[:1]}
+        radar = replace(radar, **first, chirp_interval=radar.loop_interval_s)
     shape = dca1000.frame_shape(radar)
-    frames = cube.shape[0] if cube.ndim > 3 else 1
-    if cube.ndim not in (2, 3, 4, 5) or cube.size != frames * np.prod(shape) or cube.shape[-1] != radar.num_samples:
+    count = axes[0] if len(axes) > 3 else 1
+    if len(axes) not in (2, 3, 4, 5) or np.prod(axes) != count * np.prod(shape) or axes[-1] != radar.num_samples:
         raise RecordingError(
-            f"{path}: shape {cube.shape} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}; give the "
-            "right radar"
+            f"{path}: shape {axes} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}; give its radar"
         )
-    if frames < 1:
+    if count < 1:
         raise RecordingError(f"{path}: it has zero frames; record again")
-    cube = cube.reshape(frames, *shape)
-    with np.errstate(over="ignore"):  # a value beyond the range of complex64 becomes infinite
-        broken = next((frame for frame in range(frames) if not np.isfinite(cube[frame].astype(np.complex64)).all()), None)
-    if broken is not None:
-        raise RecordingError(f"{path}: frame {broken} holds NaN or infinite samples; record or simulate it again")
-    recording = from_counts(path, _signed(cube), radar, iq_swapped)
-    return replace(recording, sensor_poses=stored.get("poses"))
+    cube = cube.reshape(count, *shape, *([2] if pairs else []))
 
+    def plain(first: int, count: int) -> NDArray[np.complexfloating]:
+        block = cube[first : first + count]
+        return block[..., 0] + 1j * block[..., 1] if pairs else block
 
-def _signed(cube: NDArray[np.complexfloating]) -> NDArray[np.complex64]:
-    """Reinterpret unsigned 16-bit counts as signed counts, if all real and imaginary parts are whole numbers from 0 to 65535."""
-    parts = np.stack([cube.real, cube.imag])
-    if parts.min() >= 0 and 32767 < parts.max() <= 65535 and np.array_equal(parts, np.rint(parts)):
-        parts = parts.astype(np.uint16).view(np.int16)
-    return (parts[0] + 1j * parts[1].astype(np.float64)).astype(np.complex64)
+    unsigned, largest = True, 0.0  # whether all real and imaginary parts are whole numbers from 0 to 65535, and the largest part
+    for frame in range(count):
+        samples = plain(frame, 1)
+        with np.errstate(over="ignore"):  # a value beyond the range of complex64 becomes infinite
+            if not np.isfinite(samples.astype(np.complex64)).all():
+                raise RecordingError(f"{path}: frame {frame} holds NaN or infinite samples; record or simulate it again")
+        parts = np.stack([samples.real, samples.imag])
+        largest = max(largest, float(parts.max()))
+        unsigned = unsigned and parts.min() >= 0 and largest <= 65535 and np.array_equal(parts, np.rint(parts))
+
+    def read(first: int, count: int) -> NDArray[np.complex64]:
+        block = plain(first, count)
+        if unsigned and largest > dca1000.FULL_SCALE:  # 16 bits whose sign was lost
+            real, imag = (part.astype(np.uint16).view(np.int16) for part in (block.real, block.imag))
+            block = real + 1j * imag.astype(np.float64)
+        return np.asarray(block, np.complex64)
+
+    return replace(_swapping(path, radar, count, read), poses=stored.get("poses"))

@@ -13,53 +13,30 @@ so these programs need index files from another source.
 
 from __future__ import annotations
 
-import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import MissingError, OutputError, RecordingError
-from radartwin.io import files, scratch
+from radartwin.io import files
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.chirp import Radar
-from radartwin.radar.dca1000 import FULL_SCALE, frame_bytes, frame_shape
-from radartwin.radar.recording import MAPPED_BYTES, Recording
+from radartwin.radar.dca1000 import frame_bytes, frame_shape
+from radartwin.radar.layouts import WORD, Layout
+from radartwin.radar.recording import Recording
 
 CHIPS = ("master", "slave1", "slave2", "slave3")
 _RECEIVERS = 4  # number of receivers of a chip
-_SAMPLE = np.dtype("<i2")
+_LAYOUT = Layout(q_first=False, interleaved=True, alternating=True)  # of the files of one chip
 _PART = re.compile(r"(master|slave[123])_(\d{4})_data\.bin")
 
 
 def is_cascade_capture(path: Path) -> bool:
     """Return whether a path is a folder with a data file of the cascade's capture board."""
     return path.is_dir() and any(_PART.fullmatch(file.name) for file in path.iterdir())
-
-
-def encode(iq: NDArray[np.complexfloating], scale: float) -> tuple[list[bytes], int]:
-    """Convert frames to the bytes of the four files.
-
-    Args:
-        iq: samples [frame, chirp, tx, rx, sample] with 16 receivers, in amplitude units.
-        scale: amplitude per ADC count, above zero.
-    Returns:
-        The bytes of each chip in the order of CHIPS, and the number of int16 values that the function clipped.
-    """
-    counts = np.rint(np.stack([iq.real, iq.imag], axis=-1).astype(np.float64) / scale)
-    clipped = np.clip(counts, -FULL_SCALE - 1, FULL_SCALE)
-    order = np.moveaxis(clipped, 3, 4).astype(_SAMPLE)  # (frame, chirp, tx, sample, rx, I or Q)
-    parts = np.split(order, len(CHIPS), axis=4)
-    return [part.tobytes() for part in parts], int(np.count_nonzero(clipped != counts))
-
-
-def decode(parts: list[bytes], radar: Radar) -> NDArray[np.complex64]:
-    """Convert the bytes of the four files, in the order of CHIPS, to complex ADC counts [frame, chirp, tx, rx, sample]."""
-    loops, transmitters, _, samples = frame_shape(radar)
-    chips = [np.frombuffer(part, _SAMPLE).reshape(-1, loops, transmitters, samples, _RECEIVERS, 2) for part in parts]
-    counts = np.moveaxis(np.concatenate(chips, axis=4), 4, 3)
-    return (counts[..., 0] + np.complex64(1j) * counts[..., 1].astype(np.float32)).astype(np.complex64)
 
 
 def write_capture(recording: Recording, folder: str | Path) -> int:
@@ -81,18 +58,18 @@ def write_capture(recording: Recording, folder: str | Path) -> int:
     saturated = 0
     with files.replacing_together([folder / _name(chip, 0) for chip in CHIPS]) as temporary:
         for block in recording.frame_blocks(8 << 20):
-            if not np.isfinite(recording.iq[block]).all():
-                raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
-            parts, clipped = encode(recording.iq[block], recording.scale or 1.0)
-            saturated += clipped
-            for path, part in zip(temporary.values(), parts, strict=True):
+            chips = np.split(recording.iq[block], len(CHIPS), axis=3)
+            for path, chip in zip(temporary.values(), chips, strict=True):
+                words, clipped = _LAYOUT.words(chip, recording.scale or 1.0)
+                saturated += clipped
                 with path.open("ab") as stream:
-                    stream.write(part)
+                    stream.write(words.tobytes())
     return saturated
 
 
-def read_counts(folder: Path, radar: Radar) -> NDArray[np.complex64]:
-    """Read all parts of a capture as complex ADC counts [frame, chirp, tx, rx, sample]. Large captures are mapped into memory.
+def frame_reader(folder: Path, radar: Radar) -> tuple[int, Callable[[int, int], NDArray[np.complex64]]]:
+    """Return the number of frames of a capture, and a function that reads frames as complex counts (count, chirp, tx, rx, sample) from the
+    number of the first frame and the number of frames.
 
     Raises:
         MissingError: a chip lacks a part. Each of the four chips needs all parts from 0000 to the last part in the folder.
@@ -101,7 +78,7 @@ def read_counts(folder: Path, radar: Radar) -> NDArray[np.complex64]:
     _check(radar)
     frame = frame_bytes(radar) // len(CHIPS)
     last = max((int(match[2]) for file in folder.iterdir() if (match := _PART.fullmatch(file.name))), default=0)
-    parts: list[tuple[list[Path], int]] = []
+    frames: list[tuple[int, int]] = []  # part and place in the part of each frame
     for number in range(last + 1):
         paths = [folder / _name(chip, number) for chip in CHIPS]
         for path in paths:
@@ -109,30 +86,24 @@ def read_counts(folder: Path, radar: Radar) -> NDArray[np.complex64]:
                 raise MissingError(
                     f"{path}: no such file; each of the {len(CHIPS)} chips needs the parts 0000 to {last:04d}; copy the missing file"
                 )
+            refuse_pointer(path)
         sizes = [path.stat().st_size for path in paths]
         if len(set(sizes)) > 1 or sizes[0] % frame or not sizes[0]:
             raise RecordingError(
                 f"{folder}, part {number:04d}: the files hold {', '.join(map(str, sizes))} bytes; each needs the same whole number of "
                 f"frames of {frame} bytes for radar {radar.name}; they are truncated or belong to another radar description"
             )
-        parts.append((paths, sizes[0] // frame))
-    shape = (sum(frames for _, frames in parts), *frame_shape(radar))
-    large = np.prod(shape) * np.dtype(np.complex64).itemsize > MAPPED_BYTES
-    if not large:
-        return np.concatenate(list(_frames(parts, frame, radar)))
-    with contextlib.closing(scratch.ScratchArray(scratch.folder_for(folder / _name(CHIPS[0], 0)), shape, np.complex64)) as mapped:
-        for block in _frames(parts, frame, radar):
-            mapped.write(block)
-        return mapped.array()
+        frames += [(number, place) for place in range(sizes[0] // frame)]
+    loops, transmitters, _, samples = frame_shape(radar)
 
+    def chip_counts(chip: str, number: int, place: int) -> NDArray[np.complex64]:
+        words = np.fromfile(folder / _name(chip, number), WORD, frame // WORD.itemsize, offset=place * frame)
+        return _LAYOUT.samples(words, (loops, transmitters, _RECEIVERS, samples))
 
-def _frames(parts: list[tuple[list[Path], int]], frame: int, radar: Radar) -> Iterator[NDArray[np.complex64]]:
-    """Yield the samples (1, chirp, tx, rx, sample) of one frame after the other. A file holds `frame` bytes per frame."""
-    for paths, frames in parts:
-        with contextlib.ExitStack() as stack:
-            streams = [stack.enter_context(path.open("rb")) for path in paths]
-            for _ in range(frames):
-                yield decode([stream.read(frame) for stream in streams], radar)
+    def read(first: int, count: int) -> NDArray[np.complex64]:
+        return np.stack([np.concatenate([chip_counts(chip, *at) for chip in CHIPS], axis=2) for at in frames[first : first + count]])
+
+    return len(frames), read
 
 
 def _check(radar: Radar) -> None:

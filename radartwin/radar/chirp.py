@@ -28,7 +28,7 @@ from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar.antenna import ELEMENTS, element_gain
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
-from radartwin.radar.description_files import read_fields
+from radartwin.radar.description_files import Description, read_description
 from radartwin.radar.field_checks import check_distinct, from_mapping, is_number
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
@@ -264,12 +264,17 @@ class Radar:
             MissingError: the file does not exist.
             RecordingError: the file is malformed or unsupported; if the format allows, the message names the line.
         """
+        return cls.described(path)[0]
+
+    @classmethod
+    def described(cls, path: str | Path, board: str | None = None) -> tuple[Radar, Description]:
+        """Read a radar file as `from_file` does, and return the radar with the rest of the file's content (`read_description`)."""
         path = Path(path)
         if not path.is_file():
             raise MissingError(f"{path}: no such radar file; give a .cfg, .mmwave.json, .yaml or .json")
-        values = read_fields(path)
+        description = read_description(path, board)
         try:
-            return cls.from_dict(values)
+            return cls.from_dict(description.fields), description
         except InputError as error:
             raise RecordingError(f"{path}: {error}") from error
 

@@ -1,26 +1,37 @@
-"""Convert between complex samples and the raw data format of the capture card DCA1000.
+"""Read and write the raw data files of the capture card DCA1000.
 
-The module supports the radar chips xWR16xx, xWR18xx and xWR68xx with two LVDS lanes. The raw data are little-endian int16 values without
-headers, in the order frame, chirp (in the order of transmission), receiver, sample. Complex samples come in pairs, first two I values and
-then two Q values: I0 I1 Q0 Q1, I2 I3 Q2 Q3, and so on. Firmware with the sample swap option writes Q first: Q0 Q1 I0 I1. Real samples
-follow each other without Q values.
+A file holds little-endian int16 words in the order frame, chirp (in the order of transmission), receiver, sample
+(radartwin.radar.layouts). The file has no header of its own. With the option of lvdsStreamCfg, the radar chip writes a header before the
+samples of each chirp. The header begins with the magic words DC 0A DA 0C DC 0A DA 0C, and its length depends on the firmware, so that the
+reader finds it from the distance of the magic words. Packets of user data have the same header and another length; the reader drops them.
 
-Reference: Mmwave Radar Device ADC Raw Data Capture (TI SWRA581B), sections on two-lane devices.
+References: DCA1000EVM data capture card user's guide (TI SPRUIJ4), raw mode: packets of 1456 bytes, before each of which a stream in UDP
+packets has a sequence number (4 bytes) and a byte count (6 bytes); mmWave SDK user's guide, lvdsStreamCfg.
 """
 
 from __future__ import annotations
 
+import mmap
 import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import MissingError, RecordingError
+from radartwin.io import untrusted_json
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.chirp import Radar
+from radartwin.radar.layouts import FULL_SCALE as FULL_SCALE
+from radartwin.radar.layouts import WORD, Layout
 
-FULL_SCALE = 32767
-_SAMPLE = np.dtype("<i2")
+PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
+_COUNTERS = 10  # bytes of sequence number and byte count before the samples of a UDP packet
+_MAGIC = bytes.fromhex("dc0ada0cdc0ada0c")
+_LONGEST_HEADER = 4096  # bytes, by judgement
 _PART = re.compile(r"(.+)_Raw_(\d+)")
 
 
@@ -30,9 +41,9 @@ def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
 
 
 def frame_bytes(radar: Radar) -> int:
-    """Return the size of one frame on disk in bytes."""
+    """Return the size of the samples of one frame on disk in bytes."""
     samples = radar.num_chirps * radar.num_tx * radar.num_rx * radar.num_samples
-    return samples * _SAMPLE.itemsize * (1 if radar.real_sampling else 2)
+    return samples * WORD.itemsize * (1 if radar.real_sampling else 2)
 
 
 def capture_prefix(capture: Path) -> str:
@@ -62,8 +73,142 @@ def parts(capture: Path) -> list[Path]:
     return [found[number] for number in sorted(found)]
 
 
+def with_card_settings(layout: Layout, folder: Path) -> tuple[Layout, bool]:
+    """Add the settings of the capture card in a folder to a layout. Return whether the folder has such a file.
+
+    The file cf.json of TI's command-line tool states the settings under DCA1000Config. With reorderEnable 1, the card writes I and Q in
+    turn, and with MSBToggle 1, it writes unsigned words.
+    """
+    for path in sorted(folder.glob("*.json")):
+        try:
+            card = untrusted_json.read(path)["DCA1000Config"] if path.stat().st_size < 1 << 20 else {}
+            order = card["dataFormatConfig"]
+            mode, reordered, toggled = card.get("dataLoggingMode", "raw"), order.get("reorderEnable") == 1, order.get("MSBToggle") == 1
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            continue
+        if mode != "raw":
+            raise RecordingError(f"{path}: dataLoggingMode {mode!r} separates the data types; record in raw mode")
+        return replace(layout, alternating=reordered and not layout.interleaved, unsigned=toggled), True
+    return layout, False
+
+
+class SampleFile:
+    """The samples of a capture in one or more files, without the headers of its chirps.
+
+    Attributes:
+        path: path of the first file.
+        layout: order of the words.
+        shape: shape of a frame, (chirp, tx, rx, sample).
+        frames: number of whole frames.
+        rest: number of bytes after the last whole frame.
+    """
+
+    def __init__(self, paths: Sequence[Path], radar: Radar, layout: Layout) -> None:
+        """Find the chirps in the files.
+
+        Raises:
+            RecordingError: the files are empty, are Git LFS pointers, hold packet headers, or have headers that do not fit the radar.
+        """
+        self._paths, self.path, self.layout, self.shape = paths, paths[0], layout, frame_shape(radar)
+        for path in paths:
+            refuse_pointer(path)
+        self._sizes = [path.stat().st_size for path in paths]
+        self.size, self.frame_bytes = sum(self._sizes), frame_bytes(radar)
+        if self.size == 0:
+            raise RecordingError(f"{self.path}: it is empty, zero frames; record again")
+        self._refuse_packets()
+        self._chirps = radar.num_chirps * radar.num_tx
+        chirp_bytes = self.frame_bytes // self._chirps
+        self._starts = self._after_headers(chirp_bytes) if _MAGIC in self.read(0, 2 * chirp_bytes + _LONGEST_HEADER) else None
+        if self._starts is None:
+            self.frames, self.rest = divmod(self.size, self.frame_bytes)
+        else:
+            self.frames = len(self._starts) // self._chirps
+            end = self._starts[self.frames * self._chirps - 1] + chirp_bytes if self.frames else 0
+            self.rest = int(self.size - end)
+
+    def leftover(self, radar: Radar) -> str:
+        """Return, as text, that the file is no whole number of frames."""
+        return (
+            f"{self.path}: {self.size} bytes are not a whole number of frames of {self.frame_bytes} bytes for radar {radar.name}: after "
+            f"{self.frames} frames, {self.rest} are left over"
+        )
+
+    def read(self, start: int, size: int) -> bytes:
+        """Read `size` bytes from the byte `start` of the joined files."""
+        data = b""
+        for path, length in zip(self._paths, self._sizes, strict=True):
+            if start < length and len(data) < size:
+                with path.open("rb") as stream:
+                    stream.seek(start)
+                    data += stream.read(size - len(data))
+            start = max(0, start - length)
+        return data
+
+    def words(self, first: int, count: int) -> NDArray[np.int16]:
+        """Read the words (count, word) of frames."""
+        if self._starts is None:
+            data = self.read(first * self.frame_bytes, count * self.frame_bytes)
+            return np.frombuffer(data, WORD).reshape(count, -1)
+        starts, size = self._starts[first * self._chirps : (first + count) * self._chirps], self.frame_bytes // self._chirps
+        data = self.read(int(starts[0]), int(starts[-1] - starts[0]) + size)
+        chirps = [np.frombuffer(data, WORD, size // WORD.itemsize, int(start - starts[0])) for start in starts]
+        return np.concatenate(chirps).reshape(count, -1)
+
+    def samples(self, first: int, count: int) -> NDArray[np.complex64]:
+        """Read frames as complex counts (count, chirp, tx, rx, sample)."""
+        return self.decoded(self.words(first, count))
+
+    def decoded(self, words: NDArray[np.int16]) -> NDArray[np.complex64]:
+        """Convert the words (count, word) of frames to complex counts (count, chirp, tx, rx, sample)."""
+        try:
+            return self.layout.samples(words.reshape(-1), (len(words), *self.shape))
+        except RecordingError as error:
+            raise RecordingError(f"{self.path}: {error}") from error
+
+    def _refuse_packets(self) -> None:
+        """Raise RecordingError if the files hold UDP packets with their sequence numbers and byte counts."""
+        packet = PACKET_BYTES + _COUNTERS
+        counters = [self.read(n * packet, _COUNTERS) for n in range(3)]
+        numbers = [int.from_bytes(data[:4], "little") for data in counters]
+        counts = [int.from_bytes(data[4:], "little") for data in counters]
+        if self.size > 2 * packet + _COUNTERS and np.all(np.diff(numbers) == 1) and np.all(np.diff(counts) == PACKET_BYTES):
+            raise RecordingError(
+                f"{self.path}: it holds the packet headers of the DCA1000 ({_COUNTERS} bytes before each {PACKET_BYTES} bytes of samples); "
+                "remove the packet headers, or record without sequence numbers"
+            )
+
+    def _after_headers(self, chirp_bytes: int) -> NDArray[np.int64]:
+        """Return the place (N,) of the first sample of each chirp, in bytes, by the magic words of the headers."""
+        places: list[int] = []
+        offset = 0
+        for path, length in zip(self._paths, self._sizes, strict=True):
+            with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                place = content.find(_MAGIC)
+                while place >= 0:
+                    places.append(offset + place)
+                    place = content.find(_MAGIC, place + 1)
+            # Magic words may be split between two files.
+            joint = self.read(offset + length - len(_MAGIC) + 1, 2 * len(_MAGIC) - 2)
+            if (place := joint.find(_MAGIC)) >= 0:
+                places.append(offset + length - len(_MAGIC) + 1 + place)
+            offset += length
+        distances = np.diff([*places, self.size])
+        distance = Counter(distances.tolist()).most_common(1)[0][0]
+        if distance <= chirp_bytes:
+            raise RecordingError(
+                f"{self.path}: its headers are {distance} bytes apart, which leaves no space for a chirp of {chirp_bytes} bytes; give the "
+                "radar description of this capture"
+            )
+        # A distance of several chirps has headers that were lost. Another distance is that of user data, which is no chirp.
+        chirps = np.where(distances % distance == 0, distances // distance, 0)
+        chirps[-1] = distances[-1] // distance
+        first = np.repeat(np.cumsum(chirps) - chirps, chirps)
+        return np.repeat(places, chirps) + (np.arange(len(first)) - first) * distance + distance - chirp_bytes
+
+
 def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:
-    """Convert the samples of frames to the bytes of a DCA1000 file.
+    """Convert the samples of frames to the bytes of a DCA1000 file with two lanes.
 
     Args:
         iq: samples [frame, chirp, tx, rx, sample] in amplitude units.
@@ -71,54 +216,20 @@ def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = 
         iq_swapped: whether to write Q before I.
         real_sampling: whether to write only the real parts of the samples.
     Returns:
-        data: bytes of the frames.
-        clipped: number of int16 values that the function clipped to the 16-bit range.
+        The bytes of the frames, and the number of int16 values that the function clipped to the 16-bit range.
     Raises:
         RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples over all receivers, which cannot form pairs.
 
     >>> encode(np.array([1 + 2j, 3 + 4j]).reshape(1, 1, 1, 1, 2), 1.0)[0].hex(" ", 2)
     '0100 0300 0200 0400'
     """
-    iq = np.asarray(iq)
-    if not np.isfinite(iq).all():
-        raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
-    i = np.rint(iq.real.astype(np.float64) / scale)
-    if real_sampling:
-        ordered = i
-    else:
-        _check_pairs(iq.shape[-2] * iq.shape[-1])
-        q = np.rint(iq.imag.astype(np.float64) / scale)
-        first, second = (q, i) if iq_swapped else (i, q)
-        ordered = np.stack([first.reshape(-1, 2), second.reshape(-1, 2)], axis=1)
-    clipped = np.clip(ordered, -FULL_SCALE - 1, FULL_SCALE)
-    return clipped.astype(_SAMPLE).tobytes(), int(np.count_nonzero(clipped != ordered))
+    words, clipped = Layout(real=real_sampling, q_first=iq_swapped).words(iq, scale)
+    return words.tobytes(), clipped
 
 
-def decode(data: bytes | memoryview, radar: Radar, *, iq_swapped: bool = False) -> NDArray[np.complex64]:
-    """Convert the bytes of a DCA1000 file to complex ADC counts [frame, chirp, tx, rx, sample].
-
-    The conversion is exact, because float32 represents every int16 value.
-
-    Raises:
-        RecordingError: the data are not a whole number of frames, or a chirp has an odd number of samples over all receivers.
-    """
-    size = len(data)
-    if size % frame_bytes(radar):
-        raise RecordingError(f"{size} bytes are not a whole number of frames of {frame_bytes(radar)} bytes")
-    counts = np.frombuffer(data, dtype=_SAMPLE)
-    shape = (-1, *frame_shape(radar))
-    if radar.real_sampling:
-        return counts.astype(np.float32).astype(np.complex64).reshape(shape)
-    _check_pairs(radar.num_rx * radar.num_samples)
-    pairs = counts.reshape(-1, 2, 2)
-    iq = np.empty(pairs.shape[0] * 2, dtype=np.complex64)
-    first, second = pairs[:, 0].reshape(-1), pairs[:, 1].reshape(-1)
-    iq.real, iq.imag = (second, first) if iq_swapped else (first, second)
-    return iq.reshape(shape)
-
-
-def _check_pairs(samples_per_chirp: int) -> None:
-    if samples_per_chirp % 2:
-        raise RecordingError(
-            f"{samples_per_chirp} samples per chirp over all receivers cannot be paired on two lanes; use an even num_samples"
-        )
+def lost_frames(words: NDArray[np.number]) -> NDArray[np.int64]:
+    """Return which frames (F, word) contain at least half a packet of zeros. The capture card writes zeros for lost packets."""
+    run = PACKET_BYTES // WORD.itemsize // 2  # wherever a packet of zeros begins, it covers an aligned block of half a packet
+    flat = words.reshape(-1)
+    whole = flat[: flat.size // run * run].reshape(-1, run)
+    return np.unique(np.flatnonzero(~whole.any(axis=1)) * run // words[0].size)

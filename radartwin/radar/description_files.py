@@ -12,19 +12,25 @@ from typing import Any
 
 from radartwin.errors import RecordingError
 from radartwin.io import untrusted_json, untrusted_yaml
-from radartwin.radar.ti_files import parse_cfg, parse_studio, radar_fields
+from radartwin.io.git_lfs import refuse_pointer
+from radartwin.radar.layouts import Layout
+from radartwin.radar.ti_files import Description as Description
+from radartwin.radar.ti_files import describe, parse_cfg, parse_studio
 
 
-def read_fields(path: Path) -> dict[str, Any]:
-    """Read the fields of `Radar` from a radar file. The suffix of the file name determines the format.
+def read_description(path: Path, board: str | None = None) -> Description:
+    """Read a radar file. The suffix of the file name determines the format.
 
+    Args:
+        path: path of the radar file.
+        board: name of the board, for a .cfg or a .mmwave.json; None takes the board from the file (radartwin.radar.ti_files).
     Raises:
-        RecordingError: the file is malformed or unsupported, or its radar does not send chirps of a single profile with one transmitter at
-            a time (time division).
+        RecordingError: the file is malformed or unsupported, or its radar does not send equal chirps with one transmitter at a time (time
+            division).
     """
     match path.suffix:
         case ".cfg":
-            source: str | dict[str, Any] = read_text(path)
+            source: str | dict[str, Any] = read_text(path, comment="%")
         case ".json":
             source = read_json(path)
         case ".yaml" | ".yml":
@@ -33,16 +39,24 @@ def read_fields(path: Path) -> dict[str, Any]:
             raise RecordingError(f"{path}: suffix {suffix!r} is unknown; give a .cfg, .mmwave.json, .yaml or .json")
     try:
         if isinstance(source, str):
-            return radar_fields(path.stem, parse_cfg(source))
+            return describe(path.stem, parse_cfg(source), board)
         if "mmWaveDevices" in source:
-            return radar_fields(path.stem.removesuffix(".mmwave"), parse_studio(source))
+            return describe(path.stem.removesuffix(".mmwave"), parse_studio(source), board)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    return source.get("radar", source)
+    if "configUsed" in source and "capturedFiles" in source:
+        used = re.split(r"[/\\]", str(source["configUsed"]))[-1]
+        raise RecordingError(f"{path}: it is the setup file of a capture and names no waveform; give {used}, which it names, as radar")
+    if board is not None:
+        raise RecordingError(f"{path}: it gives the antenna positions, so that board {board} cannot apply; leave out --board")
+    fields = source.get("radar", source)
+    real = isinstance(fields, dict) and fields.get("real_sampling") is True
+    return Description(fields, Layout(real=real))
 
 
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON file that holds an object. Raise RecordingError, with the line of a syntax error, if the file is malformed."""
+    refuse_pointer(path)
     try:
         values = untrusted_json.read(path)
     except json.JSONDecodeError as error:
@@ -78,10 +92,18 @@ def read_yaml(path: Path, content: str) -> dict[str, Any]:
     return values
 
 
-def read_text(path: Path) -> str:
-    """Read a UTF-8 text file. Raise RecordingError if the file is not readable text."""
+def read_text(path: Path, comment: str | None = None) -> str:
+    """Read a UTF-8 text file. Raise RecordingError if the file is not readable text.
+
+    Text after the sign `comment` in a line may have any encoding.
+    """
+    refuse_pointer(path)
     try:
-        return path.read_text(encoding="utf-8-sig")
+        text = path.read_text(encoding="utf-8-sig", errors="strict" if comment is None else "replace")
+        for number, line in enumerate(text.splitlines() if comment is not None else (), start=1):
+            if "\ufffd" in line.split(comment, 1)[0]:
+                raise RecordingError(f"{path}: line {number}: not readable text; write the commands as ASCII")
+        return text
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: not a readable text file ({type(error).__name__}); write it as UTF-8") from error
 

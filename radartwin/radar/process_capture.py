@@ -10,7 +10,7 @@ shows the highest 60 dB of its power.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +36,9 @@ def process_capture(
     out: str | Path | None = None,
     radar: Radar | str | Path | None = None,
     *,
-    iq_swapped: bool | None = None,
     static_removed: bool = False,
     angle: str = "bartlett",
+    **options: Any,
 ) -> pd.DataFrame:
     """Detect the peaks of a recording, and write a table of the peaks, the point clouds and pictures of the recording.
 
@@ -47,10 +47,10 @@ def process_capture(
             with an array of samples.
         out: folder for peaks.csv, points.npz, range_time.png, range_doppler.png and range_azimuth.png; None writes no files. If frames
             have a single chirp, there is no range_doppler.png. If the radar has a single channel, there is no range_azimuth.png.
-        radar: a Radar or the path of a radar file; only a .npy file requires this argument.
-        iq_swapped: whether Q comes before I in a capture of another tool; None detects the sample order from the noise.
+        radar: a Radar or the path of a radar file; a cube and a capture of the cascade require this argument.
         static_removed: whether to subtract the echoes at rest.
         angle: method for the directions of peaks and points, "bartlett", "capon" or "music".
+        options: board, iq_swapped, cut, frames and say, as for `load_capture`.
     Returns:
         Table of the peaks, sorted from the strongest to the weakest, with the columns range_m, doppler_mps, azimuth_deg and power_db.
         doppler_mps is NaN if a frame has a single chirp, and azimuth_deg is NaN if the radar has a single channel. power_db is relative to
@@ -59,7 +59,7 @@ def process_capture(
         UserError: the errors of `load_capture`, or OutputError if the function cannot write to `out`; `out` then has no new file,
             unless the last step, the renaming of the files, fails.
     """
-    recording = load_capture(path, radar, iq_swapped=iq_swapped)
+    recording = load_capture(path, radar, **options)
     radar = recording.radar
     maps = power_maps(recording.iq, radar, static_removed)
     peaks = detect(recording.iq, radar, static_removed=static_removed, maps=maps, angle=angle)

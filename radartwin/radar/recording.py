@@ -11,12 +11,11 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import reprlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
 from radartwin.radar.field_checks import check_rigid
+from radartwin.radar.layouts import Layout
 
 _FORMAT = "radartwin recording 1"
 # If a recording has no scale, `save` writes the recording's largest value as this ADC count, which is 6 dB below clipping.
@@ -98,6 +98,11 @@ class Recording:
         """Whether another tool captured the recording without amplitude calibration, so that the samples are in ADC counts."""
         return self.provenance.get("unit") == "counts"
 
+    def part(self, frames: range) -> Recording:
+        """Return a recording of consecutive frames of this recording."""
+        poses, chosen = self.sensor_poses, slice(frames.start, frames.stop)
+        return replace(self, iq=self.iq[chosen], sensor_poses=poses[chosen] if poses is not None and len(poses) > 1 else poses)
+
     def frame_blocks(self, block_bytes: int = _BLOCK_BYTES) -> Iterator[slice]:
         """Yield slices of consecutive frames, each with about `block_bytes` of samples.
 
@@ -166,7 +171,10 @@ class Recording:
         swapped = described.get("iq_swapped", False)
         if not isinstance(swapped, bool):
             raise RecordingError(f"{json_path}: iq_swapped must be true or false, not {reprlib.repr(swapped)}")
-        counts = read_counts(bin_path, radar, iq_swapped=swapped, scale=scale)
+        stored = dca1000.SampleFile([bin_path], radar, Layout(real=radar.real_sampling, q_first=swapped))
+        if stored.rest:
+            raise RecordingError(f"{stored.leftover(radar)}; the file is truncated or belongs to another radar description")
+        counts = gathered(bin_path, range(stored.frames), stored.shape, stored.samples, scale)
         frames = described.get("frames", len(counts))
         if frames != len(counts):
             raise RecordingError(
@@ -230,64 +238,34 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
     return path.with_name(name + ".bin"), path.with_name(name + ".json")
 
 
-def read_counts(
-    path: Path,
-    radar: Radar,
-    *,
-    iq_swapped: bool = False,
-    scale: float = 1.0,
-    frames: range | None = None,
-    others: Sequence[Path] = (),
+def gathered(
+    path: Path, frames: range, shape: tuple[int, ...], read: Callable[[int, int], NDArray[np.complex64]], scale: float = 1.0
 ) -> NDArray[np.complex64]:
-    """Read the counts of a .bin times `scale`, [frame, chirp, tx, rx, sample]. More than MAPPED_BYTES of samples are mapped into memory.
+    """Collect frames, times `scale`, in blocks. More than MAPPED_BYTES of samples are written to a scratch file and mapped into memory.
 
-    The argument `frames` names the consecutive frames to read. None reads all frames and refuses an incomplete last frame. The files
-    `others` are read after `path`, as its continuation.
-
+    Args:
+        path: path of the source, beside which the scratch file lies.
+        frames: consecutive frames to read.
+        shape: shape of a frame.
+        read: function that returns frames as an array, from the number of the first frame and the number of frames.
+        scale: factor of all samples.
     Raises:
-        RecordingError: the file is empty or does not fit the radar.
-        OutputError: the samples of a large recording fit neither on the disk of the file nor on the disk of the temporary files.
+        OutputError: the samples of a large recording fit neither on the disk of the source nor on the disk of the temporary files.
     """
-    size, frame = sum(file.stat().st_size for file in (path, *others)), dca1000.frame_bytes(radar)
-    if size == 0:
-        raise RecordingError(f"{path}: it is empty, zero frames; record again")
-    if frames is None and size % frame:
-        raise RecordingError(
-            f"{path}: {size} bytes are not a whole number of frames of {frame} bytes for radar {radar.name}, {size % frame} are left over; "
-            "it is truncated or belongs to another radar description"
-        )
-    frames = range(size // frame) if frames is None else frames
-    shape = (len(frames), *dca1000.frame_shape(radar))
-    frame_samples = math.prod(shape[1:]) * np.dtype(np.complex64).itemsize
-    mapped = scratch.ScratchArray(scratch.folder_for(path), shape, np.complex64) if shape[0] * frame_samples > MAPPED_BYTES else None
-    counts = np.empty((0 if mapped else shape[0], *shape[1:]), np.complex64)
-    step = max(1, _SAVED_BYTES // frame_samples)
-    with contextlib.ExitStack() as stack:
-        streams = [stack.enter_context(file.open("rb")) for file in (path, *others)]
-        for start in range(0, shape[0], step):
-            data = _read(streams, (frames.start + start) * frame, min(step, shape[0] - start) * frame)
-            try:
-                block = dca1000.decode(data, radar, iq_swapped=iq_swapped)
-            except RecordingError as error:
-                raise RecordingError(f"{path}: {error}") from error
-            block *= np.float32(scale) if np.float32(scale) == scale else scale
-            if mapped:
-                mapped.write(block)
-            else:
-                counts[start : start + step] = block
-    return mapped.array() if mapped else counts
-
-
-def _read(streams: Sequence[BinaryIO], start: int, size: int) -> bytes:
-    """Read `size` bytes from the byte `start` of the joined streams."""
-    data = b""
-    for stream in streams:
-        length = stream.seek(0, os.SEEK_END)
-        if start < length and len(data) < size:
-            stream.seek(start)
-            data += stream.read(size - len(data))
-        start = max(0, start - length)
-    return data
+    frame_size = math.prod(shape) * np.dtype(np.complex64).itemsize
+    mapped = len(frames) * frame_size > MAPPED_BYTES
+    step = max(1, _SAVED_BYTES // frame_size)
+    blocks = (read(frames[n], min(step, len(frames) - n)) for n in range(0, len(frames), step))
+    scaled = (block if scale == 1 else block * (np.float32(scale) if np.float32(scale) == scale else scale) for block in blocks)
+    if mapped:
+        with contextlib.closing(scratch.ScratchArray(scratch.folder_for(path), (len(frames), *shape), np.complex64)) as stored:
+            for block in scaled:
+                stored.write(block)
+            return stored.array()
+    samples = np.empty((len(frames), *shape), np.complex64)
+    for n, block in enumerate(scaled):
+        samples[n * step : n * step + len(block)] = block
+    return samples
 
 
 def _check_scale(scale: Any, where: str) -> float:

@@ -1,241 +1,399 @@
-"""Convert TI's radar descriptions, mmWave SDK .cfg and mmWave Studio .mmwave.json, to the fields of `radartwin.radar.chirp.Radar`.
+"""Convert TI's radar descriptions, mmWave SDK .cfg and mmWave Studio .mmwave.json, to the fields of `radartwin.radar.chirp.Radar`, to the
+layout of the samples in the capture, and to the board.
 
-Both formats describe a profile (the waveform of a chirp), the chirps with their transmitters, and the frame. The sampled part of the
-frequency sweep starts at the first ADC sample, so that start_frequency_hz = startFreq + slope * adcStart. The time between chirps is
-chirp_interval = idle + rampEnd.
-
-References: mmWave SDK user's guide (TI), section "Configuration (.cfg) file format"; rlProfileCfg_t, rlChirpCfg_t, rlFrameCfg_t and
-rlChanCfg_t of the mmWaveLink interface. mmWave Studio writes the values of these structures under the same names.
+The table FIELDS lists every number of both formats that changes waveform, timing, antennas or samples. Both formats describe a profile (the
+waveform of a chirp), the chirps with their transmitters, and the frame. The sampled part of the frequency sweep starts at the first ADC
+sample, so that start_frequency_hz = startFreq + slope * adcStart. The time between chirps is chirp_interval = idle + rampEnd.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
+import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import RecordingError
-from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, IWR6843ISK
+from radartwin.radar.boards import AWR2944EVM, BOARDS, GEOMETRY, IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board, board_of_channels
+from radartwin.radar.layouts import Layout
 
 # Transmit power of one transmitter without back-off in dBm, from the data sheets of IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219).
 _MAX_POWER_DBM = 12.0
 _NOISE_FIGURE_DB = 15.0  # receiver noise figure in dB; the data sheets of IWR1843 and IWR6843 give 12 to 15 dB
 
-# Commands of a .cfg that define the waveform, with the smallest number of arguments of each.
-_CFG_COMMANDS = {"channelCfg": 2, "profileCfg": 11, "chirpCfg": 8, "frameCfg": 5, "adcCfg": 2}
-# Keys of a .mmwave.json in the order of the fields of _Profile and _Chirp.
-_PROFILE_KEYS = (
-    "profileId", "startFreqConst_GHz", "idleTimeConst_usec", "adcStartTimeConst_usec", "rampEndTime_usec", "txOutPowerBackoffCode",
-    "freqSlopeConst_MHz_usec", "numAdcSamples", "digOutSampleRate",
-)  # fmt: skip
-_CHIRP_KEYS = (
-    "chirpStartIdx", "chirpEndIdx", "profileId", "startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec",
-    "adcStartTimeVar_usec", "txEnable",
-)  # fmt: skip
+_REQUIRED = ...
 
 
-class _Profile(NamedTuple):
-    identity: int
-    start_ghz: float
-    idle_us: float
-    adc_start_us: float
-    ramp_end_us: float
-    power_backoff: int  # reduction of the transmit power in dB, one byte per transmitter
-    slope_mhz_us: float
-    num_samples: int
-    rate_ksps: float
+class Field(NamedTuple):
+    """Describe one number of TI's files.
 
-    @classmethod
-    def of(cls, place: str, values: Sequence[float]) -> _Profile:
-        identity, start, idle, adc_start, ramp_end, backoff, slope, samples, rate = values
-        identity, backoff, samples = (_whole(place, value) for value in (identity, backoff, samples))
-        return cls(identity, start, idle, adc_start, ramp_end, backoff, slope, samples, rate)
+    Attributes:
+        cfg: command of a .cfg, and the position of the number after it; "" if a .cfg does not hold the number.
+        studio: place of the number in a .mmwave.json below a device, or below a profile or chirp; "" if it does not hold the number.
+        default: value if the file does not hold the number.
+        allowed: the values that can be read; () for all.
+        kind: int for whole numbers.
+        meaning: effect of the number on waveform, timing, antennas or samples.
+        source: TI's document or structure that defines the number.
+    """
+
+    name: str
+    cfg: str
+    studio: str
+    default: Any
+    allowed: tuple[int, ...]
+    kind: type
+    meaning: str
+    source: str
+
+    @property
+    def command(self) -> str:
+        return self.cfg.partition(" ")[0]
+
+    @property
+    def position(self) -> int:
+        return int(self.cfg.partition(" ")[2])
 
 
-class _Chirp(NamedTuple):
-    first: int
-    last: int
-    profile: int
-    variations: Sequence[float]  # differences of start frequency, slope, idle time and ADC start time from the profile
-    tx_mask: int
+# Sources: SDK is the mmWave SDK user's guide, section "Configuration (.cfg) file format"; MCU is the MMWAVE-MCUPLUS SDK user's guide. Names
+# as rl..._t are structures of the mmWaveLink interface, whose names mmWave Studio uses. RAW is "Mmwave Radar Device ADC Raw Data Capture"
+# (TI SWRA581B), and SPRUIJ4 is the user's guide of the DCA1000EVM.
+_RF, _DATA = "rfConfig", "rawDataCaptureConfig"
+FIELDS = tuple(Field(*row) for row in (
+    ("rx_mask", "channelCfg 0", f"{_RF}.rlChanCfg_t.rxChannelEn", _REQUIRED, (), int, "bit n enables receiver n + 1", "rlChanCfg_t"),
+    ("tx_mask", "channelCfg 1", f"{_RF}.rlChanCfg_t.txChannelEn", _REQUIRED, (), int, "bit n enables transmitter n + 1", "rlChanCfg_t"),
+    ("adc_bits", "adcCfg 0", f"{_RF}.rlAdcOutCfg_t.fmt.b2AdcBits", 2, (0, 1, 2), int,
+     "words have 12, 14 or 16 valid bits; a capture card does not repeat the sign in the other bits", "rlAdcBitFormat_t, SPRUIJ4"),
+    ("adc_format", "adcCfg 1", f"{_RF}.rlAdcOutCfg_t.fmt.b2AdcOutFmt", 1, (0, 1, 2, 3), int,
+     "0 real, 1 complex 1x, 2 complex 2x, 3 pseudo-real; only complex 1x filters the image band", "rlAdcBitFormat_t"),
+    ("buffer_real", "adcbufCfg 1", "", 0, (0, 1), int, "1: the buffer holds only real samples", "SDK, adcOutputFmt"),
+    ("q_first", "adcbufCfg 2", f"{_DATA}.rlDevDataFmtCfg_t.iqSwapSel", None, (0, 1), int, "1: Q comes before I", "SDK, SampleSwap; RAW"),
+    ("separate", "adcbufCfg 3", f"{_DATA}.rlDevDataFmtCfg_t.chInterleave", 1, (0, 1), int,
+     "0: the samples of the receivers alternate; 1: they follow each other", "SDK, ChanInterleave; RAW"),
+    ("content", "lvdsStreamCfg 2", "", 1, (0, 1), int, "4: chirp parameters and quality stand beside the samples", "SDK, dataFmt"),
+    ("packet", "", f"{_DATA}.rlDevDataPathCfg_t.transferFmtPkt0", 1, (1,), int, "1: only samples are sent", "rlDevDataPathCfg_t"),
+    ("lanes", "", f"{_DATA}.rlDevLaneEnable_t.laneEn", 3, (3, 15), int, "bit mask of the LVDS lanes", "rlDevLaneEnable_t"),
+    ("bpm", "bpmCfg 1", "", 0, (0,), int, "1: two transmitters send at once with binary phases", "SDK"),
+    ("first", "frameCfg 0", f"{_RF}.rlFrameCfg_t.chirpStartIdx", _REQUIRED, (), int, "first chirp of a loop", "rlFrameCfg_t"),
+    ("last", "frameCfg 1", f"{_RF}.rlFrameCfg_t.chirpEndIdx", _REQUIRED, (), int, "last chirp of a loop", "rlFrameCfg_t"),
+    ("loops", "frameCfg 2", f"{_RF}.rlFrameCfg_t.numLoops", _REQUIRED, (), int, "loops per frame", "rlFrameCfg_t"),
+    ("frames", "frameCfg 3", f"{_RF}.rlFrameCfg_t.numFrames", 0, (), int, "frames of the capture, 0 for no limit", "rlFrameCfg_t"),
+    ("period_ms", "frameCfg 4", f"{_RF}.rlFrameCfg_t.framePeriodicity_msec", _REQUIRED, (), float, "frame period in ms", "rlFrameCfg_t"),
+    ("identity", "profileCfg 0", "profileId", _REQUIRED, (), int, "number of the profile", "rlProfileCfg_t"),
+    ("start_ghz", "profileCfg 1", "startFreqConst_GHz", _REQUIRED, (), float, "start of the sweep in GHz", "rlProfileCfg_t"),
+    ("idle_us", "profileCfg 2", "idleTimeConst_usec", _REQUIRED, (), float, "pause before a chirp in us", "rlProfileCfg_t"),
+    ("adc_start_us", "profileCfg 3", "adcStartTimeConst_usec", _REQUIRED, (), float, "time of the first sample in us", "rlProfileCfg_t"),
+    ("ramp_end_us", "profileCfg 4", "rampEndTime_usec", _REQUIRED, (), float, "duration of a chirp in us", "rlProfileCfg_t"),
+    ("backoff", "profileCfg 5", "txOutPowerBackoffCode", _REQUIRED, (), int, "one byte per transmitter: reduction of its power in dB",
+     "rlProfileCfg_t"),
+    ("phases", "profileCfg 6", "txPhaseShifter", 0, (), int, "one byte per transmitter: its phase, 90/64 degrees per count (5.625 per 4)",
+     "rlProfileCfg_t"),
+    ("slope_mhz_us", "profileCfg 7", "freqSlopeConst_MHz_usec", _REQUIRED, (), float, "slope of the sweep in MHz/us", "rlProfileCfg_t"),
+    ("samples", "profileCfg 9", "numAdcSamples", _REQUIRED, (), int, "samples of a chirp", "rlProfileCfg_t"),
+    ("rate_ksps", "profileCfg 10", "digOutSampleRate", _REQUIRED, (), float, "sample rate in ksps", "rlProfileCfg_t"),
+    ("first", "chirpCfg 0", "chirpStartIdx", _REQUIRED, (), int, "first chirp that this entry describes", "rlChirpCfg_t"),
+    ("last", "chirpCfg 1", "chirpEndIdx", _REQUIRED, (), int, "last chirp that this entry describes", "rlChirpCfg_t"),
+    ("profile", "chirpCfg 2", "profileId", _REQUIRED, (), int, "number of the profile", "rlChirpCfg_t"),
+    ("start_change", "chirpCfg 3", "startFreqVar_MHz", _REQUIRED, (), float, "change of the start frequency", "rlChirpCfg_t"),
+    ("slope_change", "chirpCfg 4", "freqSlopeVar_KHz_usec", _REQUIRED, (), float, "change of the slope", "rlChirpCfg_t"),
+    ("idle_change", "chirpCfg 5", "idleTimeVar_usec", _REQUIRED, (), float, "change of the pause", "rlChirpCfg_t"),
+    ("adc_start_change", "chirpCfg 6", "adcStartTimeVar_usec", _REQUIRED, (), float, "change of the first sample", "rlChirpCfg_t"),
+    ("tx_mask", "chirpCfg 7", "txEnable", _REQUIRED, (), int, "bit n: transmitter n + 1 sends this chirp", "rlChirpCfg_t"),
+))  # fmt: skip
+# Further words of a .cfg:
+# - lvdsStreamCfg 1 announces a header before each chirp. The reader finds headers by their magic words (radartwin.radar.dca1000).
+# - flushCfg clears all commands before it (SDK).
+# - The comment "% Platform:NAME" of TI's visualizer names the chip, and NAME_AOP its package with antennas.
+# - antGeometry0, antGeometry1, antPhaseRot: azimuth, elevation and sign of each virtual antenna in half wavelengths (3D people tracking
+#   detection layer tuning guide, TI Radar Toolbox).
+# - antGeometryCfg: row and column of each virtual antenna, then the spacing of columns and rows in wavelengths (MCU).
+_LISTS = ("antGeometry0", "antGeometry1", "antPhaseRot", "antGeometryCfg")
+_PARTS = {"profileCfg": ("rlProfiles", "rlProfileCfg_t"), "chirpCfg": ("rlChirps", "rlChirpCfg_t")}  # commands that a file repeats
+# Commands with two forms: the number of arguments of the rarer form, and the conversion to the other form. The frameCfg of AWR294x has the
+# number of samples before the period (MCU). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK).
+_FORMS = {("frameCfg", 8): lambda v: [*v[:4], *v[5:]], ("adcbufCfg", 4): lambda v: [-1.0, *v]}
+_REFUSED = {
+    "advFrameCfg": "sub-frames are not supported; use frameCfg",
+    **dict.fromkeys(
+        ("chirpComnCfg", "chirpTimingCfg"),
+        "the low-power configuration format of xWRL6432 and xWRL1432 is not supported; give a .yaml with the fields of the radar",
+    ),
+}
+_PLATFORMS = {
+    "xwr14xx": "IWR1843BOOST", "xwr16xx": "IWR1642BOOST", "xwr18xx": "IWR1843BOOST", "xwr68xx": "IWR6843ISK", "xwr68xx_aop": "IWR6843AOP",
+    "xwr68xx_ods": "IWR6843ISK-ODS", "xwr64xx": "IWR6843ISK", "xwr294x": "AWR2944EVM", "awr294x": "AWR2944EVM", "awr2944": "AWR2944EVM",
+}  # fmt: skip
 
-    @classmethod
-    def of(cls, place: str, values: Sequence[float]) -> _Chirp:
-        first, last, profile, tx_mask = (_whole(place, value) for value in (*values[:3], values[7]))
-        return cls(first, last, profile, values[3:7], tx_mask)
+Numbers = dict[str, Any]
 
 
 class Setup(NamedTuple):
-    """Hold the values of a radar description that a .cfg file and a .mmwave.json file have in common."""
+    """Hold the numbers of a radar description by the names of FIELDS, and what a .cfg says about the antennas.
 
-    rx_mask: int
-    tx_mask: int
-    profiles: Sequence[_Profile]
-    chirps: Sequence[_Chirp]
-    first: int
-    last: int
-    loops: int
-    period_ms: float
-    real_sampling: bool
+    Attributes:
+        lists: numbers of the commands in _LISTS.
+        platform: name after "% Platform:", or None.
+        assumed: name of the board to assume if nothing else names it, or None.
+        cfg: whether the description is a .cfg.
+    """
+
+    numbers: Numbers
+    profiles: list[Numbers]
+    chirps: list[Numbers]
+    lists: Mapping[str, list[float]]
+    platform: str | None = None
+    assumed: str | None = None
+    cfg: bool = False
+
+
+class Description(NamedTuple):
+    """Hold what a radar file says about a capture.
+
+    Attributes:
+        fields: fields of `Radar`.
+        layout: layout of the samples.
+        board: name of the board and how it was chosen, as text; "" if the file gives the antenna positions.
+        frames: number of frames of the capture; 0 for no limit.
+    """
+
+    fields: dict[str, Any]
+    layout: Layout = Layout()
+    board: str = ""
+    frames: int = 0
 
 
 def parse_cfg(text: str) -> Setup:
     """Parse the text of a mmWave SDK .cfg file. Raise RecordingError if the text is malformed; the message names the line."""
-    commands: dict[str, list[tuple[str, list[float]]]] = {}
+    needed = {command: 0 for command in _LISTS}  # smallest number of arguments of each known command
+    for field in FIELDS:
+        if field.cfg:
+            needed[field.command] = max(needed.get(field.command, 0), field.position + 1 if field.default is _REQUIRED else 0)
+    sections: list[dict[str, list[tuple[str, list[float]]]]] = [{}]
+    assumed = None
     for number, line in enumerate(text.splitlines(), start=1):
         command, *words = line.split("%", 1)[0].split() or [""]
         place = f"line {number}"
-        if command == "advFrameCfg":
-            raise RecordingError(f"{place}: advFrameCfg (sub-frames) is not supported; use frameCfg")
-        if command not in _CFG_COMMANDS:
+        if command == "flushCfg":
+            sections.append({})
+        if command in _REFUSED:
+            raise RecordingError(f"{place}: {command}: {_REFUSED[command]}")
+        if command not in needed:
             continue
         values = [_number(word, f"{place}: {command}") for word in words]
-        if len(values) < _CFG_COMMANDS[command]:
-            raise RecordingError(f"{place}: {command} needs at least {_CFG_COMMANDS[command]} numbers, it has {len(values)}")
-        commands.setdefault(command, []).append((place, values))
-    for command in ("channelCfg", "profileCfg", "chirpCfg", "frameCfg"):
+        if (command, len(values)) in _FORMS:
+            form, assumed = _FORMS[command, len(values)], "AWR2944EVM" if command == "frameCfg" else assumed
+            values = form(values)
+        if len(values) < needed[command]:
+            raise RecordingError(f"{place}: {command} needs at least {needed[command]} numbers, it has {len(values)}")
+        sections[-1].setdefault(command, []).append((place, values))
+    commands = next((section for section in sections[::-1] if "frameCfg" in section), sections[-1])
+    for command in ("channelCfg", *_PARTS, "frameCfg"):
         if command not in commands:
             raise RecordingError(f"it has no {command} line; give a mmWave SDK configuration")
-    channel_place, channel = commands["channelCfg"][-1]
-    frame_place, frame = commands["frameCfg"][-1]
-    rx_mask, tx_mask = (_whole(channel_place, value) for value in channel[:2])
-    first, last, loops = (_whole(frame_place, value) for value in frame[:3])
+
+    def numbers(fields: Sequence[Field], entry: int = -1) -> Numbers:
+        lines = {field.name: commands[field.command][entry] if field.command in commands else ("", []) for field in fields}
+        return {
+            field.name: _checked(field, values[field.position] if len(values) > field.position else field.default, place)
+            for field, (place, values) in zip(fields, lines.values(), strict=True)
+        }
+
+    platforms = re.findall(r"%\s*Platform\s*:\s*(\S+)", text)
     return Setup(
-        rx_mask,
-        tx_mask,
-        [_Profile.of(place, [*v[:6], v[7], *v[9:11]]) for place, v in commands["profileCfg"]],
-        [_Chirp.of(place, v[:8]) for place, v in commands["chirpCfg"]],
-        first,
-        last,
-        loops,
-        period_ms=frame[4],
-        real_sampling="adcCfg" in commands and commands["adcCfg"][-1][1][1] == 0,
+        numbers([field for field in FIELDS if field.cfg and field.command not in _PARTS]),
+        *([numbers(_fields_of(part), n) for n in range(len(commands[part]))] for part in _PARTS),
+        lists={name: commands[name][-1][1] for name in _LISTS if name in commands},
+        platform=platforms[-1] if platforms else None,
+        assumed=assumed,
+        cfg=True,
     )
 
 
 def parse_studio(values: Mapping[str, Any]) -> Setup:
     """Parse the first device in the content of a mmWave Studio .mmwave.json file. Raise RecordingError if a value is malformed."""
     device = _get(values, "mmWaveDevices", 0)
-    rf = _section(device, "rfConfig", dict)
-    if (waveform := rf.get("waveformType", "legacyFrameChirp")) != "legacyFrameChirp":
+    if (waveform := _get(device, _RF, "waveformType", default="legacyFrameChirp")) != "legacyFrameChirp":
         raise RecordingError(f"waveformType {waveform} is not supported; use legacyFrameChirp")
-    capture = _section(device, "rawDataCaptureConfig", dict, {})
-    lanes = _section(capture, "rlDevLaneEnable_t", dict, {}).get("laneEn", 3)
-    if int(_number(lanes, "laneEn")) != 3:
-        raise RecordingError(f"laneEn {lanes} is not supported; use the two LVDS lanes (0x3) of xWR16xx, xWR18xx and xWR68xx captures")
 
-    def numbers(mapping: Any, *keys: str) -> list[float]:
-        return [_number(_get(mapping, key), key) for key in keys]
+    def numbers(mapping: Any, fields: Sequence[Field]) -> Numbers:
+        return {field.name: _checked(field, _get(mapping, *field.studio.split("."), default=field.default)) for field in fields}
 
-    def integers(mapping: Any, *keys: str) -> list[int]:
-        return [_whole(key, _number(_get(mapping, key), key)) for key in keys]
-
-    frame = _get(rf, "rlFrameCfg_t")
-    rx_mask, tx_mask = integers(_get(rf, "rlChanCfg_t"), "rxChannelEn", "txChannelEn")
-    first, last, loops = integers(frame, "chirpStartIdx", "chirpEndIdx", "numLoops")
-    (period_ms,) = numbers(frame, "framePeriodicity_msec")
-    return Setup(
-        rx_mask,
-        tx_mask,
-        [_Profile.of("rlProfiles", numbers(_get(p, "rlProfileCfg_t"), *_PROFILE_KEYS)) for p in _section(rf, "rlProfiles", list)],
-        [_Chirp.of("rlChirps", numbers(_get(c, "rlChirpCfg_t"), *_CHIRP_KEYS)) for c in _section(rf, "rlChirps", list)],
-        first,
-        last,
-        loops,
-        period_ms,
-        real_sampling=integers(_get(rf, "rlAdcOutCfg_t", "fmt"), "b2AdcOutFmt") == [0],
-    )
+    parts = []
+    for part, (listed, structure) in _PARTS.items():
+        if not isinstance(entries := _get(device, _RF, listed), list):
+            raise RecordingError(f"its {listed} is not a JSON list; export it again")
+        parts.append([numbers(_get(entry, structure), _fields_of(part)) for entry in entries])
+    return Setup(numbers(device, [field for field in FIELDS if field.studio and field.command not in _PARTS]), *parts, lists={})
 
 
-def _fired_chirps(setup: Setup) -> list[_Chirp]:
-    """Return the chirps of one loop in firing order.
-
-    Raises:
-        RecordingError: the frame does not consist of chirps of a single profile with one transmitter at a time (time division).
-    """
-    fired = []
-    for index in range(setup.first, setup.last + 1):
-        matching = [chirp for chirp in setup.chirps if chirp.first <= index <= chirp.last]
-        if not matching:
-            raise RecordingError(f"the frame fires chirp {index}, which no chirp entry describes; add its chirpCfg or rlChirps entry")
-        chirp = matching[-1]
-        if any(chirp.variations):
-            raise RecordingError(f"chirp {chirp.first} changes frequency, slope or times of its profile; set these changes to 0")
-        if chirp.tx_mask.bit_count() != 1:
-            raise RecordingError(
-                f"chirp {chirp.first} enables the transmitters {chirp.tx_mask:#x}; enable exactly one, because only time division is "
-                "supported"
-            )
-        fired.append(chirp)
-    if not fired:
-        raise RecordingError(f"the frame fires no chirp, because it goes from chirp {setup.first} to {setup.last}; correct these numbers")
-    if len({chirp.tx_mask for chirp in fired}) < len(fired):
-        raise RecordingError("a transmitter fires twice in one loop; raise numLoops instead")
-    if len({chirp.profile for chirp in fired}) > 1:
-        raise RecordingError("its chirps use several profiles; use one profile for all chirps")
-    return fired
+def _fields_of(part: str) -> list[Field]:
+    return [field for field in FIELDS if field.command == part]
 
 
-def radar_fields(name: str, setup: Setup) -> dict[str, Any]:
-    """Convert a parsed TI radar description to the fields of `Radar`.
-
-    TI's files do not name their board. Below 70 GHz, the function assumes the IWR6843ISK. At 70 GHz and above, it assumes the xWR1642BOOST
-    if only TX1 and TX2 are enabled, and otherwise the xWR1843BOOST.
+def describe(name: str, setup: Setup, board: str | None = None) -> Description:
+    """Convert a parsed TI radar description to the fields of `Radar`, the layout of the samples, and the board.
 
     Args:
         name: name of the radar.
         setup: result of `parse_cfg` or `parse_studio`.
+        board: name of the board; None takes the board from the antenna geometry or the platform in the file. If the file has neither, the
+            function assumes the IWR6843ISK below 70 GHz, the AWR2944EVM if TX4 is enabled, the IWR1642BOOST if only TX1 and TX2 are
+            enabled, and otherwise the IWR1843BOOST.
     Raises:
-        RecordingError: the frame does not consist of chirps of a single profile with one transmitter at a time (time division).
+        RecordingError: the frame does not consist of equal chirps with one transmitter at a time (time division), or the board is unknown
+            or lacks antennas.
     """
-    fired = _fired_chirps(setup)
-    transmitters = [chirp.tx_mask.bit_length() - 1 for chirp in fired]
-    profile = next((p for p in setup.profiles if p.identity == fired[0].profile), None)
-    if profile is None:
-        raise RecordingError(f"chirp {fired[0].first} uses profile {fired[0].profile}, which is not defined; add this profile")
-    board = IWR1642BOOST if setup.tx_mask == 0b011 else IWR1843BOOST
-    if profile.start_ghz < 70:
-        board = IWR6843ISK
-    receivers = [n for n in range(len(board.rx_positions_m)) if setup.rx_mask >> n & 1]
-    if not receivers or max(transmitters) >= len(board.tx_positions_m):
-        raise RecordingError(
-            f"channels rx {setup.rx_mask:#x} tx {setup.tx_mask:#x} do not fit a {board.name}; give a .yaml with the antenna positions"
-        )
-    if setup.period_ms <= 0 or profile.rate_ksps <= 0:
+    fired, numbers = _fired_chirps(setup), setup.numbers
+    profile = _profile(setup, fired)
+    transmitters = [chirp["tx_mask"].bit_length() - 1 for chirp in fired]
+    receivers = [n for n in range(numbers["rx_mask"].bit_length()) if numbers["rx_mask"] >> n & 1]
+    antennas, reason = _antennas(setup, profile, board, transmitters, receivers)
+    if numbers["period_ms"] <= 0 or profile["rate_ksps"] <= 0:
         raise RecordingError("frame period and ADC rate must be above zero")
-    return {
+    phases_rad = [2 * math.pi / 256 * (profile["phases"] >> 8 * n & 0xFF) for n in transmitters]
+    signs = antennas.signs or ((1,) * len(receivers),) * len(transmitters)
+    factors = tuple(tuple(sign * cmath.exp(-1j * phase) for sign in row) for row, phase in zip(signs, phases_rad, strict=True))
+    real = numbers["adc_format"] == 0 or numbers.get("buffer_real") == 1
+    if real and any(phases_rad):
+        raise RecordingError("txPhaseShifter is not supported with real samples; give a .yaml with the fields of the radar")
+    fields = {
         "name": name,
-        "start_frequency_hz": profile.start_ghz * 1e9 + profile.slope_mhz_us * 1e6 * profile.adc_start_us,
-        "slope_hz_per_s": profile.slope_mhz_us * 1e12,
-        "sample_rate_hz": profile.rate_ksps * 1e3,
-        "num_samples": profile.num_samples,
-        "num_chirps": setup.loops,
-        "tx_positions_m": tuple(board.tx_positions_m[n] for n in transmitters),
-        "rx_positions_m": tuple(board.rx_positions_m[n] for n in receivers),
-        "chirp_interval": (profile.idle_us + profile.ramp_end_us) * 1e-6,
-        "frame_rate_hz": 1e3 / setup.period_ms,
-        "element": board.element,
+        "start_frequency_hz": profile["start_ghz"] * 1e9 + profile["slope_mhz_us"] * 1e6 * profile["adc_start_us"],
+        "slope_hz_per_s": profile["slope_mhz_us"] * 1e12,
+        "sample_rate_hz": profile["rate_ksps"] * 1e3,
+        "num_samples": profile["samples"],
+        "num_chirps": numbers["loops"],
+        "tx_positions_m": antennas.tx_positions_m,
+        "rx_positions_m": antennas.rx_positions_m,
+        "chirp_interval": (profile["idle_us"] + profile["ramp_end_us"]) * 1e-6,
+        "frame_rate_hz": 1e3 / numbers["period_ms"],
+        "element": antennas.element,
         "noise_figure_db": _NOISE_FIGURE_DB,
-        "transmit_power_dbm": _MAX_POWER_DBM - (profile.power_backoff >> 8 * transmitters[0] & 0xFF),
-        "real_sampling": setup.real_sampling,
+        "transmit_power_dbm": _MAX_POWER_DBM - (profile["backoff"] >> 8 * transmitters[0] & 0xFF),
+        "real_sampling": real,
     }
+    interleaved = numbers["separate"] == 0
+    if numbers.get("lanes") == 15 and not interleaved:
+        raise RecordingError("laneEn 0xf is not supported with chInterleave 1; use two LVDS lanes (0x3), or four lanes with chInterleave 0")
+    layout = Layout(
+        real=real,
+        # The four lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1.
+        q_first=None if numbers["q_first"] is None else numbers["q_first"] == 1 and not (setup.cfg and interleaved),
+        interleaved=interleaved,
+        bits=12 + 2 * numbers["adc_bits"],
+        image_filtered=numbers["adc_format"] == 1,
+        factors=factors if any(abs(factor - 1) > 1e-9 for row in factors for factor in row) else None,
+    )
+    return Description(fields, layout, f"{antennas.name}, {reason}", numbers["frames"])
 
 
-def _get(mapping: Any, *keys: str | int) -> Any:
+def _fired_chirps(setup: Setup) -> list[Numbers]:
+    """Return the chirps of one loop in firing order.
+
+    Raises:
+        RecordingError: the frame does not consist of chirps of equal profiles with one transmitter at a time (time division).
+    """
+    fired, first, last = [], setup.numbers["first"], setup.numbers["last"]
+    for index in range(first, last + 1):
+        chirp = next((chirp for chirp in setup.chirps[::-1] if chirp["first"] <= index <= chirp["last"]), None)
+        if chirp is None:
+            raise RecordingError(f"the frame fires chirp {index}, which no chirp entry describes; add its chirpCfg or rlChirps entry")
+        if any(value for name, value in chirp.items() if name.endswith("_change")):
+            raise RecordingError(f"chirp {chirp['first']} changes frequency, slope or times of its profile; set these changes to 0")
+        if chirp["tx_mask"].bit_count() != 1:
+            raise RecordingError(
+                f"chirp {chirp['first']} enables the transmitters {chirp['tx_mask']:#x}; enable exactly one, because only time division is "
+                "supported"
+            )
+        fired.append(chirp)
+    if not fired:
+        raise RecordingError(f"the frame fires no chirp, because it goes from chirp {first} to {last}; correct these numbers")
+    if len({chirp["tx_mask"] for chirp in fired}) < len(fired):
+        raise RecordingError("a transmitter fires twice in one loop; raise numLoops instead")
+    return fired
+
+
+def _profile(setup: Setup, fired: Sequence[Numbers]) -> Numbers:
+    """Return the profile of the fired chirps. The last of several profiles with the same number counts."""
+    profiles = {profile["identity"]: profile for profile in setup.profiles}
+    if missing := [chirp for chirp in fired if chirp["profile"] not in profiles]:
+        raise RecordingError(f"chirp {missing[0]['first']} uses profile {missing[0]['profile']}, which is not defined; add this profile")
+    profile, *others = ({**profiles[chirp["profile"]], "identity": 0} for chirp in fired)
+    if any(other != profile for other in others):
+        raise RecordingError("its chirps use several profiles; use one profile for all chirps")
+    return profile
+
+
+def _antennas(setup: Setup, profile: Numbers, name: str | None, transmitters: Sequence[int], receivers: Sequence[int]) -> tuple[Board, str]:
+    """Return the fired transmitters and the enabled receivers of a description's board, and how the board was chosen, as text."""
+    lists, mask = setup.lists, setup.numbers["tx_mask"]
+    by_name = {known.casefold(): board for known, board in BOARDS.items()}
+    if name is not None:
+        if name.casefold() not in by_name:
+            raise RecordingError(f"board {name!r} is unknown; choose {', '.join(BOARDS)}")
+        board, reason = by_name[name.casefold()], "chosen"
+    elif geometry := _geometry(lists):
+        command, places = geometry
+        shipped = next((known for known, row in GEOMETRY.items() if tuple(map(tuple, places)) == row), f"board of {command}")
+        # The list has an entry for each channel, or for each channel of the whole board, which has four receivers.
+        partial = len(places[0]) == len(transmitters) * len(receivers)
+        half_wavelength_m = SPEED_OF_LIGHT / (profile["start_ghz"] * 1e9) / 2
+        board = board_of_channels(shipped, half_wavelength_m, *places, receivers=len(receivers) if partial else 4)
+        if shipped == IWR6843ISK.name:
+            board = IWR6843ISK
+        elif partial:
+            return board, f"from {command}"
+        reason = f"from {command}"
+    elif setup.platform is not None:
+        if (known := _PLATFORMS.get(setup.platform.casefold())) is None:
+            raise RecordingError(f"'% Platform:{setup.platform}' names a chip without a known board; choose the board with --board")
+        board, reason = BOARDS[known], f"from '% Platform:{setup.platform}'"
+    else:
+        by_carrier = IWR6843ISK if profile["start_ghz"] < 70 else AWR2944EVM if mask > 7 else IWR1642BOOST if mask == 3 else IWR1843BOOST
+        board, reason = BOARDS[setup.assumed] if setup.assumed else by_carrier, "assumed"
+    if not receivers or max(receivers) >= len(board.rx_positions_m) or max(transmitters) >= len(board.tx_positions_m):
+        raise RecordingError(
+            f"channels rx {setup.numbers['rx_mask']:#x} tx {mask:#x} do not fit a {board.name}; choose the board with --board, or give a "
+            ".yaml with the antenna positions"
+        )
+    return board.part(transmitters, receivers), reason
+
+
+def _geometry(lists: Mapping[str, list[float]]) -> tuple[str, tuple[list[float], list[float], list[float]]] | None:
+    """Return the command that gives the antenna geometry, and azimuth, elevation and sign of each channel in half wavelengths."""
+    if "antGeometry0" in lists and "antGeometry1" in lists:
+        return "antGeometry0", (lists["antGeometry0"], lists["antGeometry1"], lists.get("antPhaseRot", []))
+    if len(values := lists.get("antGeometryCfg", [])) > 2:
+        *places, column_spacing, row_spacing = values
+        return "antGeometryCfg", ([2 * column_spacing * n for n in places[1::2]], [-2 * row_spacing * n for n in places[::2]], [])
+    return None
+
+
+def _checked(field: Field, value: Any, place: str = "") -> Any:
+    """Return a value of a description as a number of the field's kind. Raise RecordingError if the field does not allow it."""
+    if value is None and field.default is None:
+        return None
+    number = _number(value, place or field.studio)
+    if field.kind is int and number != int(number):
+        raise RecordingError(f"{place or field.studio}: {number:g} must be a whole number")
+    if field.allowed and number not in field.allowed:
+        known = ", ".join(map(str, field.allowed))
+        raise RecordingError(f"{place or field.studio}: {field.name} {number:g} is not supported ({field.meaning}); use {known}")
+    return field.kind(number)
+
+
+def _get(mapping: Any, *keys: str | int, default: Any = _REQUIRED) -> Any:
     for depth, key in enumerate(keys):
+        if isinstance(mapping, dict) and key not in mapping and default is not _REQUIRED:
+            return default
         try:
             mapping = mapping[key]
         except (KeyError, IndexError, TypeError):
             raise RecordingError(f"it has no {'.'.join(map(str, keys[: depth + 1]))}; export it again") from None
     return mapping
-
-
-def _section(mapping: Any, key: str, kind: type, default: Any = None) -> Any:
-    found = _get(mapping, key) if default is None else mapping.get(key, default)
-    if not isinstance(found, kind):
-        raise RecordingError(f"its {key} is not a JSON {'object' if kind is dict else 'list'}; export it again")
-    return found
 
 
 def _number(text: Any, place: str) -> float:
@@ -246,9 +404,3 @@ def _number(text: Any, place: str) -> float:
     if not math.isfinite(value):
         raise RecordingError(f"{place}: {text} is not a finite number")
     return value
-
-
-def _whole(place: str, value: float) -> int:
-    if value != int(value):
-        raise RecordingError(f"{place}: {value:g} must be a whole number")
-    return int(value)

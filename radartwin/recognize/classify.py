@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,24 +43,25 @@ def classify(
     model: Recogniser | str | Path,
     radar: Radar | str | Path | None = None,
     *,
-    iq_swapped: bool | None = None,
     distance_m: float | None = None,
     period_s: float | None = None,
+    **options: Any,
 ) -> Answer:
     """Classify a recording, which may be a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
         recording: path of the recording.
         model: the recogniser, or the folder of a saved recogniser.
-        radar, iq_swapped: the radar of the recording, and whether I and Q are exchanged; see `load_capture`.
+        radar: radar of the recording, or its file.
         distance_m: distance from the radar to the target at the start; None estimates it.
         period_s: duration of one turntable revolution, for a model of turntable recordings; None takes the period stored with the model.
+        options: board, iq_swapped, cut, frames and say, as for `load_capture`.
     Raises:
         UserError: the recording or the model cannot be read (see `load_capture` and `Recogniser.load`), this version does not know the
             model's features, or the recording is too short or shows no target.
     """
     recogniser = model if isinstance(model, Recogniser) else Recogniser.load(model)
-    processed = process(load_capture(recording, radar, iq_swapped=iq_swapped), doppler=False)
+    processed = process(load_capture(recording, radar, **options), doppler=False)
     log = nominal(processed, recogniser, distance_m, period_s)
     processed, log = thinned(processed, log, recogniser)
     name, without = str(recogniser.features.get("set", "")), tuple(map(str, recogniser.features.get("without", ())))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,17 +12,15 @@ import numpy as np
 from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.io import files
 from radartwin.io.progress import Progress
-from radartwin.radar.captures import EDGE_DB, band_edge_db
+from radartwin.radar.captures import EDGE_DB, EDGE_FRAMES, band_edge_db, few
 from radartwin.radar.chirp import Radar
-from radartwin.radar.dca1000 import FULL_SCALE
+from radartwin.radar.dca1000 import FULL_SCALE, lost_frames
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
 from radartwin.recordings.index import INDEX, RECORDINGS, TRAJECTORIES, Row, read_index
-from radartwin.recordings.studio_log import PACKET_BYTES
 from radartwin.scene.trajectories.file import read_track
 
 CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by judgement; above it, clipping causes notable harmonics
-EDGE_FRAMES = 16  # number of frames that test whether I and Q are exchanged; in one frame of few chirps, band_edge_db is off by 1 to 2 dB
 LOST_SHARE = 0.01  # a recording set is unusable if more than this share of frames has lost samples, even if the log reports the loss
 
 
@@ -152,15 +150,11 @@ def clipped_share(recording: Recording) -> float:
 
 def zero_filled_frames(recording: Recording) -> list[int]:
     """Return the indices of frames that contain at least half a packet of zeros. The capture card writes zeros for lost packets."""
-    per_sample = 2 if recording.radar.real_sampling else 4
-    run = PACKET_BYTES // per_sample // 2  # wherever a packet of zeros begins, it covers an aligned block of half a packet
-    per_frame = recording.iq[0].size
-    found: set[int] = set()
+    lost: list[int] = []
     for block in recording.frame_blocks():
-        flat = recording.iq[block].reshape(-1)
-        whole = flat[: flat.size // run * run].reshape(-1, run)
-        found |= set((block.start + np.flatnonzero(~whole.any(axis=1)) * run // per_frame).tolist())
-    return sorted(found)
+        iq = recording.iq[block].reshape(block.stop - block.start, -1)
+        lost += (block.start + lost_frames(iq.real if recording.radar.real_sampling else iq.view(np.float32))).tolist()
+    return lost
 
 
 def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.ndarray:
@@ -199,11 +193,6 @@ def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
     for path in sorted((folder / RECORDINGS).glob("*")):
         if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):
             yield Problem(f"{RECORDINGS}/{path.name}", f"{INDEX} has no row for it; add it again or remove it")
-
-
-def few(items: Sequence[object]) -> str:
-    """Return the first five items of a list as text."""
-    return ", ".join(map(str, items[:5])) + (", ..." if len(items) > 5 else "")
 
 
 def same_radar(radar: Radar, other: Radar) -> bool:

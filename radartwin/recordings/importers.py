@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +18,13 @@ import numpy as np
 
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io.files import inside
-from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
-from radartwin.radar.captures import CUBES, description_beside, from_counts, load_capture
+from radartwin.radar.captures import CUBES, few, load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description_files import read_json
-from radartwin.radar.recording import Recording, read_counts, recording_files
-from radartwin.recordings import roverd, studio_log
+from radartwin.radar.recording import Recording
+from radartwin.recordings import roverd
 from radartwin.recordings.card import CARD, KEYS, Card
-from radartwin.recordings.checks import few, zero_filled_frames
 from radartwin.recordings.index import Row, describe, row_of
 from radartwin.recordings.mapping import CaptureMap, columns_of
 from radartwin.recordings.recording_set import RecordingSet
@@ -49,11 +46,11 @@ def import_captures(
     values: Mapping[str, Any] | None = None,
     mapping: CaptureMap | None = None,
     *,
-    radar: Radar | None = None,
-    cut: bool = False,
+    radar: Radar | str | Path | None = None,
     frames: slice = slice(None),
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda line: None,
+    **options: Any,
 ) -> tuple[RecordingSet, list[Row]]:
     """Import every capture of a file or folder into a new or existing recording set. Captures whose name and conditions are already in the
     set are skipped.
@@ -66,11 +63,11 @@ def import_captures(
         values: values for the data card of a new set, and values of index columns that hold for all captures. Entries of the mapping
             file override these columns.
         mapping: content of the mapping file, see `radartwin.recordings.mapping`.
-        radar: radar of all captures; None reads the radar description file beside each capture.
-        cut: True drops an incomplete frame at the end of a raw capture; False makes an incomplete frame an error.
+        radar: radar or radar file of all captures; None reads the radar description file beside each capture.
         frames: the frames of each capture to import, as a slice without a step.
         progress: progress display.
-        say: function that receives notes on a capture as text, such as lost packets, missing frames or a missing log.
+        say: function that receives notes on a capture as text, such as the board, lost packets, missing frames or a missing log.
+        options: board, iq_swapped and cut, as for `load_capture`.
     Returns:
         The recording set, and the rows that were added to its index.
     Raises:
@@ -97,11 +94,14 @@ def import_captures(
     missing = [item for item in plans if item.row.recording not in stored]
     if len(missing) < len(plans):
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")
-    added = []
+    added, said = [], set()
     for item in (progress or Progress(quiet=True)).over(missing, "captures"):
-        recording, columns, notes = read_capture(item.capture, radar, cut=cut, frames=frames)
+        recording, columns, notes = read_capture(item.capture, radar, frames=frames, **options)
         for note in notes:
-            say(f"{item.row.recording}: {note}")
+            line = note if note.startswith("board: ") else f"{item.row.recording}: {note}"
+            if line not in said:
+                say(line)
+            said.add(line)
         if (card.units == "counts") != (recording.scale == 1.0):
             kind = "counts of an ADC" if recording.scale == 1.0 else "amplitudes"
             raise RecordingError(f"{item.capture}: its samples are {kind}, but the card has units={card.units}; make a separate set")
@@ -183,74 +183,23 @@ def find_captures(source: Path) -> list[Path]:
 
 
 def read_capture(
-    capture: Path, radar: Radar | None = None, *, cut: bool = False, frames: slice = slice(None)
+    capture: Path, radar: Radar | str | Path | None = None, *, frames: slice = slice(None), **options: Any
 ) -> tuple[Recording, dict[str, str], list[str]]:
     """Read the frames `frames` of a capture. Return the recording, further index columns for it, and notes on it (one line of text each).
 
-    Raises:
-        MissingError: the radar description file is missing.
-        RecordingError: the file size does not fit the radar, or the log or the radar description is invalid.
+    The arguments `options` are those of `load_capture` (board, iq_swapped, cut), and the function raises its errors.
     """
     if capture.name == roverd.CHANNEL:
-        return roverd.read_trace(capture, radar, cut=cut, frames=frames)
-    if capture.suffix in CUBES or (radar is None and recording_files(capture)[1].is_file()):
-        recording = _of_frames(capture, load_capture(capture, radar), frames)
+        return roverd.read_trace(capture, radar, frames=frames, **options)
+    notes: list[str] = []
+    recording = load_capture(capture, radar, frames=frames, say=notes.append, **options)
+    if "frames" not in recording.provenance or capture.suffix in CUBES:
         if recording.scale == 1.0 and not _whole(recording):
             recording.scale = None  # with None, saving scales the samples to their peak, so that rounding to int16 loses little
-        return recording, {}, []
-    description = description_beside(capture) if radar is None else None
-    if description is not None:
-        radar = Radar.from_file(description)
-    assert radar is not None
-    first, *others = dca1000.parts(capture)
-    size, frame = sum(path.stat().st_size for path in (first, *others)), dca1000.frame_bytes(radar)
-    whole, rest = divmod(size, frame)
-    if not whole:
-        raise RecordingError(f"{capture}: {size} bytes are not one frame of {frame} bytes for radar {radar.name}; record again")
-    if rest and not cut:
-        raise RecordingError(
-            f"{capture}: {size} bytes are {whole} frames of {frame} bytes for radar {radar.name} and {rest} more; "
-            "give the right radar description, or drop the incomplete frame of an interrupted capture with --cut"
-        )
-    recording = from_counts(capture, read_counts(first, radar, frames=range(whole), others=others), radar, None)
-    columns, notes = _transfer(capture, recording, _configured_frames(description))
-    recording = _of_frames(capture, recording, frames)
-    return recording, columns, [f"the last frame is incomplete and dropped ({rest} of {frame} bytes)", *notes] if rest else notes
-
-
-def _of_frames(capture: Path, recording: Recording, frames: slice) -> Recording:
-    """Return a recording of some frames of a recording."""
-    if frames == slice(None):
-        return recording
-    if not len(iq := recording.iq[frames]):
-        raise RecordingError(f"{capture}: it has {recording.num_frames} frames, none of which is chosen; choose others with --frames")
-    poses = recording.sensor_poses
-    return replace(recording, iq=iq, sensor_poses=poses[frames] if poses is not None and len(poses) > 1 else poses)
-
-
-def _transfer(capture: Path, recording: Recording, configured: int) -> tuple[dict[str, str], list[str]]:
-    """Return index columns and notes from the log file beside a capture, and copy the log's values to the recording's provenance."""
-    columns: dict[str, str] = {}
-    notes: list[str] = []
-    expected = {"configured": configured}
-    if path := studio_log.find_log(capture):
-        log = studio_log.read_log(path)
-        expected["logged"] = log.frames(dca1000.frame_bytes(recording.radar))
-        columns = {"started": log.started or "", "lost_packets": str(log.lost)}
-        recording.provenance["log"] = asdict(log)
-        if log.lost or log.out_of_sequence:
-            frames = zero_filled_frames(recording)
-            where = f", in frame {few(frames)}" if frames else ""
-            notes.append(f"{log.lost} of {log.received + log.lost} packets were lost ({log.lost_bytes} bytes of zeros{where})")
-            if log.out_of_sequence:
-                notes.append(f"{log.out_of_sequence} packets were out of sequence")
-    else:
-        notes.append("it has no LogFile.csv, so lost packets are unknown")
-    recording.provenance["frames"] = expected
-    if more := {source: count for source, count in expected.items() if count > recording.num_frames}:
-        missing = ", ".join(f"{count} {source}" for source, count in more.items())
-        notes.append(f"frames are missing: the capture holds {plural(recording.num_frames, 'frame')}, {missing}")
-    return columns, notes
+        return recording, {}, notes
+    if (log := recording.provenance.get("log")) is None:
+        return recording, {}, ["it has no LogFile.csv, so the number of lost packets is unknown", *notes]
+    return recording, {"started": log["started"] or "", "lost_packets": str(log["lost"])}, notes
 
 
 def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> Card:
@@ -285,13 +234,3 @@ def _name(capture: Path, root: Path) -> str:
         trace = capture.resolve().parent.parent
         relative = Path(trace.name) if trace in (root.resolve(), *root.resolve().parents) else trace.relative_to(root.resolve())
     return re.sub(r"[^A-Za-z0-9._-]+", "_", "_".join(relative.parts)).lstrip("._-")
-
-
-def _configured_frames(description: Path | None) -> int:
-    """Return numFrames of an mmWave Studio radar description; 0 if the number of frames is unlimited or the format differs."""
-    if description is None:
-        return 0
-    try:
-        return int(read_json(description)["mmWaveDevices"][0]["rfConfig"]["rlFrameCfg_t"]["numFrames"])
-    except (KeyError, IndexError, TypeError, ValueError):
-        return 0

@@ -37,7 +37,8 @@ from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, Board
 from radartwin.radar.captures import band_edge_db
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json, read_yaml
-from radartwin.radar.recording import Recording, read_counts
+from radartwin.radar.layouts import Layout
+from radartwin.radar.recording import Recording, gathered
 
 CHANNEL = "iq"
 _TYPES = {"iq": ("i2", "i16"), "ts": ("f8", "f64"), "valid": ("u1", "u8")}
@@ -53,13 +54,21 @@ _GAP = 1.5  # a longer time between two frames, in frame periods, is a gap
 
 
 def read_trace(
-    channel: Path, radar: Radar | None = None, *, cut: bool = False, frames: slice = slice(None)
+    channel: Path,
+    radar: Radar | str | Path | None = None,
+    *,
+    board: str | None = None,
+    iq_swapped: bool | None = None,
+    cut: bool = False,
+    frames: slice = slice(None),
 ) -> tuple[Recording, dict[str, str], list[str]]:
     """Read the radar of a trace. Frames without a pose are left out if the trace has poses.
 
     Args:
         channel: path of the channel iq, TRACE/radar/iq.
-        radar: the radar; None reads config.yaml of the trace.
+        radar: the radar or its file; None reads config.yaml of the trace.
+        board: name of the board, if `radar` is a .cfg or a .mmwave.json.
+        iq_swapped: whether Q comes before I; None takes the order of the format, Q before I.
         cut: True drops an incomplete frame at the end; False makes an incomplete frame an error.
         frames: the frames to read, as a slice without a step.
     Returns:
@@ -70,11 +79,14 @@ def read_trace(
     """
     folder, trace = channel.parent, channel.parent.parent
     shapes = _channels(folder)
-    radar = radar or radar_of(trace)
+    if not isinstance(radar, Radar):
+        radar = radar_of(trace) if radar is None else Radar.described(radar, board)[0]
     expected = (*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples)
     if shapes["iq"] != expected:
         raise RecordingError(f"{folder / 'meta.json'}: iq has shape {shapes['iq']}, not {expected} of radar {radar.name}; give its radar")
-    whole, rest = divmod(channel.stat().st_size, dca1000.frame_bytes(radar))
+    swapped = iq_swapped is not False
+    stored = dca1000.SampleFile([channel], radar, Layout(real=radar.real_sampling, q_first=swapped))
+    whole, rest = stored.frames, stored.rest
     times = _values(folder / "ts", "<f8")
     if not np.all((times >= 0) & (times < _LATEST_S)):
         raise RecordingError(f"{folder / 'ts'}: it holds values that are no seconds since 1970; copy the trace again")
@@ -98,7 +110,7 @@ def read_trace(
         raise RecordingError(f"{trace / '_radar' / 'pose.npz'}: the frames with a pose are not contiguous; choose some with --frames")
     if gaps := int(np.sum(np.diff(times[chosen]) > _GAP / radar.frame_rate_hz)):
         notes.append(f"frames are missing at {gaps} places, where the times have gaps")
-    iq = read_counts(channel, radar, iq_swapped=True, frames=range(int(chosen[0]), int(chosen[-1]) + 1))
+    iq = gathered(channel, range(int(chosen[0]), int(chosen[-1]) + 1), stored.shape, stored.samples)
     started = datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")
     columns = {"started": started}
     if "valid" in shapes:
@@ -112,7 +124,7 @@ def read_trace(
         "source": f"{trace.resolve().name}/{folder.name}/{channel.name}", "unit": "counts", "format": "roverd",
         "first_frame": int(chosen[0]), "band_edge_db": round(band_edge_db(iq[0]), 1),
     }  # fmt: skip
-    return Recording(iq, radar, poses, scale=1.0, iq_swapped=True, provenance=provenance), columns, notes
+    return Recording(iq, radar, poses, scale=1.0, iq_swapped=swapped, provenance=provenance), columns, notes
 
 
 def radar_of(trace: Path) -> Radar:

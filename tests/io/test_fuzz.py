@@ -36,7 +36,7 @@ from radartwin.reconstruct.mesh_file import load_scan
 from radartwin.recordings.checks import examine
 from radartwin.recordings.mapping import read_mapping
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.recordings.studio_log import read_log
+from radartwin.radar.studio_log import read_log
 from radartwin.scene import rooms
 from radartwin.scene.layouts.grammar import parse
 from radartwin.scene.layouts.layout import Layout

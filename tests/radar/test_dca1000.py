@@ -10,9 +10,15 @@ from numpy.typing import NDArray
 from radartwin.errors import RecordingError
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
+from radartwin.radar.layouts import Layout
 
 # Two samples of two receivers, one chirp of each of two transmitters: the smallest radar with every axis.
 SMALL = dataclasses.replace(Radar.iwr1843(), num_samples=2, num_chirps=1, rx_positions_m=((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)))
+
+
+def decode(data: bytes, radar: Radar, swapped: bool = False) -> NDArray[np.complex64]:
+    layout = Layout(real=radar.real_sampling, q_first=swapped)
+    return layout.samples(np.frombuffer(data, "<i2"), (-1, *dca1000.frame_shape(radar)))
 
 
 def _sample(tx: int, rx: int, n: int) -> complex:
@@ -30,7 +36,7 @@ Q_FIRST = [-1000, -1001, 0, 1, -1010, -1011, 10, 11, -1100, -1101, 100, 101, -11
 def test_bytes_follow_the_two_lane_layout_in_both_orders(swapped, values):
     expected = struct.pack("<16h", *values)
     assert dca1000.encode(IQ, 1.0, iq_swapped=swapped) == (expected, 0)
-    np.testing.assert_array_equal(dca1000.decode(expected, SMALL, iq_swapped=swapped), IQ)
+    np.testing.assert_array_equal(decode(expected, SMALL, swapped), IQ)
 
 
 def test_counts_are_little_endian():
@@ -43,7 +49,7 @@ def test_real_sampling_has_one_value_per_sample():
     data, clipped = dca1000.encode(IQ, 1.0, real_sampling=True)
     assert clipped == 0
     assert data == struct.pack("<8h", 0, 1, 10, 11, 100, 101, 110, 111)
-    np.testing.assert_array_equal(dca1000.decode(data, radar), IQ.real)
+    np.testing.assert_array_equal(decode(data, radar), IQ.real)
 
 
 def test_counts_beyond_16_bits_are_clipped_and_counted():
@@ -56,7 +62,7 @@ def test_counts_beyond_16_bits_are_clipped_and_counted():
 def test_every_int16_round_trips():
     counts = np.arange(-32768, 32768, dtype="<i2")
     radar = dataclasses.replace(SMALL, num_samples=32, num_chirps=256)
-    iq = dca1000.decode(counts.tobytes(), radar)
+    iq = decode(counts.tobytes(), radar)
     assert dca1000.encode(iq, 1.0)[0] == counts.tobytes()
     scale = 3.1e-9
     assert dca1000.encode(iq * np.float32(scale), scale)[0] == counts.tobytes()
@@ -67,5 +73,3 @@ def test_invalid_samples_are_refused():
         dca1000.encode(np.full((1, 1, 1, 1, 2), np.nan + 0j), 1.0)
     with pytest.raises(RecordingError, match="even"):
         dca1000.encode(np.zeros((1, 1, 1, 1, 3), complex), 1.0)
-    with pytest.raises(RecordingError, match="whole number of frames"):
-        dca1000.decode(bytes(30), SMALL)

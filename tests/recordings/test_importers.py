@@ -13,15 +13,16 @@ from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.radar import dca1000
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
+from radartwin.radar.studio_log import PACKET_BYTES, find_log, read_log
 from radartwin.recordings.checks import examine
 from radartwin.recordings.importers import find_captures, import_captures, key_values, read_capture
 from radartwin.recordings.mapping import CaptureMap, Entry, read_mapping
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.recordings.studio_log import PACKET_BYTES, find_log, read_log
 
 # A frame has 65536 bytes, which are 45.01 packets, so packets cross frame boundaries as in real captures.
 RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=128, num_chirps=16)
 FRAME = dca1000.frame_bytes(RADAR)
+BOARD = "board: IWR1843BOOST, assumed"
 CARD = {"licence": "MIT", "sensor": "IWR1843BOOST", "who": "A. Researcher", "when": "2026-03-01"}
 MUG = {"object": "mug", "distance_m": "1.5", "room": "lab", "motion": "turntable"}
 
@@ -47,7 +48,7 @@ def capture(folder: Path, name: str = "adc_data", frames: int = 4, seed: int = 0
 def test_imported_capture_keeps_its_bytes_and_the_values_of_its_log(tmp_path: Path) -> None:
     source, notes = capture(tmp_path / "raw"), []
     made, added = import_captures(source, tmp_path / "set", {**CARD, **MUG, "operator": "ann"}, say=notes.append)
-    assert notes == []
+    assert notes == [BOARD]
     assert (tmp_path / "set" / "recordings" / "adc_data.bin").read_bytes() == source.read_bytes()
     assert added == made.rows
     assert added[0].extra == {"started": "2026-03-02T09:05:07", "lost_packets": "0", "operator": "ann"}
@@ -72,8 +73,10 @@ def test_lost_packets_are_reported_and_stored(tmp_path: Path) -> None:
     notes: list[str] = []
     _, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, say=notes.append)
     assert notes == [
-        f"adc_data: 2 of {packets(300)} packets were lost ({2 * PACKET_BYTES} bytes of zeros, in frame 7, 200)",
+        BOARD,
+        f"adc_data: 2 of {packets(300)} packets were lost ({2 * PACKET_BYTES} bytes of zeros)",
         "adc_data: 2 packets were out of sequence",
+        "adc_data: 2 of 300 frames hold lost packets, which are zeros: frame 7, 200",
     ]
     assert added[0].extra["lost_packets"] == "2"
     report = examine(tmp_path / "set")
@@ -86,24 +89,24 @@ def test_missing_frames_and_a_missing_log_are_reported(tmp_path: Path) -> None:
     source.write_bytes(source.read_bytes()[: 3 * FRAME])
     recording, _, notes = read_capture(source)
     assert recording.num_frames == 3
-    assert notes == ["frames are missing: the capture holds 3 frames, 4 configured, 4 logged"]
+    assert notes == [BOARD, "frames are missing: the capture holds 3 frames, 4 configured, 4 logged"]
     _, columns, notes = read_capture(capture(tmp_path, log=False))
     assert columns == {}
-    assert ["no LogFile.csv" in note for note in notes] == [True]
+    assert ["no LogFile.csv" in note for note in notes] == [True, False]
 
 
 def test_incomplete_last_frame_is_refused_or_dropped_on_request(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw")
     source.write_bytes(source.read_bytes()[:-1000])
-    with pytest.raises(RecordingError, match=r"3 frames of 65536 bytes .* and 64536 more; .*radar description.*--cut"):
+    with pytest.raises(RecordingError, match=r"frames of 65536 bytes .*: after 3 frames, 64536 are left over; .*radar description.*--cut"):
         import_captures(source, tmp_path / "set", {**CARD, **MUG})
     assert not (tmp_path / "set").exists()
     notes: list[str] = []
     made, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, cut=True, say=notes.append)
     assert made.read(added[0]).num_frames == 3
-    assert "incomplete and dropped (64536 of 65536 bytes)" in notes[0]
+    assert "incomplete and dropped (64536 of 65536 bytes)" in "; ".join(notes)
     source.write_bytes(b"")
-    with pytest.raises(RecordingError, match="0 bytes are not one frame"):
+    with pytest.raises(RecordingError, match="it is empty, zero frames"):
         read_capture(source, cut=True)
 
 
@@ -119,7 +122,7 @@ def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
     assert find_captures(tmp_path / "raw" / "mug_Raw_3.bin") == [tmp_path / "raw" / "mug_Raw_0.bin"]
     notes: list[str] = []
     _, added = import_captures(tmp_path / "raw", tmp_path / "set", {**CARD, **MUG}, say=notes.append)
-    assert notes == []
+    assert notes == [BOARD]
     assert added[0].recording == "mug"
     assert (tmp_path / "set" / "recordings" / "mug.bin").read_bytes() == whole
     for n in (0, 3):
@@ -200,7 +203,7 @@ def test_interrupted_import_continues(campaign: Path) -> None:
     notes: list[str] = []
     made, added = import_captures(campaign / "raw", campaign / "set", mapping=mapping, say=notes.append)
     assert (len(added), len(made)) == (4, 8)
-    assert notes == [f"4 of 8 captures are already in {campaign / 'set'}"]
+    assert notes == [f"4 of 8 captures are already in {campaign / 'set'}", BOARD]
     assert import_captures(campaign / "raw", campaign / "set", mapping=mapping)[1] == []
 
 

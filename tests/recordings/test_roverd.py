@@ -145,7 +145,7 @@ RAW = {"format": "raw", "type": "i2", "shape": [CHIRPS, TX, RX, 2 * SAMPLES]}
         (lambda t: changed(t / "radar/meta.json", iq={**RAW, "shape": [CHIRPS, TX, RX, SAMPLES]}), "iq has shape (8, 3, 4, 64), not"),
         (lambda t: changed(t / "radar/meta.json", iq={**RAW, "shape": "64"}), "must be a list of whole numbers"),
         (lambda t: (t / "radar/iq").write_bytes((t / "radar/iq").read_bytes()[:-5]), f"truncated, {FRAME_BYTES - 5} bytes follow 5 frames"),
-        (lambda t: (t / "radar/iq").write_bytes(b""), "no frame is left of 0"),
+        (lambda t: (t / "radar/iq").write_bytes(b""), "it is empty, zero frames"),
         (lambda t: (t / "radar/ts").unlink(), "ts: no such file"),
         (lambda t: (t / "radar/ts").write_bytes((t / "radar/ts").read_bytes()[:-8]), "5 times for 6 frames"),
         (lambda t: np.full(FRAMES, np.nan).tofile(t / "radar/ts"), "no seconds since 1970"),

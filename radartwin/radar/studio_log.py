@@ -16,9 +16,8 @@ from datetime import datetime
 from pathlib import Path
 
 from radartwin.errors import MissingError, RecordingError
-from radartwin.radar.dca1000 import capture_prefix
+from radartwin.radar.dca1000 import PACKET_BYTES, capture_prefix
 
-PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
 
 
@@ -48,8 +47,8 @@ class StudioLog:
         return (self.received + self.lost) * PACKET_BYTES // frame_bytes
 
 
-def read_log(path: str | Path) -> StudioLog:
-    """Read a LogFile.csv of the DCA1000 capture card.
+def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
+    """Read a LogFile.csv of the DCA1000 capture card. The argument `lanes` is the number of LVDS lanes in the description of the capture.
 
     Raises:
         MissingError: the log file does not exist.
@@ -64,14 +63,14 @@ def read_log(path: str | Path) -> StudioLog:
             values.setdefault(match.group(1).lower(), match.group(2))
     if values.get("log mode", "Raw") != "Raw":
         raise RecordingError(f"{path}: log mode {values['log mode']} separates the data types; record in raw mode")
-    lanes = _number(path, values, "lvds lane mode", None)
-    if lanes not in (None, 2):
-        raise RecordingError(f"{path}: {lanes} LVDS lanes are not supported; use the two lanes of xWR16xx, xWR18xx and xWR68xx captures")
+    logged = _number(path, values, "lvds lane mode", None)
+    if logged not in (None, 2, lanes):
+        raise RecordingError(f"{path}: {logged} LVDS lanes do not fit the description, which has {lanes}; give the right radar description")
     received = _number(path, values, "number of received packets", None)
     if received is None:
         raise RecordingError(f"{path}: the number of received packets is missing; give the LogFile.csv of a finished capture")
     return StudioLog(
-        lanes=lanes,
+        lanes=logged,
         received=received,
         lost=_number(path, values, "number of zero filled packets", 0) or 0,
         lost_bytes=_number(path, values, "number of zero filled bytes", 0) or 0,
