@@ -105,9 +105,9 @@ _THREE_TX = ((0, 0), (2, 1), (4, 0))
 IWR1843BOOST = replace(_row_board("IWR1843BOOST", 77e9, _THREE_TX), element="iwr1843")
 IWR1642BOOST = replace(_row_board("IWR1642BOOST", 77e9, ((0, 0), (4, 0))), element="iwr1843")
 IWR6843ISK = _row_board("IWR6843ISK", 62e9, _THREE_TX)
-AWR2944EVM = _row_board("AWR2944EVM", 77e9, ((0, 0), (3, 0), (6, 0), (9, 1)), rx=(0, 2, 7, 9))
 
-# antGeometry0, antGeometry1 and antPhaseRot in TI's configurations of the boards.
+# Azimuth, elevation and sign of each virtual channel in half wavelengths, as in antGeometry0, antGeometry1 and antPhaseRot of TI's
+# configurations for the boards; for the AWR2944EVM, columns and negative rows of antGeometryCfg.
 GEOMETRY = {
     "IWR6843AOP": (
         (-1, -1, 0, 0, -3, -3, -2, -2, -1, -1, 0, 0),
@@ -119,10 +119,12 @@ GEOMETRY = {
         (0, -1, -1, 0, 0, -1, -1, 0, -2, -3, -3, -2),
         (1, -1, -1, 1, 1, -1, -1, 1, 1, -1, -1, 1),
     ),
+    "AWR2944EVM": ((0, 2, 7, 9, 3, 5, 10, 12, 6, 8, 13, 15, 9, 11, 16, 18), (-1,) * 12 + (0,) * 4, (1,) * 16),
     "IWR6843ISK": ((0, -1, -2, -3, -2, -3, -4, -5, -4, -5, -6, -7), (0, 0, 0, 0, -1, -1, -1, -1, 0, 0, 0, 0), (1,) * 12),
 }
-IWR6843AOP, IWR6843ISK_ODS = (
-    board_of_channels(name, SPEED_OF_LIGHT / 60e9 / 2, *GEOMETRY[name]) for name in ("IWR6843AOP", "IWR6843ISK-ODS")
+IWR6843AOP, IWR6843ISK_ODS, AWR2944EVM = (
+    board_of_channels(name, SPEED_OF_LIGHT / frequency_hz / 2, *GEOMETRY[name])
+    for name, frequency_hz in (("IWR6843AOP", 60e9), ("IWR6843ISK-ODS", 60e9), ("AWR2944EVM", 77e9))
 )
 
 _CASCADE_TX = ((11, 6), (10, 4), (9, 1), *((place, 0) for place in range(32, -1, -4)))  # (azimuth, elevation) of TX1 to TX12

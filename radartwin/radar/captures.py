@@ -122,8 +122,6 @@ def load_capture(
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     else:
         source = _dca1000(bin_path, radar, description.layout, cut, say)
-    if description.board:
-        say(f"board: {description.board}")
     return _recorded(source, description, iq_swapped, _chosen(path, source.frames, frames), say)
 
 
@@ -196,6 +194,9 @@ def _chosen(path: Path, count: int, frames: slice) -> range:
 def _recorded(source: _Source, description: Description, iq_swapped: bool | None, frames: range, say: Say) -> Recording:
     """Read the chosen frames of a capture as a recording in ADC counts, and add what its description and its log say."""
     radar, stated = source.radar, description.layout.q_first
+    logged = _log(source, description.frames, say) if source.sample_file is not None else {}
+    if description.board:
+        say(f"board: {description.board}")
     edge = 0.0
     if not radar.real_sampling and description.layout.image_filtered:
         edges = [band_edge_db(source.read(frame, 1, False)[0]) for frame in _test_frames(source)]
@@ -213,32 +214,29 @@ def _recorded(source: _Source, description: Description, iq_swapped: bool | None
         return source.read(first, count, bool(swapped))
 
     iq = gathered(source.path, frames, dca1000.frame_shape(radar), read)
-    provenance: dict[str, Any] = {"source": source.path.name, "unit": "counts", "band_edge_db": round(edge, 1)}
-    provenance |= {"board": description.board} if description.board else {}
+    board = {"board": description.board} if description.board else {}
+    provenance = {"source": source.path.name, "unit": "counts", "band_edge_db": round(edge, 1), **board, **logged}
     poses = source.poses[frames.start : frames.stop] if source.poses is not None and len(source.poses) == source.frames else source.poses
-    recording = Recording(iq, radar, poses, scale=1.0, iq_swapped=bool(swapped), provenance=provenance)
-    if source.sample_file is not None:
-        _add_log(source, description.frames, recording, say)
     if lost:
         say(f"{len(lost)} of {plural(len(frames), 'frame')} hold lost packets, which are zeros: frame {few(lost)}")
-    return recording
+    return Recording(iq, radar, poses, scale=1.0, iq_swapped=bool(swapped), provenance=provenance)
 
 
-def _add_log(source: _Source, configured: int, recording: Recording, say: Say) -> None:
-    """Copy the log beside a DCA1000 capture to the recording's provenance, and say which packets and frames are missing."""
-    expected = {"configured": configured}
+def _log(source: _Source, configured: int, say: Say) -> dict[str, Any]:
+    """Return provenance from the log beside a DCA1000 capture, and say which packets and frames are missing."""
+    expected, provenance = {"configured": configured}, {}
     if path := studio_log.find_log(source.path):
         log = studio_log.read_log(path, lanes=4 if source.sample_file and source.sample_file.layout.interleaved else 2)
         expected["logged"] = log.frames(dca1000.frame_bytes(source.radar))
-        recording.provenance["log"] = asdict(log)
+        provenance["log"] = asdict(log)
         if log.lost:
             say(f"{log.lost} of {log.received + log.lost} packets were lost ({log.lost_bytes} bytes of zeros)")
         if log.out_of_sequence:
             say(f"{log.out_of_sequence} packets were out of sequence")
-    recording.provenance["frames"] = expected
     if more := {origin: count for origin, count in expected.items() if count > source.frames}:
         missing = ", ".join(f"{count} {origin}" for origin, count in more.items())
         say(f"frames are missing: the capture holds {plural(source.frames, 'frame')}, {missing}")
+    return {**provenance, "frames": expected}
 
 
 def _test_frames(source: _Source) -> list[int]:

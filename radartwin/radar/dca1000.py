@@ -118,14 +118,11 @@ class SampleFile:
             raise RecordingError(f"{self.path}: it is empty, zero frames; record again")
         self._refuse_packets()
         self._chirps = radar.num_chirps * radar.num_tx
-        chirp_bytes = self.frame_bytes // self._chirps
+        chirp_bytes, self._tail = self.frame_bytes // self._chirps, 0  # the bytes of a chirp that is cut off
         self._starts = self._after_headers(chirp_bytes) if _MAGIC in self.read(0, 2 * chirp_bytes + _LONGEST_HEADER) else None
-        if self._starts is None:
-            self.frames, self.rest = divmod(self.size, self.frame_bytes)
-        else:
-            self.frames = len(self._starts) // self._chirps
-            end = self._starts[self.frames * self._chirps - 1] + chirp_bytes if self.frames else 0
-            self.rest = int(self.size - end)
+        self.frames, self.rest = divmod(
+            self.size if self._starts is None else self._tail + len(self._starts) * chirp_bytes, self.frame_bytes
+        )
 
     def leftover(self, radar: Radar) -> str:
         """Return, as text, that the file is no whole number of frames."""
@@ -200,9 +197,14 @@ class SampleFile:
                 f"{self.path}: its headers are {distance} bytes apart, which leaves no space for a chirp of {chirp_bytes} bytes; give the "
                 "radar description of this capture"
             )
-        # A distance of several chirps has headers that were lost. Another distance is that of user data, which is no chirp.
+        if np.any((distances[:-1] > distance) & (distances[:-1] % distance != 0)):
+            raise RecordingError(
+                f"{self.path}: headers before or after user data were lost; record again without user data (lvdsStreamCfg)"
+            )
+        # A distance of several chirps has headers that were lost. Another distance is that of user data, or of a chirp that is cut off.
         chirps = np.where(distances % distance == 0, distances // distance, 0)
-        chirps[-1] = distances[-1] // distance
+        if distances[-1] not in distances[:-1]:
+            chirps[-1], self._tail = divmod(int(distances[-1]), int(distance))
         first = np.repeat(np.cumsum(chirps) - chirps, chirps)
         return np.repeat(places, chirps) + (np.arange(len(first)) - first) * distance + distance - chirp_bytes
 
@@ -228,8 +230,11 @@ def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = 
 
 
 def lost_frames(words: NDArray[np.number]) -> NDArray[np.int64]:
-    """Return which frames (F, word) contain at least half a packet of zeros. The capture card writes zeros for lost packets."""
-    run = PACKET_BYTES // WORD.itemsize // 2  # wherever a packet of zeros begins, it covers an aligned block of half a packet
+    """Return which frames (F, word) contain three quarters of a packet of zeros. The capture card writes zeros for lost packets."""
+    run = PACKET_BYTES // WORD.itemsize // 8  # a packet of zeros, even with a header in it, covers six aligned blocks of this length
     flat = words.reshape(-1)
-    whole = flat[: flat.size // run * run].reshape(-1, run)
-    return np.unique(np.flatnonzero(~whole.any(axis=1)) * run // words[0].size)
+    empty = ~flat[: flat.size // run * run].reshape(-1, run).any(axis=1)
+    if len(empty) < 6:
+        return np.zeros(0, np.int64)
+    begins = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(empty, 6).all(axis=1))
+    return np.unique(begins * run // words[0].size)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radartwin.io import scratch
 from radartwin.radar.angles import spectrum
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance
@@ -65,6 +66,7 @@ def spectra(iq: Complex, radar: Radar, static_removed: bool) -> Iterator[tuple[s
         profiles, _ = range_fft(block, radar, bins=range_bins(radar))
         doppler, _ = doppler_fft(profiles, radar, bins=doppler_bins(radar))
         yield frames, profiles, doppler
+        scratch.release(iq)
 
 
 def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> PowerMaps:
@@ -120,4 +122,5 @@ def _static(iq: Complex) -> Complex:
     total = np.zeros(iq.shape[2:], dtype=np.complex128)
     for frame in iq:
         total += frame.mean(axis=0, dtype=np.complex128)
+        scratch.release(iq)
     return (total / len(iq)).astype(iq.dtype)

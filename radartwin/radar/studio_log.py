@@ -16,6 +16,7 @@ from datetime import datetime
 from pathlib import Path
 
 from radartwin.errors import MissingError, RecordingError
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.dca1000 import PACKET_BYTES, capture_prefix
 
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
@@ -57,6 +58,7 @@ def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
     path = Path(path)
     if not path.is_file():
         raise MissingError(f"{path}: no such log file; check the path")
+    refuse_pointer(path)
     values: dict[str, str] = {}
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         if match := _LINE.fullmatch(line):

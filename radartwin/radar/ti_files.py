@@ -337,7 +337,7 @@ def _antennas(setup: Setup, profile: Numbers, name: str | None, transmitters: Se
         board, reason = by_name[name.casefold()], "chosen"
     elif geometry := _geometry(lists):
         command, places = geometry
-        shipped = next((known for known, row in GEOMETRY.items() if tuple(map(tuple, places)) == row), f"board of {command}")
+        shipped = next((known for known, row in GEOMETRY.items() if tuple(map(tuple, places)) == row), "antennas")
         # The list has an entry for each channel, or for each channel of the whole board, which has four receivers.
         partial = len(places[0]) == len(transmitters) * len(receivers)
         half_wavelength_m = SPEED_OF_LIGHT / (profile["start_ghz"] * 1e9) / 2
@@ -365,10 +365,12 @@ def _antennas(setup: Setup, profile: Numbers, name: str | None, transmitters: Se
 def _geometry(lists: Mapping[str, list[float]]) -> tuple[str, tuple[list[float], list[float], list[float]]] | None:
     """Return the command that gives the antenna geometry, and azimuth, elevation and sign of each channel in half wavelengths."""
     if "antGeometry0" in lists and "antGeometry1" in lists:
-        return "antGeometry0", (lists["antGeometry0"], lists["antGeometry1"], lists.get("antPhaseRot", []))
+        azimuth = lists["antGeometry0"]
+        return "antGeometry0", (azimuth, lists["antGeometry1"], lists.get("antPhaseRot", [1.0] * len(azimuth)))
     if len(values := lists.get("antGeometryCfg", [])) > 2:
         *places, column_spacing, row_spacing = values
-        return "antGeometryCfg", ([2 * column_spacing * n for n in places[1::2]], [-2 * row_spacing * n for n in places[::2]], [])
+        azimuth, elevation = [2 * column_spacing * n for n in places[1::2]], [-2 * row_spacing * n for n in places[::2]]
+        return "antGeometryCfg", (azimuth, elevation, [1.0] * len(azimuth))
     return None
 
 

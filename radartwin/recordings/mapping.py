@@ -30,7 +30,7 @@ from typing import Any
 
 from radartwin.errors import InputError, MissingError
 from radartwin.radar.dca1000 import capture_prefix
-from radartwin.radar.description_files import read_yaml
+from radartwin.radar.description_files import read_text, read_yaml
 
 _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
 
@@ -119,9 +119,9 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 def _of_csv(path: Path) -> CaptureMap:
     try:
-        reader = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines(), strict=True)
+        reader = csv.DictReader(read_text(path).splitlines(), strict=True)
         lines = [(reader.line_num, line) for line in reader]
-    except (csv.Error, UnicodeDecodeError) as error:
+    except csv.Error as error:
         raise InputError(f"{path}: {error}; write CSV in UTF-8") from None
     if "file" not in (reader.fieldnames or ()):
         raise InputError(f"{path}: line 1: no column 'file'; name the columns file,object,distance_m,...")

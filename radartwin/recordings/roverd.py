@@ -32,6 +32,7 @@ import numpy as np
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar import dca1000
 from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, Board
 from radartwin.radar.captures import band_edge_db
@@ -204,6 +205,7 @@ def _values(path: Path, kind: str) -> np.ndarray:
     """Read a channel with one number per frame."""
     if not path.is_file():
         raise MissingError(f"{path}: no such file; copy the whole trace")
+    refuse_pointer(path)
     data = path.read_bytes()
     return np.frombuffer(data[: len(data) // np.dtype(kind).itemsize * np.dtype(kind).itemsize], kind)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from radartwin.errors import MissingError, PoseError
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.io.one_line import plural
 from radartwin.scene.trajectories.ros import read_bag
 from radartwin.scene.trajectories.track import Axes, Track, check_samples, from_quaternions, pose_matrices
@@ -38,6 +39,7 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
     path = Path(path)
     if not path.exists():
         raise MissingError(f"trajectory {path} is not there; give a TUM or CSV text file, or a ROS bag")
+    refuse_pointer(path, PoseError)
     if path.is_dir() or path.suffix.lower() in (".bag", ".mcap", ".db3"):
         return read_bag(path, topic, frame).from_axes(axes)
     if topic or frame:
