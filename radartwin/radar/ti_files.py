@@ -24,28 +24,15 @@ from radartwin.radar.layouts import Layout
 _MAX_POWER_DBM = 12.0
 _NOISE_FIGURE_DB = 15.0  # receiver noise figure in dB; the data sheets of IWR1843 and IWR6843 give 12 to 15 dB
 
-_REQUIRED = ...
-
 
 class Field(NamedTuple):
-    """Describe one number of TI's files.
-
-    Attributes:
-        cfg: command of a .cfg, and the position of the number after it; "" if a .cfg does not hold the number.
-        studio: place of the number in a .mmwave.json below a device, or below a profile or chirp; "" if it does not hold the number.
-        default: value if the file does not hold the number.
-        allowed: the values that can be read; () for all.
-        kind: int for whole numbers.
-        meaning: effect of the number on waveform, timing, antennas or samples.
-        source: TI's document or structure that defines the number.
-    """
+    """Describe one number of TI's files, a row of the table below."""
 
     name: str
     cfg: str
     studio: str
-    default: Any
-    allowed: tuple[int, ...]
-    kind: type
+    default: str
+    allowed: str
     meaning: str
     source: str
 
@@ -58,62 +45,60 @@ class Field(NamedTuple):
         return int(self.cfg.partition(" ")[2])
 
 
-# Sources: SDK is the mmWave SDK user's guide, section "Configuration (.cfg) file format"; MCU is the MMWAVE-MCUPLUS SDK user's guide. Names
-# as rl..._t are structures of the mmWaveLink interface, whose names mmWave Studio uses. RAW is "Mmwave Radar Device ADC Raw Data Capture"
-# (TI SWRA581B), and SPRUIJ4 is the user's guide of the DCA1000EVM.
+# The columns are the name of a number; the command of a .cfg and the position after it; the place in a .mmwave.json below a device, or
+# below a profile or chirp; the default (? for a required number); the values that can be read, if not all; its effect on waveform, timing,
+# antennas or samples; and TI's definition. SDK is the mmWave SDK user's guide, section "Configuration (.cfg) file format"; RAW is "Mmwave
+# Radar Device ADC Raw Data Capture" (SWRA581B); SPRUIJ4 is the user's guide of the DCA1000EVM; structures are those of mmWaveLink.
 _RF, _DATA = "rfConfig", "rawDataCaptureConfig"
-FIELDS = tuple(Field(*row) for row in (
-    ("rx_mask", "channelCfg 0", f"{_RF}.rlChanCfg_t.rxChannelEn", _REQUIRED, (), int, "bit n enables receiver n + 1", "rlChanCfg_t"),
-    ("tx_mask", "channelCfg 1", f"{_RF}.rlChanCfg_t.txChannelEn", _REQUIRED, (), int, "bit n enables transmitter n + 1", "rlChanCfg_t"),
-    ("adc_bits", "adcCfg 0", f"{_RF}.rlAdcOutCfg_t.fmt.b2AdcBits", 2, (0, 1, 2), int,
-     "words have 12, 14 or 16 valid bits; a capture card does not repeat the sign in the other bits", "rlAdcBitFormat_t, SPRUIJ4"),
-    ("adc_format", "adcCfg 1", f"{_RF}.rlAdcOutCfg_t.fmt.b2AdcOutFmt", 1, (0, 1, 2, 3), int,
-     "0 real, 1 complex 1x, 2 complex 2x, 3 pseudo-real; only complex 1x filters the image band", "rlAdcBitFormat_t"),
-    ("buffer_real", "adcbufCfg 1", "", 0, (0, 1), int, "1: the buffer holds only real samples", "SDK, adcOutputFmt"),
-    ("q_first", "adcbufCfg 2", f"{_DATA}.rlDevDataFmtCfg_t.iqSwapSel", None, (0, 1), int, "1: Q comes before I", "SDK, SampleSwap; RAW"),
-    ("separate", "adcbufCfg 3", f"{_DATA}.rlDevDataFmtCfg_t.chInterleave", 1, (0, 1), int,
-     "0: the samples of the receivers alternate; 1: they follow each other", "SDK, ChanInterleave; RAW"),
-    ("content", "lvdsStreamCfg 2", "", 1, (0, 1), int, "4: chirp parameters and quality stand beside the samples", "SDK, dataFmt"),
-    ("packet", "", f"{_DATA}.rlDevDataPathCfg_t.transferFmtPkt0", 1, (1,), int, "1: only samples are sent", "rlDevDataPathCfg_t"),
-    ("lanes", "", f"{_DATA}.rlDevLaneEnable_t.laneEn", 3, (3, 15), int, "bit mask of the LVDS lanes", "rlDevLaneEnable_t"),
-    ("bpm", "bpmCfg 1", "", 0, (0,), int, "1: two transmitters send at once with binary phases", "SDK"),
-    ("first", "frameCfg 0", f"{_RF}.rlFrameCfg_t.chirpStartIdx", _REQUIRED, (), int, "first chirp of a loop", "rlFrameCfg_t"),
-    ("last", "frameCfg 1", f"{_RF}.rlFrameCfg_t.chirpEndIdx", _REQUIRED, (), int, "last chirp of a loop", "rlFrameCfg_t"),
-    ("loops", "frameCfg 2", f"{_RF}.rlFrameCfg_t.numLoops", _REQUIRED, (), int, "loops per frame", "rlFrameCfg_t"),
-    ("frames", "frameCfg 3", f"{_RF}.rlFrameCfg_t.numFrames", 0, (), int, "frames of the capture, 0 for no limit", "rlFrameCfg_t"),
-    ("period_ms", "frameCfg 4", f"{_RF}.rlFrameCfg_t.framePeriodicity_msec", _REQUIRED, (), float, "frame period in ms", "rlFrameCfg_t"),
-    ("identity", "profileCfg 0", "profileId", _REQUIRED, (), int, "number of the profile", "rlProfileCfg_t"),
-    ("start_ghz", "profileCfg 1", "startFreqConst_GHz", _REQUIRED, (), float, "start of the sweep in GHz", "rlProfileCfg_t"),
-    ("idle_us", "profileCfg 2", "idleTimeConst_usec", _REQUIRED, (), float, "pause before a chirp in us", "rlProfileCfg_t"),
-    ("adc_start_us", "profileCfg 3", "adcStartTimeConst_usec", _REQUIRED, (), float, "time of the first sample in us", "rlProfileCfg_t"),
-    ("ramp_end_us", "profileCfg 4", "rampEndTime_usec", _REQUIRED, (), float, "duration of a chirp in us", "rlProfileCfg_t"),
-    ("backoff", "profileCfg 5", "txOutPowerBackoffCode", _REQUIRED, (), int, "one byte per transmitter: reduction of its power in dB",
-     "rlProfileCfg_t"),
-    ("phases", "profileCfg 6", "txPhaseShifter", 0, (), int, "one byte per transmitter: its phase, 90/64 degrees per count (5.625 per 4)",
-     "rlProfileCfg_t"),
-    ("slope_mhz_us", "profileCfg 7", "freqSlopeConst_MHz_usec", _REQUIRED, (), float, "slope of the sweep in MHz/us", "rlProfileCfg_t"),
-    ("samples", "profileCfg 9", "numAdcSamples", _REQUIRED, (), int, "samples of a chirp", "rlProfileCfg_t"),
-    ("rate_ksps", "profileCfg 10", "digOutSampleRate", _REQUIRED, (), float, "sample rate in ksps", "rlProfileCfg_t"),
-    ("first", "chirpCfg 0", "chirpStartIdx", _REQUIRED, (), int, "first chirp that this entry describes", "rlChirpCfg_t"),
-    ("last", "chirpCfg 1", "chirpEndIdx", _REQUIRED, (), int, "last chirp that this entry describes", "rlChirpCfg_t"),
-    ("profile", "chirpCfg 2", "profileId", _REQUIRED, (), int, "number of the profile", "rlChirpCfg_t"),
-    ("start_change", "chirpCfg 3", "startFreqVar_MHz", _REQUIRED, (), float, "change of the start frequency", "rlChirpCfg_t"),
-    ("slope_change", "chirpCfg 4", "freqSlopeVar_KHz_usec", _REQUIRED, (), float, "change of the slope", "rlChirpCfg_t"),
-    ("idle_change", "chirpCfg 5", "idleTimeVar_usec", _REQUIRED, (), float, "change of the pause", "rlChirpCfg_t"),
-    ("adc_start_change", "chirpCfg 6", "adcStartTimeVar_usec", _REQUIRED, (), float, "change of the first sample", "rlChirpCfg_t"),
-    ("tx_mask", "chirpCfg 7", "txEnable", _REQUIRED, (), int, "bit n: transmitter n + 1 sends this chirp", "rlChirpCfg_t"),
-))  # fmt: skip
+FIELDS = tuple(Field(*map(str.strip, row.split("|"))) for row in f"""\
+rx_mask | channelCfg 0 | {_RF}.rlChanCfg_t.rxChannelEn | ? | | bit n enables receiver n + 1 | rlChanCfg_t
+tx_mask | channelCfg 1 | {_RF}.rlChanCfg_t.txChannelEn | ? | | bit n enables transmitter n + 1 | rlChanCfg_t
+adc_bits | adcCfg 0 | {_RF}.rlAdcOutCfg_t.fmt.b2AdcBits | 2 | 0 1 2 | 12, 14 or 16 low bits of a word, without repeated sign | SPRUIJ4
+adc_format | adcCfg 1 | {_RF}.rlAdcOutCfg_t.fmt.b2AdcOutFmt | 1 | 0 1 2 3 | real, complex 1x, complex 2x, pseudo-real | rlAdcBitFormat_t
+buffer_real | adcbufCfg 1 | | 0 | 0 1 | 1: the buffer holds only real samples | SDK, adcOutputFmt
+q_first | adcbufCfg 2 | {_DATA}.rlDevDataFmtCfg_t.iqSwapSel | | 0 1 | 1: Q comes before I | SDK, SampleSwap; RAW
+separate | adcbufCfg 3 | {_DATA}.rlDevDataFmtCfg_t.chInterleave | 1 | 0 1 | 0: the receivers alternate | SDK, ChanInterleave; RAW
+content | lvdsStreamCfg 2 | | 1 | 0 1 | 4: chirp parameters and quality stand beside the samples | SDK, dataFmt
+packet | | {_DATA}.rlDevDataPathCfg_t.transferFmtPkt0 | 1 | 1 | 1: only samples are sent | rlDevDataPathCfg_t
+lanes | | {_DATA}.rlDevLaneEnable_t.laneEn | 3 | 3 15 | bit mask of the LVDS lanes | rlDevLaneEnable_t
+bpm | bpmCfg 1 | | 0 | 0 | 1: two transmitters send at once with binary phases | SDK
+first | frameCfg 0 | {_RF}.rlFrameCfg_t.chirpStartIdx | ? | | first chirp of a loop | rlFrameCfg_t
+last | frameCfg 1 | {_RF}.rlFrameCfg_t.chirpEndIdx | ? | | last chirp of a loop | rlFrameCfg_t
+loops | frameCfg 2 | {_RF}.rlFrameCfg_t.numLoops | ? | | loops per frame | rlFrameCfg_t
+frames | frameCfg 3 | {_RF}.rlFrameCfg_t.numFrames | 0 | | frames of the capture, 0 for no limit | rlFrameCfg_t
+period_ms | frameCfg 4 | {_RF}.rlFrameCfg_t.framePeriodicity_msec | ? | | frame period in ms | rlFrameCfg_t
+identity | profileCfg 0 | profileId | ? | | number of the profile | rlProfileCfg_t
+start_ghz | profileCfg 1 | startFreqConst_GHz | ? | | start of the sweep in GHz | rlProfileCfg_t
+idle_us | profileCfg 2 | idleTimeConst_usec | ? | | pause before a chirp in us | rlProfileCfg_t
+adc_start_us | profileCfg 3 | adcStartTimeConst_usec | ? | | time of the first sample in us | rlProfileCfg_t
+ramp_end_us | profileCfg 4 | rampEndTime_usec | ? | | duration of a chirp in us | rlProfileCfg_t
+backoff | profileCfg 5 | txOutPowerBackoffCode | ? | | one byte per transmitter: reduction of its power in dB | rlProfileCfg_t
+phases | profileCfg 6 | txPhaseShifter | 0 | | one byte per transmitter: its phase in 1/256 of a turn | rlProfileCfg_t
+slope_mhz_us | profileCfg 7 | freqSlopeConst_MHz_usec | ? | | slope of the sweep in MHz/us | rlProfileCfg_t
+samples | profileCfg 9 | numAdcSamples | ? | | samples of a chirp | rlProfileCfg_t
+rate_ksps | profileCfg 10 | digOutSampleRate | ? | | sample rate in ksps | rlProfileCfg_t
+first | chirpCfg 0 | chirpStartIdx | ? | | first chirp that this entry describes | rlChirpCfg_t
+last | chirpCfg 1 | chirpEndIdx | ? | | last chirp that this entry describes | rlChirpCfg_t
+profile | chirpCfg 2 | profileId | ? | | number of the profile | rlChirpCfg_t
+start_change_mhz | chirpCfg 3 | startFreqVar_MHz | ? | | change of the start frequency | rlChirpCfg_t
+slope_change_khz_us | chirpCfg 4 | freqSlopeVar_KHz_usec | ? | | change of the slope | rlChirpCfg_t
+idle_change_us | chirpCfg 5 | idleTimeVar_usec | ? | | change of the pause | rlChirpCfg_t
+adc_change_us | chirpCfg 6 | adcStartTimeVar_usec | ? | | change of the time of the first sample | rlChirpCfg_t
+tx_mask | chirpCfg 7 | txEnable | ? | | bit n: transmitter n + 1 sends this chirp | rlChirpCfg_t
+""".splitlines())  # fmt: skip
+_WITH_UNIT = ("_ghz", "_mhz", "_us", "_ms", "_ksps")  # ends of the names of the numbers that need not be whole
+_REQUIRED = "?"
 # Further words of a .cfg:
 # - lvdsStreamCfg 1 announces a header before each chirp. The reader finds headers by their magic words (radartwin.radar.dca1000).
 # - flushCfg clears all commands before it (SDK).
 # - The comment "% Platform:NAME" of TI's visualizer names the chip, and NAME_AOP its package with antennas.
 # - antGeometry0, antGeometry1, antPhaseRot: azimuth, elevation and sign of each virtual antenna in half wavelengths (3D people tracking
 #   detection layer tuning guide, TI Radar Toolbox).
-# - antGeometryCfg: row and column of each virtual antenna, then the spacing of columns and rows in wavelengths (MCU).
+# - antGeometryCfg: row and column of each virtual antenna, then the spacing of columns and rows in wavelengths (MMWAVE-MCUPLUS SDK).
 _LISTS = ("antGeometry0", "antGeometry1", "antPhaseRot", "antGeometryCfg")
 _PARTS = {"profileCfg": ("rlProfiles", "rlProfileCfg_t"), "chirpCfg": ("rlChirps", "rlChirpCfg_t")}  # commands that a file repeats
 # Commands with two forms: the number of arguments of the rarer form, and the conversion to the other form. The frameCfg of AWR294x has the
-# number of samples before the period (MCU). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK).
+# number of samples before the period (MMWAVE-MCUPLUS SDK). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK).
 _FORMS = {("frameCfg", 8): lambda v: [*v[:4], *v[5:]], ("adcbufCfg", 4): lambda v: [-1.0, *v]}
 _REFUSED = {
     "advFrameCfg": "sub-frames are not supported; use frameCfg",
@@ -195,10 +180,10 @@ def parse_cfg(text: str) -> Setup:
             raise RecordingError(f"it has no {command} line; give a mmWave SDK configuration")
 
     def numbers(fields: Sequence[Field], entry: int = -1) -> Numbers:
-        lines = {field.name: commands[field.command][entry] if field.command in commands else ("", []) for field in fields}
+        lines = [(field, *(commands[field.command][entry] if field.command in commands else ("", []))) for field in fields]
         return {
             field.name: _checked(field, values[field.position] if len(values) > field.position else field.default, place)
-            for field, (place, values) in zip(fields, lines.values(), strict=True)
+            for field, place, values in lines
         }
 
     platforms = re.findall(r"%\s*Platform\s*:\s*(\S+)", text)
@@ -246,13 +231,11 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
         RecordingError: the frame does not consist of equal chirps with one transmitter at a time (time division), or the board is unknown
             or lacks antennas.
     """
-    fired, numbers = _fired_chirps(setup), setup.numbers
-    profile = _profile(setup, fired)
-    transmitters = [chirp["tx_mask"].bit_length() - 1 for chirp in fired]
+    (transmitters, profile), numbers = _fired(setup), setup.numbers
+    if min(numbers["period_ms"], profile["rate_ksps"], profile["start_ghz"]) <= 0:
+        raise RecordingError("frame period, ADC rate and start frequency must be above zero")
     receivers = [n for n in range(numbers["rx_mask"].bit_length()) if numbers["rx_mask"] >> n & 1]
     antennas, reason = _antennas(setup, profile, board, transmitters, receivers)
-    if numbers["period_ms"] <= 0 or profile["rate_ksps"] <= 0:
-        raise RecordingError("frame period and ADC rate must be above zero")
     phases_rad = [2 * math.pi / 256 * (profile["phases"] >> 8 * n & 0xFF) for n in transmitters]
     signs = antennas.signs or ((1,) * len(receivers),) * len(transmitters)
     factors = tuple(tuple(sign * cmath.exp(-1j * phase) for sign in row) for row, phase in zip(signs, phases_rad, strict=True))
@@ -290,41 +273,36 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
     return Description(fields, layout, f"{antennas.name}, {reason}", numbers["frames"])
 
 
-def _fired_chirps(setup: Setup) -> list[Numbers]:
-    """Return the chirps of one loop in firing order.
+def _fired(setup: Setup) -> tuple[list[int], Numbers]:
+    """Return the transmitters of one loop by their numbers from 0, in firing order, and the profile of their chirps.
 
     Raises:
         RecordingError: the frame does not consist of chirps of equal profiles with one transmitter at a time (time division).
     """
-    fired, first, last = [], setup.numbers["first"], setup.numbers["last"]
+    masks: list[int] = []
+    profiles: list[Numbers] = []
+    known = {profile["identity"]: profile for profile in setup.profiles}  # the last of several profiles with the same number counts
+    first, last = setup.numbers["first"], setup.numbers["last"]
     for index in range(first, last + 1):
         chirp = next((chirp for chirp in setup.chirps[::-1] if chirp["first"] <= index <= chirp["last"]), None)
         if chirp is None:
             raise RecordingError(f"the frame fires chirp {index}, which no chirp entry describes; add its chirpCfg or rlChirps entry")
-        if any(value for name, value in chirp.items() if name.endswith("_change")):
-            raise RecordingError(f"chirp {chirp['first']} changes frequency, slope or times of its profile; set these changes to 0")
-        if chirp["tx_mask"].bit_count() != 1:
-            raise RecordingError(
-                f"chirp {chirp['first']} enables the transmitters {chirp['tx_mask']:#x}; enable exactly one, because only time division is "
-                "supported"
-            )
-        fired.append(chirp)
-    if not fired:
+        place, mask = f"chirp {chirp['first']}", chirp["tx_mask"]
+        if any(value for name, value in chirp.items() if "_change_" in name):
+            raise RecordingError(f"{place} changes frequency, slope or times of its profile; set these changes to 0")
+        if mask.bit_count() != 1:
+            raise RecordingError(f"{place} enables the transmitters {mask:#x}; enable exactly one, because only time division is supported")
+        if mask in masks:
+            raise RecordingError("a transmitter fires twice in one loop; raise numLoops instead")
+        if chirp["profile"] not in known:
+            raise RecordingError(f"{place} uses profile {chirp['profile']}, which is not defined; add this profile")
+        masks.append(mask)
+        profiles.append({**known[chirp["profile"]], "identity": 0})
+    if not masks:
         raise RecordingError(f"the frame fires no chirp, because it goes from chirp {first} to {last}; correct these numbers")
-    if len({chirp["tx_mask"] for chirp in fired}) < len(fired):
-        raise RecordingError("a transmitter fires twice in one loop; raise numLoops instead")
-    return fired
-
-
-def _profile(setup: Setup, fired: Sequence[Numbers]) -> Numbers:
-    """Return the profile of the fired chirps. The last of several profiles with the same number counts."""
-    profiles = {profile["identity"]: profile for profile in setup.profiles}
-    if missing := [chirp for chirp in fired if chirp["profile"] not in profiles]:
-        raise RecordingError(f"chirp {missing[0]['first']} uses profile {missing[0]['profile']}, which is not defined; add this profile")
-    profile, *others = ({**profiles[chirp["profile"]], "identity": 0} for chirp in fired)
-    if any(other != profile for other in others):
+    if any(profile != profiles[0] for profile in profiles):
         raise RecordingError("its chirps use several profiles; use one profile for all chirps")
-    return profile
+    return [mask.bit_length() - 1 for mask in masks], profiles[0]
 
 
 def _antennas(setup: Setup, profile: Numbers, name: str | None, transmitters: Sequence[int], receivers: Sequence[int]) -> tuple[Board, str]:
@@ -375,16 +353,17 @@ def _geometry(lists: Mapping[str, list[float]]) -> tuple[str, tuple[list[float],
 
 
 def _checked(field: Field, value: Any, place: str = "") -> Any:
-    """Return a value of a description as a number of the field's kind. Raise RecordingError if the field does not allow it."""
-    if value is None and field.default is None:
+    """Return a value of a description as a number, or None for an empty default. Raise RecordingError if the field does not allow it."""
+    if value == field.default == "":
         return None
-    number = _number(value, place or field.studio)
-    if field.kind is int and number != int(number):
-        raise RecordingError(f"{place or field.studio}: {number:g} must be a whole number")
-    if field.allowed and number not in field.allowed:
-        known = ", ".join(map(str, field.allowed))
-        raise RecordingError(f"{place or field.studio}: {field.name} {number:g} is not supported ({field.meaning}); use {known}")
-    return field.kind(number)
+    number, place = _number(value, place or field.studio), place or field.studio
+    if field.name.endswith(_WITH_UNIT):
+        return number
+    if number != int(number):
+        raise RecordingError(f"{place}: {number:g} must be a whole number")
+    if field.allowed and str(int(number)) not in field.allowed.split():
+        raise RecordingError(f"{place}: {field.name} {number:g} is not supported ({field.meaning}); use {field.allowed}")
+    return int(number)
 
 
 def _get(mapping: Any, *keys: str | int, default: Any = _REQUIRED) -> Any:

@@ -250,6 +250,21 @@ Hardware.leaked | -self.line_loss_db / 20 | -self.line_loss_db / 10 | line loss 
 Hardware.digitised | 1 - np.conj(error) | 1 + np.conj(error) | the mixer's image is as strong as the echo
 Hardware.leakage | apart + self.feed_m | apart | leakage does not pass the feed lines
 
+radar/layouts: radar/test_dca1000
+Layout.samples | (second, first) if self.q_first else (first, second) | (first, second) | Q is always read as I
+Layout.samples | words << (16 - self.bits) >> (16 - self.bits) | words | short words have no sign
+
+radar/ti_files: radar/test_captures
+describe | 2 * math.pi / 256 | math.pi / 256 | the phases of transmitters are halved
+describe | numbers["separate"] == 0 | numbers["separate"] == 1 | receivers that alternate are read one after the other
+describe | 12 + 2 * numbers["adc_bits"] | 16 | words of 12 bits are read as 16 bits
+
+radar/dca1000: radar/test_captures
+SampleFile._after_headers | distances % distance == 0 | distances > 0 | packets of user data are read as chirps
+
+radar/captures: radar/test_captures
+_recorded | abs(edge) > EDGE_DB | True | weak noise decides the order of I and Q against the description
+
 radar/processing: physics/test_point_targets radar/test_radar
 doppler_fft | -2j * np.pi | 2j * np.pi | the delay between transmitters is corrected the wrong way
 response | -1j * wavenumber | 1j * wavenumber | left and right are swapped

@@ -1,55 +1,53 @@
-"""Compare the raw data layout of the DCA1000 capture card with bytes that are written by hand."""
+"""Compare the word orders of the capture hardware with words that are written by hand."""
 
 import dataclasses
 import struct
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from radartwin.errors import RecordingError
 from radartwin.radar import dca1000
-from radartwin.radar.chirp import Radar
 from radartwin.radar.layouts import Layout
 
-# Two samples of two receivers, one chirp of each of two transmitters: the smallest radar with every axis.
-SMALL = dataclasses.replace(Radar.iwr1843(), num_samples=2, num_chirps=1, rx_positions_m=((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)))
+# One chirp of each of two transmitters, with two receivers and two samples; the sample is 100 tx + 10 rx + n, and its Q is that + 1000 j.
+IQ = np.array([[[[complex(i := 100 * tx + 10 * rx + n, -i - 1000) for n in range(2)] for rx in range(2)] for tx in range(2)]])
+PAIRS = [0, 1, -1000, -1001, 10, 11, -1010, -1011, 100, 101, -1100, -1101, 110, 111, -1110, -1111]
+LAYOUTS = {
+    "pairs": (Layout(), PAIRS),
+    "Q first": (Layout(q_first=True), [-1000, -1001, 0, 1, -1010, -1011, 10, 11, -1100, -1101, 100, 101, -1110, -1111, 110, 111]),
+    "alternating": (
+        Layout(alternating=True),
+        [0, -1000, 1, -1001, 10, -1010, 11, -1011, 100, -1100, 101, -1101, 110, -1110, 111, -1111],
+    ),
+    "interleaved": (
+        Layout(interleaved=True),
+        [0, 10, -1000, -1010, 1, 11, -1001, -1011, 100, 110, -1100, -1110, 101, 111, -1101, -1111],
+    ),
+    "both": (
+        Layout(interleaved=True, alternating=True),
+        [0, -1000, 10, -1010, 1, -1001, 11, -1011, 100, -1100, 110, -1110, 101, -1101, 111, -1111],
+    ),
+    "real": (Layout(real=True), [0, 1, 10, 11, 100, 101, 110, 111]),
+}
 
 
-def decode(data: bytes, radar: Radar, swapped: bool = False) -> NDArray[np.complex64]:
-    layout = Layout(real=radar.real_sampling, q_first=swapped)
-    return layout.samples(np.frombuffer(data, "<i2"), (-1, *dca1000.frame_shape(radar)))
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_words_follow_each_layout(name):
+    layout, words = LAYOUTS[name]
+    written, clipped = layout.words(IQ, 1.0)
+    assert (written.tobytes(), clipped) == (struct.pack(f"<{len(words)}h", *words), 0)
+    samples = layout.samples(np.array(words, "<i2"), IQ.shape)
+    np.testing.assert_array_equal(samples, IQ.real if layout.real else IQ)
+    factors = ((1, -1), (1j, 1))
+    turned = dataclasses.replace(layout, factors=factors).samples(np.array(words, "<i2"), IQ.shape)
+    np.testing.assert_array_equal(turned, samples * np.array(factors)[..., None])
 
 
-def _sample(tx: int, rx: int, n: int) -> complex:
-    i = 100 * tx + 10 * rx + n
-    return complex(i, -i - 1000)
-
-
-IQ: NDArray[np.complex128] = np.array([[[[[_sample(t, r, n) for n in range(2)] for r in range(2)] for t in range(2)]]])
-# Little-endian int16 I0 I1 Q0 Q1: tx 0 rx 0, tx 0 rx 1, tx 1 rx 0, tx 1 rx 1.
-I_FIRST = [0, 1, -1000, -1001, 10, 11, -1010, -1011, 100, 101, -1100, -1101, 110, 111, -1110, -1111]
-Q_FIRST = [-1000, -1001, 0, 1, -1010, -1011, 10, 11, -1100, -1101, 100, 101, -1110, -1111, 110, 111]
-
-
-@pytest.mark.parametrize(("swapped", "values"), [(False, I_FIRST), (True, Q_FIRST)])
-def test_bytes_follow_the_two_lane_layout_in_both_orders(swapped, values):
-    expected = struct.pack("<16h", *values)
-    assert dca1000.encode(IQ, 1.0, iq_swapped=swapped) == (expected, 0)
-    np.testing.assert_array_equal(decode(expected, SMALL, swapped), IQ)
-
-
-def test_counts_are_little_endian():
-    data, _ = dca1000.encode(np.array([-2 + 258j, 0]).reshape(1, 1, 1, 1, 2), 1.0)
-    assert data == bytes([0xFE, 0xFF, 0, 0, 0x02, 0x01, 0, 0])
-
-
-def test_real_sampling_has_one_value_per_sample():
-    radar = dataclasses.replace(SMALL, real_sampling=True)
-    data, clipped = dca1000.encode(IQ, 1.0, real_sampling=True)
-    assert clipped == 0
-    assert data == struct.pack("<8h", 0, 1, 10, 11, 100, 101, 110, 111)
-    np.testing.assert_array_equal(decode(data, radar), IQ.real)
+@pytest.mark.parametrize(("layout", "code"), [(Layout(bits=12), 0xFFF), (Layout(bits=14), 0x3FFF), (Layout(unsigned=True), 0x7FFF)])
+def test_short_and_unsigned_words_have_their_sign(layout, code):
+    words = np.array([1 if not layout.unsigned else 0x8001, code, code, code], np.uint16).view(np.int16)
+    np.testing.assert_array_equal(layout.samples(words, (1, 1, 1, 2)), [[[[1 - 1j, -1 - 1j]]]])
 
 
 def test_counts_beyond_16_bits_are_clipped_and_counted():
@@ -61,11 +59,9 @@ def test_counts_beyond_16_bits_are_clipped_and_counted():
 
 def test_every_int16_round_trips():
     counts = np.arange(-32768, 32768, dtype="<i2")
-    radar = dataclasses.replace(SMALL, num_samples=32, num_chirps=256)
-    iq = decode(counts.tobytes(), radar)
-    assert dca1000.encode(iq, 1.0)[0] == counts.tobytes()
-    scale = 3.1e-9
-    assert dca1000.encode(iq * np.float32(scale), scale)[0] == counts.tobytes()
+    iq = Layout().samples(counts, (1, 256, 2, 2, 32))
+    for scale in (1.0, 3.1e-9):
+        assert dca1000.encode(iq * np.float32(scale), scale)[0] == counts.tobytes()
 
 
 def test_invalid_samples_are_refused():
