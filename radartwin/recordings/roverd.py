@@ -22,7 +22,6 @@ rig, so that the distance from the rig to the radar is ignored. The transmitters
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -34,7 +33,7 @@ from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar import dca1000
-from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST, Board
+from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST
 from radartwin.radar.captures import band_edge_db
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json, read_yaml
@@ -44,11 +43,7 @@ from radartwin.radar.recording import Recording, gathered
 CHANNEL = "iq"
 _TYPES = {"iq": ("i2", "i16"), "ts": ("f8", "f64"), "valid": ("u1", "u8")}
 # Boards by the device names of xwr; AWR1843L is an AWR1843 without TX2.
-_BOARDS = {
-    "AWR1843": IWR1843BOOST,
-    "AWR1843L": replace(IWR1843BOOST, tx_positions_m=IWR1843BOOST.tx_positions_m[::2]),
-    "AWR1642": IWR1642BOOST,
-}
+_BOARDS = {"AWR1843": IWR1843BOOST, "AWR1843L": IWR1843BOOST.part((0, 2), range(4)), "AWR1642": IWR1642BOOST}
 _SAME_RESOLUTION = 0.01  # largest relative difference between the resolutions of config.yaml and radar.json
 _LATEST_S = 2.0**33  # the year 2242
 _GAP = 1.5  # a longer time between two frames, in frame periods, is a gap
@@ -70,7 +65,7 @@ def read_trace(
         radar: the radar or its file; None reads config.yaml of the trace.
         board: name of the board, if `radar` is a .cfg or a .mmwave.json.
         iq_swapped: whether Q comes before I; None takes the order of the format, Q before I.
-        cut: True drops an incomplete frame at the end; False makes an incomplete frame an error.
+        cut: True drops an incomplete frame and frames without a time at the end; False makes them an error.
         frames: the frames to read, as a slice without a step.
     Returns:
         The recording in ADC counts, further index columns, and notes (one line of text each).
@@ -79,7 +74,7 @@ def read_trace(
         RecordingError: files of the trace are damaged, or contradict each other or the radar.
     """
     folder, trace = channel.parent, channel.parent.parent
-    shapes = _channels(folder)
+    shapes = _channels(folder / "meta.json")
     if not isinstance(radar, Radar):
         radar = radar_of(trace) if radar is None else Radar.described(radar, board)[0]
     expected = (*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples)
@@ -87,40 +82,35 @@ def read_trace(
         raise RecordingError(f"{folder / 'meta.json'}: iq has shape {shapes['iq']}, not {expected} of radar {radar.name}; give its radar")
     swapped = iq_swapped is not False
     stored = dca1000.SampleFile([channel], radar, Layout(real=radar.real_sampling, q_first=swapped))
-    whole, rest = stored.frames, stored.rest
     times = _values(folder / "ts", "<f8")
     if not np.all((times >= 0) & (times < _LATEST_S)):
         raise RecordingError(f"{folder / 'ts'}: it holds values that are no seconds since 1970; copy the trace again")
-    if rest and not cut:
-        raise RecordingError(
-            f"{channel}: it is truncated, {rest} bytes follow {whole} frames of {dca1000.frame_bytes(radar)} bytes; drop them with --cut"
-        )
-    if len(times) < whole and not cut:
-        raise RecordingError(f"{folder / 'ts'}: it holds {len(times)} times for {whole} frames; drop the frames without a time with --cut")
-    notes = [f"the last frame is incomplete and dropped ({rest} of {dca1000.frame_bytes(radar)} bytes)"] if rest else []
-    chosen, poses = np.arange(min(whole, len(times)))[frames], None
-    if (trace / "_radar" / "pose.npz").is_file():
-        mask, poses = _poses(trace / "_radar" / "pose.npz", len(times))
+    if stored.rest and not cut:
+        raise RecordingError(f"{stored.leftover(radar)}; the file is truncated; drop the incomplete frame with --cut")
+    if len(times) < stored.frames and not cut:
+        raise RecordingError(f"{folder / 'ts'}: it holds {len(times)} times for {stored.frames} frames; drop the others with --cut")
+    notes = [f"the last frame is incomplete and dropped ({stored.rest} of {stored.frame_bytes} bytes)"] if stored.rest else []
+    chosen, poses = np.arange(min(stored.frames, len(times)))[frames], None
+    if (path := trace / "_radar" / "pose.npz").is_file():
+        mask, poses = _poses(path, len(times))
         posed = chosen[mask[chosen]]
         if left_out := len(chosen) - len(posed):
             notes.append(f"{left_out} of {len(chosen)} frames have no pose and are left out")
         chosen, poses = posed, poses[np.cumsum(mask)[posed] - 1]
-    if not len(chosen):
-        raise RecordingError(f"{channel}: no frame is left of {whole}; choose other frames with --frames")
-    if np.any(np.diff(chosen) != 1):
-        raise RecordingError(f"{trace / '_radar' / 'pose.npz'}: the frames with a pose are not contiguous; choose some with --frames")
+    if not len(chosen) or np.any(np.diff(chosen) != 1):
+        what = "no frame is left" if not len(chosen) else "the frames with a pose are not contiguous"
+        raise RecordingError(f"{channel}: {what} of {stored.frames}; choose other frames with --frames")
     if gaps := int(np.sum(np.diff(times[chosen]) > _GAP / radar.frame_rate_hz)):
         notes.append(f"frames are missing at {gaps} places, where the times have gaps")
-    iq = gathered(channel, range(int(chosen[0]), int(chosen[-1]) + 1), stored.shape, stored.samples)
-    started = datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")
-    columns = {"started": started}
+    columns = {"started": datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")}
     if "valid" in shapes:
         valid = _values(folder / "valid", "u1")
         if len(valid) <= chosen[-1]:
-            raise RecordingError(f"{folder / 'valid'}: it holds {len(valid)} values for {whole} frames; copy the trace again")
+            raise RecordingError(f"{folder / 'valid'}: it holds {len(valid)} values for {stored.frames} frames; copy the trace again")
         lost = int(np.count_nonzero(valid[chosen] == 0))
         columns["lost_packets"] = str(lost)  # each of these frames lacks at least one packet
         notes += [f"{lost} of {len(chosen)} frames have lost packets, which are zeros"] if lost else []
+    iq = gathered(channel, range(int(chosen[0]), int(chosen[-1]) + 1), stored.shape, stored.samples)
     provenance = {
         "source": f"{trace.resolve().name}/{folder.name}/{channel.name}", "unit": "counts", "format": "roverd",
         "first_frame": int(chosen[0]), "band_edge_db": round(band_edge_db(iq[0]), 1),
@@ -129,13 +119,15 @@ def read_trace(
 
 
 def radar_of(trace: Path) -> Radar:
-    """Build the radar of a trace from its config.yaml. If radar/radar.json exists, its range resolution must agree.
+    """Build the radar of a trace from its config.yaml: times in us, slope in MHz/us, sample rate in ksps, frame period in ms.
+
+    If radar/radar.json exists, its range resolution must agree.
 
     Raises:
         MissingError: config.yaml does not exist.
         RecordingError: config.yaml lacks a setting of the radar, names another device, or contradicts radar.json.
     """
-    path = trace / "config.yaml"
+    path, described = trace / "config.yaml", trace / "radar" / "radar.json"
     if not path.is_file():
         raise MissingError(f"{path}: no such file, so the waveform is unknown; copy it, or give the radar with --radar")
     settings: Any = read_yaml(path, "sensors")
@@ -147,57 +139,48 @@ def radar_of(trace: Path) -> Radar:
     if board is None:
         raise RecordingError(f"{path}: device {settings['device']!r} is not {', '.join(_BOARDS)}; give the radar with --radar")
     try:
-        radar = _radar(settings, board)
+        slope = 1e12 * float(settings["freq_slope"])
+        radar = Radar(
+            name=board.name,
+            start_frequency_hz=1e9 * float(settings["frequency"]) + slope * 1e-6 * float(settings["adc_start_time"]),
+            slope_hz_per_s=slope,
+            sample_rate_hz=1e3 * float(settings["sample_rate"]),
+            num_samples=settings["adc_samples"],
+            num_chirps=settings["frame_length"],
+            tx_positions_m=board.tx_positions_m,
+            rx_positions_m=board.rx_positions_m,
+            chirp_interval=1e-6 * (float(settings["idle_time"]) + float(settings["ramp_end_time"])),
+            frame_rate_hz=1e3 / float(settings["frame_period"]),
+            element=board.element,
+        )
     except KeyError as error:
         raise RecordingError(f"{path}: radar.args.radar has no {error.args[0]}; give the radar with --radar") from None
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, ZeroDivisionError) as error:
         raise RecordingError(f"{path}: {error}") from error
-    described = trace / "radar" / "radar.json"
-    if described.is_file():
-        stated = read_json(described).get("range_resolution")
-        ours = SPEED_OF_LIGHT / (2 * radar.sampled_bandwidth_hz)
-        if not isinstance(stated, int | float) or not abs(stated / ours - 1) < _SAME_RESOLUTION:
-            raise RecordingError(f"{described}: range_resolution {stated} m contradicts {ours:.4f} m of {path.name}; give the right files")
+    stated = read_json(described).get("range_resolution") if described.is_file() else None
+    ours = SPEED_OF_LIGHT / (2 * radar.sampled_bandwidth_hz)
+    if described.is_file() and not (isinstance(stated, int | float) and abs(stated / ours - 1) < _SAME_RESOLUTION):
+        raise RecordingError(f"{described}: range_resolution {stated} m contradicts {ours:.4f} m of {path.name}; give the right files")
     return radar
 
 
-def _radar(settings: Mapping[str, Any], board: Board) -> Radar:
-    """Build the radar from the settings of xwr: times in us, slope in MHz/us, sample rate in ksps, frame period in ms."""
-    slope, start = 1e12 * float(settings["freq_slope"]), 1e-6 * float(settings["adc_start_time"])
-    return Radar(
-        name=board.name,
-        start_frequency_hz=1e9 * float(settings["frequency"]) + slope * start,
-        slope_hz_per_s=slope,
-        sample_rate_hz=1e3 * float(settings["sample_rate"]),
-        num_samples=settings["adc_samples"],
-        num_chirps=settings["frame_length"],
-        tx_positions_m=board.tx_positions_m,
-        rx_positions_m=board.rx_positions_m,
-        chirp_interval=1e-6 * (float(settings["idle_time"]) + float(settings["ramp_end_time"])),
-        frame_rate_hz=1e3 / float(settings["frame_period"]),
-        element=board.element,
-    )
-
-
-def _channels(folder: Path) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each channel of a sensor by name, after a check of format and type."""
-    path = folder / "meta.json"
+def _channels(path: Path) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each channel of a sensor by name, from its meta.json, after a check of format and type."""
     if not path.is_file():
         raise MissingError(f"{path}: no such file, so the channels are unknown; copy the whole trace")
     described, shapes = read_json(path), {}
     for name, types in _TYPES.items():
-        channel = described.get(name)
-        if channel is None and name == "valid":
+        if name == "valid" and name not in described:
             continue
-        if not isinstance(channel, dict):
-            raise RecordingError(f"{path}: it describes no channel {name}; copy the whole trace")
-        if channel.get("format") != "raw" or str(channel.get("type")).lstrip("<") not in types:
-            given = f"format {channel.get('format')} and type {channel.get('type')}"
-            raise RecordingError(f"{path}: channel {name} has {given}; only format raw and type {types[0]} can be read")
-        shape = channel.get("shape")
-        if not isinstance(shape, list) or not all(isinstance(n, int) and n > 0 for n in shape):
-            raise RecordingError(f"{path}: channel {name} has shape {shape!r}; it must be a list of whole numbers above zero")
-        shapes[name] = tuple(shape)
+        try:
+            kind, form, shape = (described[name][key] for key in ("type", "format", "shape"))
+            shapes[name] = tuple(int(size) for size in shape)
+        except (KeyError, TypeError, ValueError):
+            raise RecordingError(f"{path}: it describes no channel {name} with format, type and shape; copy the whole trace") from None
+        if form != "raw" or str(kind).lstrip("<") not in types:
+            raise RecordingError(
+                f"{path}: channel {name} has format {form} and type {kind}; only format raw and type {types[0]} can be read"
+            )
     return shapes
 
 
@@ -206,8 +189,7 @@ def _values(path: Path, kind: str) -> np.ndarray:
     if not path.is_file():
         raise MissingError(f"{path}: no such file; copy the whole trace")
     refuse_pointer(path)
-    data = path.read_bytes()
-    return np.frombuffer(data[: len(data) // np.dtype(kind).itemsize * np.dtype(kind).itemsize], kind)
+    return np.fromfile(path, kind)
 
 
 def _poses(path: Path, frames: int) -> tuple[np.ndarray, np.ndarray]:
@@ -216,11 +198,8 @@ def _poses(path: Path, frames: int) -> tuple[np.ndarray, np.ndarray]:
         stored = files.read_arrays(path)
         mask, poses = stored["mask"].astype(bool), np.tile(np.eye(4), (len(stored["pos"]), 1, 1))
         poses[:, :3, :3], poses[:, :3, 3] = stored["rot"], stored["pos"]
-    except KeyError as error:
-        raise RecordingError(f"{path}: it has no array {error.args[0]}; copy it again, or remove it to import without poses") from None
-    except (InputError, ValueError, TypeError, IndexError) as error:
+        if mask.shape != (frames,) or mask.sum() != len(poses):
+            raise ValueError(f"mask has {mask.size} values, {int(mask.sum())} of them set, for {frames} frames and {len(poses)} poses")
+    except (InputError, KeyError, ValueError, TypeError, IndexError) as error:
         raise RecordingError(f"{path}: {error}; copy it again, or remove it to import without poses") from error
-    if mask.shape != (frames,) or mask.sum() != len(poses):
-        text = f"mask has {mask.size} values, {int(mask.sum())} of them set, for {frames} frames and {len(poses)} poses"
-        raise RecordingError(f"{path}: {text}; copy it again, or remove it to import without poses")
     return mask, poses
