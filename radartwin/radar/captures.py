@@ -15,6 +15,7 @@ because with complex sampling they may fill the whole band. Frames with lost pac
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -50,15 +51,15 @@ class _Source:
         path: the file that the provenance names.
         radar: radar that recorded the samples.
         frames: number of whole frames.
-        read: function that returns frames (count, chirp, tx, rx, sample) in counts, from the number of the first frame, the number of
-            frames, and whether Q comes first.
+        read: function that returns frames (count, chirp, tx, rx, sample) in counts as if I came first, from the number of the first frame
+            and the number of frames.
         sample_file: the files of a DCA1000 capture.
     """
 
     path: Path
     radar: Radar
     frames: int
-    read: Callable[[int, int, bool], NDArray[np.complex64]]
+    read: Callable[[int, int], NDArray[np.complex64]]
     poses: NDArray[np.float64] | None = None
     sample_file: dca1000.SampleFile | None = None
 
@@ -96,7 +97,7 @@ def load_capture(
     bin_path, json_path = recording_files(path)
     if path.suffix not in CUBES and not cascade_capture.is_cascade_capture(path) and radar is None:
         beside = read_json(json_path) if json_path.is_file() else {}
-        if "capturedFiles" in beside or "mmWaveDevices" in beside:
+        if {"capturedFiles", "mmWaveDevices", "DCA1000Config"} & beside.keys():
             if not bin_path.is_file() or "capturedFiles" in beside:
                 raise RecordingError(f"{json_path}: it holds no samples; {_instead(beside)}")
         elif json_path.is_file() or not bin_path.is_file():
@@ -117,7 +118,7 @@ def load_capture(
     if path.suffix in CUBES:
         source = _cube(path, radar)
     elif cascade_capture.is_cascade_capture(path):
-        source = _swapping(path, radar, *cascade_capture.frame_reader(path, radar))
+        source = _Source(path, radar, *cascade_capture.frame_reader(path, radar))
     elif not bin_path.is_file():
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     else:
@@ -168,6 +169,11 @@ def description_beside(path: Path) -> Path:
     raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give a radar file as radar (--radar)")
 
 
+def spread_frames(frames: int) -> list[int]:
+    """Return the numbers of up to EDGE_FRAMES frames that are spread over a recording."""
+    return np.unique(np.linspace(0, frames - 1, EDGE_FRAMES).round().astype(int)).tolist()
+
+
 def few(items: Sequence[object]) -> str:
     """Return the first five items of a list as text."""
     return ", ".join(map(str, items[:5])) + (", ..." if len(items) > 5 else "")
@@ -175,14 +181,10 @@ def few(items: Sequence[object]) -> str:
 
 def _instead(content: dict[str, Any]) -> str:
     """Return, as text, which files to give in place of a setup file or a radar description of mmWave Studio."""
-    if "mmWaveDevices" in content:
-        return "give the .bin of the capture, and this file as radar (--radar)"
-    try:
-        listed = content["capturedFiles"]["files"][0]
-        name = listed.get("processedFileName") or listed["rawFileName"]
-    except (KeyError, IndexError, TypeError, AttributeError):
-        name = "the .bin of the capture"
-    return f"give {name}, and {str(content.get('configUsed', 'its .mmwave.json')).replace(chr(92), '/').split('/')[-1]} as radar (--radar)"
+    name, radar = "the .bin of the capture", str(content.get("configUsed", "its radar file")).replace("\\", "/").split("/")[-1]
+    with contextlib.suppress(KeyError, IndexError, TypeError):
+        name = content["capturedFiles"]["files"][0]["processedFileName"]
+    return f"give {name}, and {'this file' if 'mmWaveDevices' in content else radar} as radar (--radar)"
 
 
 def _chosen(path: Path, count: int, frames: slice) -> range:
@@ -199,7 +201,7 @@ def _recorded(source: _Source, description: Description, iq_swapped: bool | None
         say(f"board: {description.board}")
     edge = 0.0
     if not radar.real_sampling and description.layout.image_filtered:
-        edges = [band_edge_db(source.read(frame, 1, False)[0]) for frame in _test_frames(source)]
+        edges = [band_edge_db(source.read(frame, 1)[0]) for frame in _test_frames(source)]
         edge = float(np.mean(edges)) if edges else 0.0
     swapped = iq_swapped
     if swapped is None:
@@ -207,11 +209,15 @@ def _recorded(source: _Source, description: Description, iq_swapped: bool | None
         if stated is not None and stated != swapped:
             say(f"its description says {'Q' if stated else 'I'} first, but its noise shows the other order, which is used (--iq-swapped)")
     lost: list[int] = []
+    factors = None if description.factors is None else np.array(description.factors, np.complex64)[..., None]
 
     def read(first: int, count: int) -> NDArray[np.complex64]:
         if source.sample_file is not None:
             lost.extend((first + dca1000.lost_frames(source.sample_file.words(first, count)) - frames.start).tolist())
-        return source.read(first, count, bool(swapped))
+        block = source.read(first, count)
+        # The samples Q + jI equal j conj(I + jQ), so the multiplication of their conjugate by j restores I + jQ exactly.
+        block = 1j * block.conj() if swapped else block
+        return block if factors is None else block * factors
 
     iq = gathered(source.path, frames, dca1000.frame_shape(radar), read)
     board = {"board": description.board} if description.board else {}
@@ -241,26 +247,20 @@ def _log(source: _Source, configured: int, say: Say) -> dict[str, Any]:
 
 def _test_frames(source: _Source) -> list[int]:
     """Return up to EDGE_FRAMES frames that are spread over a capture and hold no lost packets."""
-    spread = np.unique(np.linspace(0, source.frames - 1, EDGE_FRAMES).round().astype(int)).tolist()
-    file = source.sample_file
+    spread, file = spread_frames(source.frames), source.sample_file
     return [frame for frame in spread if file is None or not dca1000.lost_frames(file.words(frame, 1)).size]
 
 
 def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _Source:
     """Open the files of a DCA1000 capture. Refuse words that are unsigned or in another order without a description that says so."""
     layout, described = dca1000.with_card_settings(layout, path.parent)
-    file = dca1000.SampleFile(dca1000.parts(path), radar, layout)
+    file = dca1000.SampleFile(dca1000.parts(path), radar, replace(layout, q_first=False))
     if file.rest and not (cut and file.frames):
         hint = "drop the incomplete frame of an interrupted capture with --cut" if file.frames else "record again"
         raise RecordingError(f"{file.leftover(radar)}; it is truncated or belongs to another radar description; {hint}")
     if file.rest:
         say(f"the last frame is incomplete and dropped ({file.rest} of {file.frame_bytes} bytes)")
-
-    def read(first: int, count: int, q_first: bool) -> NDArray[np.complex64]:
-        file.layout = replace(layout, q_first=q_first)
-        return file.samples(first, count)
-
-    source = _Source(file.path, radar, file.frames, read, sample_file=file)
+    source = _Source(file.path, radar, file.frames, file.samples, sample_file=file)
     tested = _test_frames(source)[:4] if not described else []
     words = np.concatenate([file.words(frame, 1) for frame in tested]) if tested else np.zeros((0, 1), np.int16)
     magnitudes = np.abs(words.astype(np.int32))
@@ -283,16 +283,6 @@ def _flatness_db(layout: Layout, words: NDArray[np.int16], shape: tuple[int, ...
     iq = layout.samples(words.reshape(-1), (len(words), *shape))
     power = np.abs(np.fft.fft(iq * np.hanning(shape[-1]), axis=-1)).astype(np.float64) ** 2
     return float(10 * np.log10(power.mean(axis=(0, 1)) + 1e-9 * power.max() + 1e-12).mean())
-
-
-def _swapping(path: Path, radar: Radar, count: int, read: Callable[[int, int], NDArray[np.complex64]]) -> _Source:
-    """Return a source from a function that reads frames as if I came first."""
-
-    def ordered(first: int, count: int, q_first: bool) -> NDArray[np.complex64]:
-        # The samples Q + jI equal j conj(I + jQ), so the multiplication of their conjugate by j restores I + jQ exactly.
-        return 1j * read(first, count).conj() if q_first else read(first, count)
-
-    return _Source(path, radar, count, ordered)
 
 
 def _cube(path: Path, radar: Radar) -> _Source:
@@ -346,4 +336,4 @@ def _cube(path: Path, radar: Radar) -> _Source:
             block = real + 1j * imag.astype(np.float64)
         return np.asarray(block, np.complex64)
 
-    return replace(_swapping(path, radar, count, read), poses=stored.get("poses"))
+    return _Source(path, radar, count, read, stored.get("poses"))

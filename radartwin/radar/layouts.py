@@ -38,7 +38,6 @@ class Layout:
         bits: number of valid low bits of a word, whose highest bit is the sign.
         unsigned: whether words count from 0 to 65535 with zero in the middle (offset binary).
         image_filtered: whether the receiver filters the image band (complex 1x), so that the noise shows the order of I and Q.
-        factors: factor (tx, rx) of each channel that undoes the signs and phases of its antennas; None for 1.
     """
 
     real: bool = False
@@ -48,10 +47,9 @@ class Layout:
     bits: int = 16
     unsigned: bool = False
     image_filtered: bool = True
-    factors: tuple[tuple[complex, ...], ...] | None = None
 
     def samples(self, words: NDArray[np.int16], shape: tuple[int, ...]) -> NDArray[np.complex64]:
-        """Convert words to complex counts of the shape (..., tx, rx, sample). The conversion is exact if there are no factors."""
+        """Convert words to complex counts of the shape (..., rx, sample). The conversion is exact."""
         *outer, receivers, samples = shape
         if self.unsigned:
             words = words ^ np.int16(-FULL_SCALE - 1)
@@ -65,8 +63,7 @@ class Layout:
             iq.real, iq.imag = (part.reshape(-1) for part in ((second, first) if self.q_first else (first, second)))
         if self.interleaved:
             iq = iq.reshape(*outer, samples, receivers).swapaxes(-1, -2)
-        iq = iq.reshape(shape)
-        return iq if self.factors is None else iq * np.array(self.factors, np.complex64)[..., None]
+        return iq.reshape(shape)
 
     def words(self, iq: NDArray[np.complexfloating], scale: float) -> tuple[NDArray[np.int16], int]:
         """Convert samples (..., rx, sample) to words of 16 bits. Return them with the number of words that were clipped.

@@ -142,12 +142,14 @@ class Description(NamedTuple):
         layout: layout of the samples.
         board: name of the board and how it was chosen, as text; "" if the file gives the antenna positions.
         frames: number of frames of the capture; 0 for no limit.
+        factors: factor (tx, rx) of each channel that undoes the signs and phases of its antennas; None for 1.
     """
 
     fields: dict[str, Any]
     layout: Layout = Layout()
     board: str = ""
     frames: int = 0
+    factors: tuple[tuple[complex, ...], ...] | None = None
 
 
 def parse_cfg(text: str) -> Setup:
@@ -268,9 +270,9 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
         interleaved=interleaved,
         bits=12 + 2 * numbers["adc_bits"],
         image_filtered=numbers["adc_format"] == 1,
-        factors=factors if any(abs(factor - 1) > 1e-9 for row in factors for factor in row) else None,
     )
-    return Description(fields, layout, f"{antennas.name}, {reason}", numbers["frames"])
+    plain = all(abs(factor - 1) < 1e-9 for row in factors for factor in row)
+    return Description(fields, layout, f"{antennas.name}, {reason}", numbers["frames"], None if plain else factors)
 
 
 def _fired(setup: Setup) -> tuple[list[int], Numbers]:

@@ -12,7 +12,7 @@ import numpy as np
 from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.io import files
 from radartwin.io.progress import Progress
-from radartwin.radar.captures import EDGE_DB, EDGE_FRAMES, band_edge_db, few
+from radartwin.radar.captures import EDGE_DB, band_edge_db, few, spread_frames
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import FULL_SCALE, lost_frames
 from radartwin.radar.recording import Recording, recording_files
@@ -128,8 +128,11 @@ def check_samples(recording: Recording, row: Row, card: Card | None = None) -> t
             notes.append(text)
         else:
             problems.append(f"{text}; record again with a larger packet delay")
-    spread = np.unique(np.linspace(0, recording.num_frames - 1, EDGE_FRAMES).round().astype(int))
-    edge = 0.0 if recording.radar.real_sampling else float(np.mean([band_edge_db(recording.iq[frame]) for frame in spread]))
+    edge = (
+        0.0
+        if recording.radar.real_sampling
+        else float(np.mean([band_edge_db(recording.iq[frame]) for frame in spread_frames(recording.num_frames)]))
+    )
     if edge < -EDGE_DB:
         flag = str(not recording.iq_swapped).lower()
         problems.append(
