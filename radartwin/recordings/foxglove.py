@@ -24,51 +24,57 @@ from radartwin.radar.processing import decibels
 Message = dict[str, Any]
 
 PIXELS_PER_DB = 100.0
-_NUMERIC_TYPES = {point_messages.FLOAT32: 7}  # code of the ROS message PointField -> code of Foxglove's enumeration NumericType
-
-_WHOLE = {"type": "integer", "minimum": 0}
-_TEXT, _NUMBER, _BYTES = {"type": "string"}, {"type": "number"}, {"type": "string", "contentEncoding": "base64"}
+_POINT_FIELDS = {point_messages.FLOAT32: 7}  # code of the ROS message PointField -> number in NUMERIC_TYPES
+# Fields of each message in the order of their numbers 1, 2, ...: name and type. A type with a capital letter is another message.
+FIELDS: dict[str, tuple[tuple[str, str], ...]] = {
+    "foxglove.Vector3": (("x", "double"), ("y", "double"), ("z", "double")),
+    "foxglove.Quaternion": (("x", "double"), ("y", "double"), ("z", "double"), ("w", "double")),
+    "foxglove.Pose": (("position", "foxglove.Vector3"), ("orientation", "foxglove.Quaternion")),
+    "foxglove.PackedElementField": (("name", "string"), ("offset", "fixed32"), ("type", "foxglove.PackedElementField.NumericType")),
+    "foxglove.RawImage": (
+        ("timestamp", "Timestamp"), ("width", "fixed32"), ("height", "fixed32"), ("encoding", "string"), ("step", "fixed32"),
+        ("data", "bytes"), ("frame_id", "string"),
+    ),
+    "foxglove.CompressedImage": (("timestamp", "Timestamp"), ("data", "bytes"), ("format", "string"), ("frame_id", "string")),
+    "foxglove.PointCloud": (
+        ("timestamp", "Timestamp"), ("frame_id", "string"), ("pose", "foxglove.Pose"), ("point_stride", "fixed32"),
+        ("fields", "repeated foxglove.PackedElementField"), ("data", "bytes"),
+    ),
+    "foxglove.FrameTransform": (
+        ("timestamp", "Timestamp"), ("parent_frame_id", "string"), ("child_frame_id", "string"), ("translation", "foxglove.Vector3"),
+        ("rotation", "foxglove.Quaternion"),
+    ),
+    "foxglove.PoseInFrame": (("timestamp", "Timestamp"), ("frame_id", "string"), ("pose", "foxglove.Pose")),
+    "radartwin.RangeProfile": (
+        ("timestamp", "Timestamp"), ("frame_id", "string"), ("range_start_m", "double"), ("range_step_m", "double"),
+        ("power_db", "repeated double"),
+    ),
+}  # fmt: skip
+NUMERIC_TYPES = ("UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64")
+_JSON_TYPES: dict[str, Message] = {
+    "double": {"type": "number"}, "fixed32": {"type": "integer", "minimum": 0}, "string": {"type": "string"},
+    "bytes": {"type": "string", "contentEncoding": "base64"},
+    "foxglove.PackedElementField.NumericType": {"type": "integer", "minimum": 0, "maximum": len(NUMERIC_TYPES) - 1},
+}  # fmt: skip
 
 
 def _object(title: str, properties: Message) -> Message:
     return {"title": title, "type": "object", "properties": properties, "required": list(properties)}
 
 
-_TIME = _object("time", {"sec": _WHOLE, "nsec": {**_WHOLE, "maximum": 999_999_999}})
-_VECTOR = _object("foxglove.Vector3", dict.fromkeys("xyz", _NUMBER))
-_QUATERNION = _object("foxglove.Quaternion", dict.fromkeys("xyzw", _NUMBER))
-_POSE = _object("foxglove.Pose", {"position": _VECTOR, "orientation": _QUATERNION})
-_FIELD = _object("foxglove.PackedElementField", {"name": _TEXT, "offset": _WHOLE, "type": {**_WHOLE, "maximum": 8}})
-_STAMPED = {"timestamp": _TIME, "frame_id": _TEXT}
+_WHOLE = _JSON_TYPES["fixed32"]
+_JSON_TYPES["Timestamp"] = _object("time", {"sec": _WHOLE, "nsec": {**_WHOLE, "maximum": 999_999_999}})
 
-SCHEMAS: dict[str, Message] = {
-    schema["title"]: schema
-    for schema in (
-        _object(
-            "foxglove.RawImage",
-            {**_STAMPED, "width": _WHOLE, "height": _WHOLE, "encoding": _TEXT, "step": _WHOLE, "data": _BYTES},
-        ),
-        _object("foxglove.CompressedImage", {**_STAMPED, "data": _BYTES, "format": _TEXT}),
-        _object(
-            "foxglove.PointCloud",
-            {**_STAMPED, "pose": _POSE, "point_stride": _WHOLE, "fields": {"type": "array", "items": _FIELD}, "data": _BYTES},
-        ),
-        _object(
-            "foxglove.FrameTransform",
-            {"timestamp": _TIME, "parent_frame_id": _TEXT, "child_frame_id": _TEXT, "translation": _VECTOR, "rotation": _QUATERNION},
-        ),
-        _object("foxglove.PoseInFrame", {**_STAMPED, "pose": _POSE}),
-        _object(
-            "radartwin.RangeProfile",
-            {**_STAMPED, "range_start_m": _NUMBER, "range_step_m": _NUMBER, "power_db": {"type": "array", "items": _NUMBER}},
-        ),
-    )
-}
+
+def _json_schema(kind: str) -> Message:
+    if kind.startswith("repeated "):
+        return {"type": "array", "items": _json_schema(kind.removeprefix("repeated "))}
+    return _JSON_TYPES.get(kind) or _object(kind, {name: _json_schema(inner) for name, inner in FIELDS[kind]})
 
 
 def schema(name: str) -> bytes:
     """Return the JSON Schema of the message `name`."""
-    return json.dumps(SCHEMAS[name]).encode()
+    return json.dumps(_json_schema(name)).encode()
 
 
 def encode(name: str, message: Message) -> bytes:
@@ -96,7 +102,7 @@ def picture(time_ns: int, frame_id: str, data: bytes, kind: str) -> Message:
 
 def point_cloud(time_ns: int, frame_id: str, cloud: point_messages.PointCloud2) -> Message:
     """Return a foxglove.PointCloud with the fields and the bytes of a packed point cloud."""
-    packed = [{"name": field.name, "offset": field.offset, "type": _NUMERIC_TYPES[field.datatype]} for field in cloud.fields]
+    packed = [{"name": field.name, "offset": field.offset, "type": _POINT_FIELDS[field.datatype]} for field in cloud.fields]
     layout = {"pose": _pose(np.eye(4)), "point_stride": cloud.point_step, "fields": packed}
     return {**stamped(time_ns, frame_id), **layout, "data": _text(cloud.data)}
 

@@ -11,33 +11,8 @@ from functools import cache
 from typing import Any
 
 from radartwin.errors import BackendError
+from radartwin.recordings.foxglove import FIELDS, NUMERIC_TYPES
 
-# Fields of each message in the order of their numbers 1, 2, ...: name and type. A type with a capital letter is another message.
-_FIELDS: dict[str, tuple[tuple[str, str], ...]] = {
-    "foxglove.Vector3": (("x", "double"), ("y", "double"), ("z", "double")),
-    "foxglove.Quaternion": (("x", "double"), ("y", "double"), ("z", "double"), ("w", "double")),
-    "foxglove.Pose": (("position", "foxglove.Vector3"), ("orientation", "foxglove.Quaternion")),
-    "foxglove.PackedElementField": (("name", "string"), ("offset", "fixed32"), ("type", "foxglove.PackedElementField.NumericType")),
-    "foxglove.RawImage": (
-        ("timestamp", "Timestamp"), ("width", "fixed32"), ("height", "fixed32"), ("encoding", "string"), ("step", "fixed32"),
-        ("data", "bytes"), ("frame_id", "string"),
-    ),
-    "foxglove.CompressedImage": (("timestamp", "Timestamp"), ("data", "bytes"), ("format", "string"), ("frame_id", "string")),
-    "foxglove.PointCloud": (
-        ("timestamp", "Timestamp"), ("frame_id", "string"), ("pose", "foxglove.Pose"), ("point_stride", "fixed32"),
-        ("fields", "repeated foxglove.PackedElementField"), ("data", "bytes"),
-    ),
-    "foxglove.FrameTransform": (
-        ("timestamp", "Timestamp"), ("parent_frame_id", "string"), ("child_frame_id", "string"), ("translation", "foxglove.Vector3"),
-        ("rotation", "foxglove.Quaternion"),
-    ),
-    "foxglove.PoseInFrame": (("timestamp", "Timestamp"), ("frame_id", "string"), ("pose", "foxglove.Pose")),
-    "radartwin.RangeProfile": (
-        ("timestamp", "Timestamp"), ("frame_id", "string"), ("range_start_m", "double"), ("range_step_m", "double"),
-        ("power_db", "repeated double"),
-    ),
-}  # fmt: skip
-_NUMERIC_TYPES = ("UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64")
 _SCALARS = {"double": 1, "fixed32": 7, "string": 9, "bytes": 12}  # of FieldDescriptorProto.Type
 _MESSAGE, _ENUM = 11, 14
 _OPTIONAL, _REPEATED = 1, 3  # of FieldDescriptorProto.Label
@@ -71,7 +46,7 @@ def _definitions() -> tuple[bytes, dict[str, Any]]:
     for package in ("foxglove", "radartwin"):
         file = files.file.add(name=f"{package}/timeline.proto", package=package, syntax="proto3")
         file.dependency.append(timestamp_pb2.DESCRIPTOR.name)
-        for title, fields in _FIELDS.items():
+        for title, fields in FIELDS.items():
             if title.partition(".")[0] != package:
                 continue
             message = file.message_type.add(name=title.partition(".")[2])
@@ -83,12 +58,12 @@ def _definitions() -> tuple[bytes, dict[str, Any]]:
                     field.type_name = ".google.protobuf.Timestamp" if kind == "Timestamp" else f".{kind}"
             if title == "foxglove.PackedElementField":
                 enum = message.enum_type.add(name="NumericType")
-                for number, name in enumerate(_NUMERIC_TYPES):
+                for number, name in enumerate(NUMERIC_TYPES):
                     enum.value.add(name=name, number=number)
     pool = descriptor_pool.DescriptorPool()
     for file in files.file:
         pool.Add(file)
-    classes = {name: message_factory.GetMessageClass(pool.FindMessageTypeByName(name)) for name in _FIELDS}
+    classes = {name: message_factory.GetMessageClass(pool.FindMessageTypeByName(name)) for name in FIELDS}
     return files.SerializeToString(deterministic=True), classes
 
 

@@ -17,7 +17,7 @@ from radartwin.errors import BackendError, InputError, OutputError
 from radartwin.radar.detection import point_clouds
 from radartwin.radar.named import awr2243_cascade, iwr6843
 from radartwin.radar.power_maps import power_maps
-from radartwin.recordings.foxglove import SCHEMAS
+from radartwin.recordings import foxglove
 from radartwin.recordings.pictures import Picture, read_pictures
 from radartwin.recordings.timeline import TOPICS, frame_time_ns, write_timeline
 
@@ -74,7 +74,7 @@ def pixels(image):
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_schemas_have_the_published_fields(name):
-    schema = SCHEMAS[name]
+    schema = json.loads(foxglove.schema(name))
     assert set(schema["properties"]) == set(schema["required"]) == PUBLISHED[name]
     for field in ENCODED & set(schema["properties"]):
         assert schema["properties"][field] == {"type": "string", "contentEncoding": "base64"}
