@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable
 
 import numpy as np
+import pytest
 
+from radartwin.errors import UserError
 from radartwin.radar.chirp import Radar
+from radartwin.radar.dca1000 import PACKET_BYTES
 from radartwin.radar.recording import Recording
 from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.model import Recogniser
 from radartwin.recordings.card import Card
-from radartwin.radar.dca1000 import PACKET_BYTES
 
 CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
+
+
+def refused(words: Iterable[str], call: Callable[..., object], *arguments: object, error: type[Exception] = UserError) -> None:
+    """Check that a call raises an error whose message is one short line with the given words."""
+    with pytest.raises(error) as caught:
+        call(*arguments)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 400
+    assert not [word for word in words if word not in message], message
 
 
 def noise(radar: Radar, seed: int = 0, frames: int = 4) -> Recording:

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from made_files import refused
 
 import radartwin as rt
 from radartwin.builders.radar import build_radar
@@ -89,12 +90,7 @@ def test_half_wavelengths_are_those_of_the_design_frequency(tmp_path):
 )
 def test_wrong_table_is_refused_in_one_line(tmp_path, text, name, words, inside):
     path = write(tmp_path, text, name)
-    with pytest.raises(RecordingError) as caught:
-        read_array(path)
-    message = str(caught.value)
-    assert "\n" not in message
-    for word in (name, *words):
-        assert word in message
+    refused([name, *words], read_array, path, error=RecordingError)
     done = inside("simulate", "scene=plate", "trajectory=static", f"radar.array={path}", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
@@ -113,9 +109,7 @@ def test_wrong_table_is_refused_in_one_line(tmp_path, text, name, words, inside)
     ],
 )
 def test_a_list_or_mapping_as_a_cell_is_refused_in_one_line(tmp_path, text, place, words):
-    with pytest.raises(RecordingError) as caught:
-        read_array(write(tmp_path, text, "a.yaml"))
-    assert str(caught.value) == f"{tmp_path}/{place} must be a single number or text, not {words}"
+    refused([f"{tmp_path}/{place} must be a single number or text, not {words}"], read_array, write(tmp_path, text, "a.yaml"))
 
 
 def test_table_with_a_radar_file_yields_to_the_configured_element_and_drops_the_gains_of_the_file(tmp_path):

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from radar_refusals import assert_refused
+from made_files import refused
 
 from radartwin.errors import InputError, MissingError
 from radartwin.radar.antenna import element_gain
@@ -87,7 +87,7 @@ def test_invalid_field_is_named_with_the_file(tmp_path, change, field):
         dataclasses.replace(RADAR, **change)
     path = tmp_path / "r.json"
     path.write_text(json.dumps({**RADAR.to_dict(), **change}))
-    assert_refused(path, field)
+    refused([path.name, field], Radar.from_file, path)
 
 
 def test_numpy_numbers_are_accepted():
@@ -122,7 +122,7 @@ def test_unknown_and_missing_fields_and_files_are_named(tmp_path):
 )
 def test_file_without_a_radar_is_refused(tmp_path, name, text, words):
     (tmp_path / name).write_text(text)
-    assert_refused(tmp_path / name, *words)
+    refused([name, *words], Radar.from_file, tmp_path / name)
 
 
 def _direction(azimuth_deg: float, elevation_deg: float) -> list[float]:

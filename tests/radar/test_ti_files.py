@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from made_files import studio_json
-from radar_refusals import assert_refused
+from made_files import refused, studio_json
 
 from radartwin.radar.chirp import Radar
 
@@ -87,7 +86,7 @@ def test_power_backoff_and_real_sampling_are_read(tmp_path):
 )
 def test_malformed_cfg_is_refused_with_its_place(tmp_path, old, new, words):
     assert old in CFG
-    assert_refused(_write(tmp_path, CFG.replace(old, new)), words)
+    refused(["radar.cfg", words], Radar.from_file, _write(tmp_path, CFG.replace(old, new)))
 
 
 @pytest.mark.parametrize(("start_ghz", "tx_mask", "spacing_m"), [(60, 5, 2 * C / 62e9), (77, 5, 2 * C / 77e9), (77, 3, 2 * C / 77e9)])
@@ -133,9 +132,9 @@ def test_invalid_part_of_a_studio_file_is_named(tmp_path, part, key, value):
     for step in part:
         section = section.setdefault(step, {})
     section[key] = value
-    assert_refused(_write(tmp_path, json.dumps(values), "x.mmwave.json"), key)
+    refused(["x.mmwave.json", key], Radar.from_file, _write(tmp_path, json.dumps(values), "x.mmwave.json"))
 
 
 @pytest.mark.parametrize("devices", [[], 5, [5], {}])
 def test_studio_file_without_a_device_is_refused(tmp_path, devices):
-    assert_refused(_write(tmp_path, json.dumps({"mmWaveDevices": devices}), "x.mmwave.json"))
+    refused(["x.mmwave.json"], Radar.from_file, _write(tmp_path, json.dumps({"mmWaveDevices": devices}), "x.mmwave.json"))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_files import log_text, noise, studio_json
+from made_files import log_text, noise, refused, studio_json
 
 from radartwin.errors import InputError, MissingError, RecordingError, UserError
 from radartwin.radar import dca1000
@@ -73,9 +73,9 @@ def test_lost_packets_are_reported_and_stored(tmp_path: Path) -> None:
     notes: list[str] = []
     _, added = import_captures(source, tmp_path / "set", {**CARD, **MUG}, say=notes.append)
     assert notes == [
-        BOARD,
         f"adc_data: 2 of {packets(300)} packets were lost ({2 * PACKET_BYTES} bytes of zeros)",
         "adc_data: 2 packets were out of sequence",
+        BOARD,
         "adc_data: 2 of 300 frames hold lost packets, which are zeros: frame 7, 200",
     ]
     assert added[0].extra["lost_packets"] == "2"
@@ -89,7 +89,7 @@ def test_missing_frames_and_a_missing_log_are_reported(tmp_path: Path) -> None:
     source.write_bytes(source.read_bytes()[: 3 * FRAME])
     recording, _, notes = read_capture(source)
     assert recording.num_frames == 3
-    assert notes == [BOARD, "frames are missing: the capture holds 3 frames, 4 configured, 4 logged"]
+    assert notes == ["frames are missing: the capture holds 3 frames, 4 configured, 4 logged", BOARD]
     _, columns, notes = read_capture(capture(tmp_path, log=False))
     assert columns == {}
     assert ["no LogFile.csv" in note for note in notes] == [True, False]
@@ -149,9 +149,7 @@ def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
 )
 def test_invalid_log_is_refused(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
     (tmp_path / "a_LogFile.csv").write_text(text)
-    with pytest.raises(RecordingError) as caught:
-        read_log(tmp_path / "a_LogFile.csv")
-    assert not [word for word in ("a_LogFile.csv", *words) if word not in str(caught.value)]
+    refused(["a_LogFile.csv", *words], read_log, tmp_path / "a_LogFile.csv", error=RecordingError)
 
 
 def test_capture_uses_its_own_log_or_the_only_log(tmp_path: Path) -> None:
@@ -275,18 +273,16 @@ def test_invalid_mapping_is_refused_before_a_capture_is_read(campaign: Path, ent
         ("m.yaml", "- 1", "keys card and captures"),
         ("m.yaml", "files: []", "keys card and captures"),
         ("m.yaml", "captures: {a: b}", "list of mappings"),
-        ("m.yaml", "captures: [{object: mug}]", r"captures\[0\]: the key 'file' is missing"),
+        ("m.yaml", "captures: [{object: mug}]", "captures[0]: the key 'file' is missing"),
         ("m.csv", "object,room\nmug,lab\n", "no column 'file'"),
-        ("m.csv", "file,object\na\n", "line 2: .*one value per column"),
-        ("m.csv", "file,object\na,b,c\n", "line 2: .*one value per column"),
-        ("m.txt", "", r"ends in \.yaml or \.csv"),
+        ("m.csv", "file,object\na\n", "line 2: expected one value per column"),
+        ("m.csv", "file,object\na,b,c\n", "line 2: expected one value per column"),
+        ("m.txt", "", "ends in .yaml or .csv"),
     ],
 )
 def test_invalid_mapping_file_is_refused_by_one_line(tmp_path: Path, name: str, text: str, words: str) -> None:
     (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match=words) as caught:
-        read_mapping(tmp_path / name)
-    assert "\n" not in str(caught.value)
+    refused([words], read_mapping, tmp_path / name, error=InputError)
 
 
 def test_incomplete_card_is_refused_before_the_set_is_created(tmp_path: Path) -> None:
