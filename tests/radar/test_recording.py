@@ -98,7 +98,7 @@ def test_name_with_dots_may_have_either_suffix_or_none(tmp_path):
 def test_saved_bytes_are_the_same_in_another_process(tmp_path):
     script = f"""
 import sys
-sys.path.insert(0, {str(Path(__file__).parent)!r})
+sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]}
 from test_recording import RADAR, Recording, _noise
 Recording(_noise(), RADAR).save(sys.argv[1])
 """
@@ -219,13 +219,8 @@ def test_cube_needs_a_radar_of_its_shape(tmp_path):
     (tmp_path / "text.npy").write_text("no array")
     np.save(tmp_path / "none_left.npy", np.zeros((0, 8, 2, 4, 64), complex))
     refused(["cube.npy", "radar"], load_capture, tmp_path / "cube.npy", error=RecordingError)
-    for name, words in (
-        ("cube.npy", "does not fit"),
-        ("none.npy", "no such file"),
-        ("text.npy", "readable"),
-        ("none_left.npy", "zero frames"),
-    ):
-        refused([name, words], load_capture, tmp_path / name, RADAR)
+    for name, words in {"cube": "does not fit", "none": "no such file", "text": "readable", "none_left": "zero frames"}.items():
+        refused([f"{name}.npy", words], load_capture, tmp_path / f"{name}.npy", RADAR)
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300j])
