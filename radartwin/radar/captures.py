@@ -261,20 +261,18 @@ def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _
     if file.rest:
         say(f"the last frame is incomplete and dropped ({file.rest} of {file.frame_bytes} bytes)")
     source = _Source(file.path, radar, file.frames, file.samples, sample_file=file)
-    tested = _test_frames(source)[:4] if not described else []
-    words = np.concatenate([file.words(frame, 1) for frame in tested]) if tested else np.zeros((0, 1), np.int16)
-    magnitudes = np.abs(words.astype(np.int32))
+    words = np.concatenate([np.zeros((0, file.frame_bytes // 2), np.int16), *(file.words(n, 1) for n in _test_frames(source)[:4])])
+    remedy = "correct the cf.json beside it" if described else "put the cf.json of the capture beside it"
+    magnitudes = np.abs((words ^ np.int16(-32768) if layout.unsigned else words).astype(np.int32))
     if words.size and np.median(magnitudes) > _UNSIGNED and np.mean(magnitudes >= dca1000.FULL_SCALE) < 0.5:
-        raise RecordingError(
-            f"{path}: its counts seem unsigned; put the cf.json of the capture beside it (MSBToggle 1), or subtract 32768 from each count"
-        )
+        raise RecordingError(f"{path}: its counts seem {'signed' if layout.unsigned else 'unsigned'}; {remedy} (MSBToggle)")
     if words.size and not (layout.real or layout.interleaved) and radar.num_samples >= 16:
-        flatness = {alternating: _flatness_db(replace(layout, alternating=alternating), words, file.shape) for alternating in (False, True)}
-        if flatness[False] - flatness[True] > _REORDERED_DB:
-            raise RecordingError(
-                f"{path}: its samples seem to be in the order I0 Q0 I1 Q1; put the cf.json of the capture beside it (reorderEnable 1), or "
-                "record with reorderEnable 0"
-            )
+        stated, other = (
+            _flatness_db(replace(layout, alternating=order), words, file.shape) for order in (layout.alternating, not layout.alternating)
+        )
+        if stated - other > _REORDERED_DB:
+            order = "I0 I1 Q0 Q1" if layout.alternating else "I0 Q0 I1 Q1"
+            raise RecordingError(f"{path}: its samples seem to be in the order {order}; {remedy} (reorderEnable)")
     return source
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from made_files import log_text
+from made_files import log_text, refused
 
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
@@ -24,6 +24,7 @@ ROWS = {
     "hsi/hsi": (2.5, 15), "hsi/hsi4": (2.5, 15), "aop/aop_az0": (2.5, 0), "aop/aop_az25": (2.5, 25), "ods/ods_az0": (2.5, 0),
     "ods/ods_az25": (2.5, 25), "redefine/redefine": (2.5, 15), "flush/flush": (2.5, 15), "twoprof/twoprof": (2.5, 15),
     "reorder/reorder": (2.5, 15), "studio/ok/ok": (2.5, 15), "studio/swap4/swap4": (2.5, 15), "studio/inter/inter": (2.5, 15),
+    "pad/pad": (2.5, 15), "pad/cutmid": (2.5, 15),
     "studio/bits12/bits12": (2.5, 15), "studio/c2x/c2x": (2.5, 15), "studio/samename/samename": (2.5, 15),
 }  # fmt: skip
 
@@ -55,7 +56,24 @@ def assert_single_target(peaks: pd.DataFrame, radar: Radar, range_m: float, azim
 def test_capture_is_read_as_its_description_says(name: str, field: Path) -> None:
     range_m, azimuth_deg = ROWS[name]
     path, description = capture_of(field, name)
-    assert_single_target(process_capture(path, radar=description), load_capture(path, description).radar, range_m, azimuth_deg)
+    peaks = process_capture(path, radar=description, cut=name.startswith("pad/"))
+    assert_single_target(peaks, Radar.from_file(description or path.with_suffix(".json")), range_m, azimuth_deg)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("udp/udp", "packet headers"), ("offset/offset", "unsigned"), ("lfs/lfs", "Git LFS"), ("pad/pad", "--cut"), ("pad/cutmid", "--cut")],
+)
+def test_capture_without_a_sufficient_description_is_refused(name: str, words: str, field: Path) -> None:
+    refused([words], load_capture, *capture_of(field, name))
+
+
+def test_awr294x_has_its_frame_period_and_speed(field: Path) -> None:
+    path, description = capture_of(field, "awr2944/awr2944")
+    assert load_capture(path, description).radar.frame_rate_hz == pytest.approx(1 / 0.3)
+    peaks = process_capture(path, radar=description)
+    assert peaks.doppler_mps[0] == pytest.approx(0.5, abs=0.01)
+    assert peaks.range_m.min() == pytest.approx(2.5, abs=0.02)  # the target recedes by 0.15 m per frame
 
 
 # The second set: a writer that shares no code with the package, with other numbers than those of ../shared/field.
@@ -183,12 +201,12 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_second_set_of_captures_is_read_as_described(kind: str, tmp_path: Path) -> None:
-    text, chirps, *card = KINDS[kind]
+    text, chirps, *settings = KINDS[kind]
     radar = tmp_path / ("a.mmwave.json" if text.startswith("{") else "a.cfg")
     radar.write_bytes(text.encode("utf-8").replace(b"sensorStart", b"sensorStart % caf\xe9"))
     (tmp_path / "a.bin").write_bytes(b"".join(chirp.tobytes() for chirp in chirps))
-    if card:
-        (tmp_path / "cf.json").write_text(json.dumps({"DCA1000Config": {"dataLoggingMode": "raw", "dataFormatConfig": card[0]}}))
+    if settings:
+        (tmp_path / "cf.json").write_text(json.dumps(card(**settings[0])))
     recording = load_capture(tmp_path / "a.bin", radar)
     assert recording.num_frames == 3
     assert recording.radar.frame_rate_hz == pytest.approx(20)
@@ -200,6 +218,11 @@ HEADED = b"".join(part.tobytes() for part in with_headers(words(echo(PAIR, ROW, 
 PLAIN = b"".join(chirp.tobytes() for chirp in words(echo(PAIR, ROW, 6)))
 SETUP = {"configUsed": "C:\\captures\\walk.mmwave.json", "capturedFiles": {"files": [{"processedFileName": "walk.bin"}]}}
 LOW_POWER = "channelCfg 7 3 0\nchirpComnCfg 8 0 0 256 4 28 0\nchirpTimingCfg 6 63 0 75 60\nframeCfg 2 0 200 64 250 0\n"
+
+
+def card(mode: str = "raw", **settings: int) -> dict[str, object]:
+    """Return the settings file cf.json of the capture card."""
+    return {"DCA1000Config": {"dataLoggingMode": mode, "dataFormatConfig": settings}}
 
 
 def packets(data: bytes) -> bytes:
@@ -227,9 +250,19 @@ REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
         "736 bytes apart",
     ),
     "lost header beside user data": ({"a.bin": HEADED[:17008] + bytes(96) + HEADED[17104:]}, [], "headers .* were lost"),
-    "unsigned counts": ({"a.bin": (np.frombuffer(PLAIN, "<u2") ^ 0x8000).tobytes()}, [], "its counts seem unsigned; .*MSBToggle 1"),
-    "other order of words": ({"a.bin": np.concatenate(words(echo(PAIR, ROW, 6), "QIQI")).tobytes()}, [], "I0 Q0 I1 Q1; .*reorderEnable 1"),
-    "separated data types": ({"cf.json": {"DCA1000Config": {"dataLoggingMode": "multi", "dataFormatConfig": {}}}}, [], "'multi' separates"),
+    "unsigned counts": (
+        {"a.bin": (np.frombuffer(PLAIN, "<u2") ^ 0x8000).tobytes()},
+        [],
+        "its counts seem unsigned; put the cf.json .*MSBToggle",
+    ),
+    "other order of words": (
+        {"a.bin": np.concatenate(words(echo(PAIR, ROW, 6), "QIQI")).tobytes()},
+        [],
+        "I0 Q0 I1 Q1; put the cf.json .*reorderEnable",
+    ),
+    "order of words against the card": ({"cf.json": card(reorderEnable=1)}, [], "I0 I1 Q0 Q1; correct the cf.json .*reorderEnable"),
+    "signs against the card": ({"cf.json": card(MSBToggle=1)}, [], "its counts seem signed; correct the cf.json .*MSBToggle"),
+    "separated data types": ({"cf.json": card("multi")}, [], "'multi' separates"),
     "low-power format": ({"a.cfg": LOW_POWER}, [], "line 2: chirpComnCfg: the low-power configuration format of xWRL6432"),
     "parameters beside samples": ({"a.cfg": cfg("lvdsStreamCfg -1 1 4 0")}, [], "content 4 is not supported"),
     "binary phases": ({"a.cfg": cfg("bpmCfg -1 1 0 1")}, [], "bpm 1 is not supported"),
