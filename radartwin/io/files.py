@@ -19,6 +19,7 @@ from typing import IO, TYPE_CHECKING
 from filelock import FileLock, Timeout
 
 from radartwin.errors import InputError, OutputError, UserError
+from radartwin.io.git_lfs import refuse_pointer
 
 if TYPE_CHECKING:
     import numpy as np
@@ -130,6 +131,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
     import numpy as np
 
+    refuse_pointer(path, InputError)
     try:
         with path.open("rb") as stream:
             _check_archive(stream, path)
@@ -152,6 +154,7 @@ def read_array(path: Path) -> np.ndarray:
     """
     import numpy as np
 
+    refuse_pointer(path, InputError)
     try:
         with path.open("rb") as stream:
             _check_header(stream, path.stat().st_size, str(path))

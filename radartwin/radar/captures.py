@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, RecordingError
-from radartwin.io import files
-from radartwin.io.git_lfs import refuse_pointer
+from radartwin.io import files, scratch
 from radartwin.io.one_line import plural
 from radartwin.radar import cascade_capture, dca1000, studio_log
 from radartwin.radar.chirp import Radar
@@ -287,7 +286,6 @@ def _cube(path: Path, radar: Radar) -> _Source:
     """Open an array of samples in a .npy or .npz file."""
     if not path.is_file():
         raise MissingError(f"{path}: no such file; check the path")
-    refuse_pointer(path)
     try:
         stored = {"iq": files.read_array(path)} if path.suffix == ".npy" else files.read_arrays(path)
     except (InputError, OSError) as error:
@@ -314,6 +312,7 @@ def _cube(path: Path, radar: Radar) -> _Source:
     cube = cube.reshape(count, *shape, *([2] if pairs else []))
 
     def plain(first: int, count: int) -> NDArray[np.complexfloating]:
+        scratch.release(cube)  # the pages of the frames before
         block = cube[first : first + count]
         return block[..., 0] + 1j * block[..., 1] if pairs else block
 

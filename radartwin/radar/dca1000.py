@@ -154,12 +154,8 @@ class SampleFile:
 
     def samples(self, first: int, count: int) -> NDArray[np.complex64]:
         """Read frames as complex counts (count, chirp, tx, rx, sample)."""
-        return self.decoded(self.words(first, count))
-
-    def decoded(self, words: NDArray[np.int16]) -> NDArray[np.complex64]:
-        """Convert the words (count, word) of frames to complex counts (count, chirp, tx, rx, sample)."""
         try:
-            return self.layout.samples(words.reshape(-1), (len(words), *self.shape))
+            return self.layout.samples(self.words(first, count).reshape(-1), (count, *self.shape))
         except RecordingError as error:
             raise RecordingError(f"{self.path}: {error}") from error
 

@@ -218,8 +218,8 @@ def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> 
 
 def _whole(recording: Recording) -> bool:
     """Return whether all samples are whole numbers in the int16 range, like the counts of an ADC."""
-    parts = np.stack([recording.iq.real, recording.iq.imag])
-    return bool(np.array_equal(parts, np.rint(parts)) and np.abs(parts).max() <= dca1000.FULL_SCALE + 1)
+    blocks = (recording.iq[block].view(np.float32) for block in recording.frame_blocks())
+    return all(np.array_equal(part, np.rint(part)) and np.abs(part).max() <= dca1000.FULL_SCALE + 1 for part in blocks)
 
 
 def _hidden(relative: Path) -> bool:

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from radartwin.errors import InputError
+from radartwin.errors import InputError, RecordingError
+from radartwin.radar.description_files import read_text
 
 INDEX, RECORDINGS, TRAJECTORIES = "index.csv", "recordings", "trajectories"  # index file and folders within a recording set
 COLUMNS = ("recording", "object", "distance_m", "room", "motion", "repetition", "trajectory", "split")
@@ -117,13 +118,12 @@ def row_of(values: Mapping[str, Any]) -> Row:
 
 def read_index(path: Path) -> tuple[list[Row], list[str]]:
     """Read an index file. Return its valid rows in order, and one line of text for each problem of the file or of an invalid row."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
+    if not path.exists():
         return [], []
-    except UnicodeDecodeError:
-        return [], ["not UTF-8 text; save it as CSV in UTF-8"]
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    except RecordingError as error:
+        return [], [str(error).removeprefix(f"{path}: ")]
     try:
         lines = [(reader.line_num, values) for values in reader if any(value.strip() for value in values)]
     except csv.Error as error:

@@ -11,6 +11,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from radartwin.errors import InputError, MissingError
+from radartwin.io.git_lfs import refuse_pointer
 
 KINDS = {".jpg": "jpeg", ".jpeg": "jpeg", ".png": "png", ".webp": "webp"}
 _STARTS = {"jpeg": b"\xff\xd8\xff", "png": b"\x89PNG\r\n\x1a\n", "webp": b"RIFF"}
@@ -26,6 +27,7 @@ class Picture:
 
     def read(self) -> bytes:
         """Read the bytes of the picture file. Raise InputError if the file cannot be read or its content is no picture of this kind."""
+        refuse_pointer(self.path, InputError)
         try:
             data = self.path.read_bytes()
         except OSError as error:

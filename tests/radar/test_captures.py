@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,14 @@ import pandas as pd
 import pytest
 from made_files import log_text, refused
 
+from radartwin.radar.array_table import read_array
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.process_capture import process_capture
+from radartwin.radar.studio_log import read_log
+from radartwin.recordings.mapping import read_mapping
+from radartwin.recordings.pictures import Picture
+from radartwin.scene.trajectories.file import read_track
 
 # Range in metres and azimuth in degrees of the only target, from ../shared/field/README.md; None where the README states no azimuth.
 ROWS = {
@@ -236,11 +242,6 @@ def packets(data: bytes) -> bytes:
 REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
     "packet headers": ({"a.bin": packets(PLAIN)}, [], "packet headers of the DCA1000"),
     "pointer to samples": ({"a.bin": LFS}, [], "a.bin: it is a Git LFS pointer"),
-    "pointer to a cfg": ({"a.cfg": LFS}, [], "a.cfg: it is a Git LFS pointer"),
-    "pointer to a JSON": ({"a.mmwave.json": LFS, "a.cfg": None}, [], "a.mmwave.json: it is a Git LFS pointer"),
-    "pointer to a YAML": ({"r.yaml": LFS}, ["--radar", "r.yaml"], "r.yaml: it is a Git LFS pointer"),
-    "pointer to a cube": ({"c.npy": LFS}, ["c.npy"], "c.npy: it is a Git LFS pointer"),
-    "pointer to a log": ({"a_LogFile.csv": LFS}, [], "a_LogFile.csv: it is a Git LFS pointer"),
     "pointer to a part": ({"p_Raw_0.bin": PLAIN, "p_Raw_1.bin": LFS}, ["p_Raw_0.bin"], "p_Raw_1.bin: it is a Git LFS pointer"),
     "cut last frame": ({"a.bin": PLAIN[:-1000]}, [], "after 2 frames, 14360 are left over; .* --cut"),
     "cut first frame": ({"a.bin": PLAIN[:1000]}, ["--cut"], "after 0 frames, 1000 are left over; .* record again"),
@@ -283,6 +284,21 @@ REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
 }
 
 
+READERS: dict[str, Callable[[Path], object]] = {
+    **dict.fromkeys(("a.cfg", "a.mmwave.json", "a.yaml"), Radar.from_file), "array.csv": read_array, "array.yaml": read_array,
+    **dict.fromkeys(("a.npy", "a.npz"), lambda path: load_capture(path, Radar.iwr1843())), "a_LogFile.csv": read_log,
+    "map.csv": read_mapping, "map.yaml": read_mapping, "track.txt": read_track, "track.mcap": read_track,
+    "0.1.png": lambda path: Picture(path, 0, "png").read(),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_each_reader_names_a_git_lfs_pointer(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_bytes(LFS)
+    refused([f"{name}: it is a Git LFS pointer"], READERS[name], Path(name))
+
+
 @pytest.mark.parametrize("kind", REFUSALS)
 def test_capture_is_refused_in_one_line(kind: str, tmp_path: Path, inside) -> None:
     changes, options, message = REFUSALS[kind]
@@ -291,7 +307,7 @@ def test_capture_is_refused_in_one_line(kind: str, tmp_path: Path, inside) -> No
             data = json.dumps(content) if isinstance(content, dict) else content
             (tmp_path / name).write_bytes(data.encode() if isinstance(data, str) else data)
     recording = [] if options and not options[0].startswith("--") else ["a.bin"]
-    radar = ["--radar", "a.cfg"] if (tmp_path / "a.cfg").exists() and "--radar" not in options and ".json" not in "".join(options) else []
+    radar = [] if "--radar" in options or ".json" in "".join(options) else ["--radar", "a.cfg"]
     done = inside("process", *recording, *options, *radar)
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
