@@ -29,9 +29,10 @@ from radartwin.io import files, scratch
 from radartwin.io.one_line import plural
 from radartwin.radar import cascade_capture, dca1000, studio_log
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description_files import Description, read_json
-from radartwin.radar.layouts import Layout
+from radartwin.radar.description_files import read_json
+from radartwin.radar.layouts import FULL_SCALE, Layout
 from radartwin.radar.recording import Recording, gathered, recording_files
+from radartwin.radar.ti_files import Description
 
 CUBES = (".npy", ".npz")  # suffixes of files with an array of samples
 EDGE_DB = 2.0  # smallest magnitude of band_edge_db that determines the sample order; real captures have 2.7 to 9.9 dB
@@ -263,7 +264,7 @@ def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _
     words = np.concatenate([np.zeros((0, file.frame_bytes // 2), np.int16), *(file.words(n, 1) for n in _test_frames(source)[:4])])
     remedy = "correct the cf.json beside it" if described else "put the cf.json of the capture beside it"
     magnitudes = np.abs((words ^ np.int16(-32768) if layout.unsigned else words).astype(np.int32))
-    if words.size and np.median(magnitudes) > _UNSIGNED and np.mean(magnitudes >= dca1000.FULL_SCALE) < 0.5:
+    if words.size and np.median(magnitudes) > _UNSIGNED and np.mean(magnitudes >= FULL_SCALE) < 0.5:
         raise RecordingError(f"{path}: its counts seem {'signed' if layout.unsigned else 'unsigned'}; {remedy} (MSBToggle)")
     if words.size and not (layout.real or layout.interleaved) and radar.num_samples >= 16:
         stated, other = (
@@ -328,7 +329,7 @@ def _cube(path: Path, radar: Radar) -> _Source:
 
     def read(first: int, count: int) -> NDArray[np.complex64]:
         block = plain(first, count)
-        if unsigned and largest > dca1000.FULL_SCALE:  # 16 bits whose sign was lost
+        if unsigned and largest > FULL_SCALE:  # 16 bits whose sign was lost
             real, imag = (part.astype(np.uint16).view(np.int16) for part in (block.real, block.imag))
             block = real + 1j * imag.astype(np.float64)
         return np.asarray(block, np.complex64)

@@ -28,10 +28,11 @@ from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.radar.antenna import ELEMENTS, element_gain
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
-from radartwin.radar.description_files import Description, read_description
+from radartwin.radar.description_files import read_description
 from radartwin.radar.field_checks import check_distinct, from_mapping, is_number
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
+from radartwin.radar.ti_files import Description
 
 _PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise, "antenna_errors": AntennaErrors}
 _GAINS = ("tx_gains_db", "rx_gains_db")

@@ -25,7 +25,6 @@ from radartwin.errors import MissingError, RecordingError
 from radartwin.io import untrusted_json
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.chirp import Radar
-from radartwin.radar.layouts import FULL_SCALE as FULL_SCALE
 from radartwin.radar.layouts import WORD, Layout
 
 PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
@@ -203,26 +202,6 @@ class SampleFile:
             chirps[-1], self._tail = divmod(int(distances[-1]), int(distance))
         first = np.repeat(np.cumsum(chirps) - chirps, chirps)
         return np.repeat(places, chirps) + (np.arange(len(first)) - first) * distance + distance - chirp_bytes
-
-
-def encode(iq: NDArray[np.complexfloating], scale: float, *, iq_swapped: bool = False, real_sampling: bool = False) -> tuple[bytes, int]:
-    """Convert the samples of frames to the bytes of a DCA1000 file with two lanes.
-
-    Args:
-        iq: samples [frame, chirp, tx, rx, sample] in amplitude units.
-        scale: amplitude per ADC count, above zero.
-        iq_swapped: whether to write Q before I.
-        real_sampling: whether to write only the real parts of the samples.
-    Returns:
-        The bytes of the frames, and the number of int16 values that the function clipped to the 16-bit range.
-    Raises:
-        RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples over all receivers, which cannot form pairs.
-
-    >>> encode(np.array([1 + 2j, 3 + 4j]).reshape(1, 1, 1, 1, 2), 1.0)[0].hex(" ", 2)
-    '0100 0300 0200 0400'
-    """
-    words, clipped = Layout(real=real_sampling, q_first=iq_swapped).words(iq, scale)
-    return words.tobytes(), clipped
 
 
 def lost_frames(words: NDArray[np.number]) -> NDArray[np.int64]:

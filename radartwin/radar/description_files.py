@@ -14,8 +14,7 @@ from radartwin.errors import RecordingError
 from radartwin.io import untrusted_json, untrusted_yaml
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.layouts import Layout
-from radartwin.radar.ti_files import Description as Description
-from radartwin.radar.ti_files import describe, parse_cfg, parse_studio
+from radartwin.radar.ti_files import Description, describe, parse_cfg, parse_studio
 
 
 def read_description(path: Path, board: str | None = None) -> Description:

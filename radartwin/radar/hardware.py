@@ -49,8 +49,8 @@ from numpy.typing import NDArray
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.radar.dca1000 import FULL_SCALE
 from radartwin.radar.if_filter import IfFilter
+from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.phase_noise import PhaseNoise, interpolation
 
 _NODES = (0.2, 0.55, 0.95)  # beat frequencies, as fractions of the band, for whose delays the simulation computes the phase error

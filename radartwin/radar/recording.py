@@ -27,11 +27,11 @@ from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import read_json
 from radartwin.radar.field_checks import check_rigid
-from radartwin.radar.layouts import Layout
+from radartwin.radar.layouts import FULL_SCALE, Layout
 
 _FORMAT = "radartwin recording 1"
 # If a recording has no scale, `save` writes the recording's largest value as this ADC count, which is 6 dB below clipping.
-_PEAK_COUNT = dca1000.FULL_SCALE // 2
+_PEAK_COUNT = FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
 _SAVED_BYTES = 8 << 20  # size of the samples that `save` and `load` convert at once; the conversion needs seven times this memory
 MAPPED_BYTES = 1 << 30  # `load` maps recordings with more bytes of complex samples into memory
@@ -130,12 +130,12 @@ class Recording:
         bin_path, json_path = recording_files(path)
         swapped = self.iq_swapped if iq_swapped is None else iq_swapped
         scale = self._peak_scale() if self.scale is None else self.scale
-        saturated = 0
+        saturated, layout = 0, Layout(real=self.radar.real_sampling, q_first=swapped)
         with files.replacing_together([bin_path, json_path]) as temporary:
             with temporary[bin_path].open("wb") as stream:
                 for block in self.frame_blocks(_SAVED_BYTES):
-                    data, clipped = dca1000.encode(self.iq[block], scale, iq_swapped=swapped, real_sampling=self.radar.real_sampling)
-                    stream.write(data)
+                    words, clipped = layout.words(self.iq[block], scale)
+                    stream.write(words.tobytes())
                     saturated += clipped
             with temporary[json_path].open("w", encoding="utf-8") as stream:
                 json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)

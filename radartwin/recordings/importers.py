@@ -22,6 +22,7 @@ from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, few, load_capture
 from radartwin.radar.chirp import Radar
+from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.recording import Recording
 from radartwin.recordings import roverd
 from radartwin.recordings.card import CARD, KEYS, Card
@@ -219,7 +220,7 @@ def _card(out: Path, values: Mapping[str, Any], target: RecordingSet | None) -> 
 def _whole(recording: Recording) -> bool:
     """Return whether all samples are whole numbers in the int16 range, like the counts of an ADC."""
     blocks = (recording.iq[block].view(np.float32) for block in recording.frame_blocks())
-    return all(np.array_equal(part, np.rint(part)) and np.abs(part).max() <= dca1000.FULL_SCALE + 1 for part in blocks)
+    return all(np.array_equal(part, np.rint(part)) and np.abs(part).max() <= FULL_SCALE + 1 for part in blocks)
 
 
 def _hidden(relative: Path) -> bool:

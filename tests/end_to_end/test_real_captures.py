@@ -10,9 +10,9 @@ from radartwin.builders.radar import named_radar
 from radartwin.errors import MissingError, OutputError, RecordingError
 from radartwin.features import doppler
 from radartwin.features.processed import process
-from radartwin.radar import dca1000
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
+from radartwin.radar.layouts import Layout
 from radartwin.radar.process_capture import process_capture
 from radartwin.radar.recording import Recording
 
@@ -119,7 +119,7 @@ def test_one_chirp_per_frame_leaves_the_speed_empty(inside, tmp_path):
     radar = Radar.from_file(tmp_path / "radar.cfg")
     beat = np.exp(2j * np.pi * radar.slope_hz_per_s * 4.0 / 299_792_458.0 * np.arange(256) / radar.sample_rate_hz)
     counts = (1000 * beat * np.ones((5, 1, 1, 4, 1))).astype(np.complex64)
-    (tmp_path / "capture.bin").write_bytes(dca1000.encode(counts, 1.0)[0])
+    (tmp_path / "capture.bin").write_bytes(Layout().words(counts, 1.0)[0].tobytes())
     done = inside("process", "capture.bin", "--radar", "radar.cfg", "--out", "out")
     assert done.returncode == 0, done.stderr
     assert "no speed can be measured" in done.stderr
