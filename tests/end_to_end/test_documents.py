@@ -45,6 +45,7 @@ COMPOSED = {
     "radartwin run -m experiment=environment simulator": "six campaigns of minutes",
     "radartwin export": "minutes; tests/experiments/test_campaigns_recorded.py exports a small campaign and scores it",
     "radartwin run experiment=environment measured=recordings": "reads what export wrote; the same test does",
+    "radartwin process capture.bin": "reads a capture of the user; tests/radar/test_captures.py chooses the same board",
     "radartwin import iq1m": "reads a public data set; tests/recordings/test_roverd.py imports traces of the same layout",
     "radartwin import radical": "reads a public data set; tests/recordings/test_roverd.py imports a cube",
     "radartwin import coloradar": "reads a public data set; tests/recordings/test_roverd.py imports a cube with poses",
