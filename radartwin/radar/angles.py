@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.covariance import CRITERIA, Covariance, covariance, source_count, uniform_step
+from radartwin.radar.covariance import Covariance, covariance, uniform_step
 from radartwin.radar.field_checks import is_number
 from radartwin.radar.processing import azimuth_row, response, unit_vectors
 
@@ -48,14 +48,14 @@ class AngleMethod:
         loading: diagonal loading of Capon in units of the mean eigenvalue of the covariance matrix.
         subarray: number of antennas of the sub-arrays for spatial smoothing, which needs a uniform linear array; 0 means no sub-arrays.
         forward_backward: whether to average the forward and the backward covariance matrix, which needs a uniform linear array.
-        sources: number of sources of MUSIC, or the criterion "mdl" or "aic" that estimates it.
+        sources: number of sources of MUSIC.
     """
 
     name: str = "bartlett"
     loading: float = 0.0
     subarray: int = 0
     forward_backward: bool = False
-    sources: int | str = "mdl"
+    sources: int = 1
 
     def __post_init__(self) -> None:
         if self.name not in METHODS:
@@ -64,8 +64,8 @@ class AngleMethod:
             raise InputError(f"angle method {self.name}: loading must be a number of at least 0, not {self.loading!r}")
         if not _is_whole(self.subarray) or self.subarray < 0:
             raise InputError(f"angle method {self.name}: subarray must be a whole number of antennas, or 0, not {self.subarray!r}")
-        if self.sources not in CRITERIA and (not _is_whole(self.sources) or int(self.sources) < 0):
-            raise InputError(f"angle method {self.name}: sources must be a whole number, mdl or aic, not {self.sources!r}")
+        if not _is_whole(self.sources) or self.sources < 0:
+            raise InputError(f"angle method {self.name}: sources must be a whole number, not {self.sources!r}")
 
 
 BARTLETT = AngleMethod()
@@ -81,7 +81,6 @@ class AngleSpectrum:
         frequency_hz: frequency of the array response.
         scale: factor of the quadratic form.
         reciprocal: whether the spectrum is the reciprocal of the scaled form.
-        sources: number of sources (...,) that MUSIC assumes, None for the other methods.
     """
 
     form: Complex
@@ -89,7 +88,6 @@ class AngleSpectrum:
     frequency_hz: float
     scale: float
     reciprocal: bool
-    sources: NDArray[np.intp] | None = None
 
     def __call__(self, directions: Positions) -> Real:
         """Return the spectra (..., D) in D directions, given as unit vectors (D, 3) in the sensor frame."""
@@ -130,11 +128,15 @@ def spectrum(signals: Covariance, positions_m: Positions, frequency_hz: float, m
         return AngleSpectrum(signals.matrix, positions_m, frequency_hz, 1 / antennas, False)
     if method.name == "capon":
         return AngleSpectrum(_inverse(signals, method.loading), positions_m, frequency_hz, 1.0, True)
-    sources = _sources(signals, method.sources)
+    if method.sources > min(antennas - 1, signals.count):
+        raise InputError(
+            f"music: {method.sources} sources need at least {method.sources + 1} antennas and {method.sources} snapshots, and there are "
+            f"{antennas} antennas and {signals.count} snapshots (after smoothing); use fewer sources"
+        )
     _, vectors = np.linalg.eigh(signals.matrix)  # eigenvalues ascending
-    noise = vectors * (np.arange(antennas) < antennas - sources[..., None])[..., None, :]
+    noise = vectors[..., : antennas - method.sources]
     projector = noise @ np.swapaxes(noise.conj(), -1, -2)
-    return AngleSpectrum(projector, positions_m, frequency_hz, antennas**-0.5, True, sources)
+    return AngleSpectrum(projector, positions_m, frequency_hz, antennas**-0.5, True)
 
 
 def azimuth_spectrum(snapshots: Complex, radar: Radar, azimuth_rad: ArrayLike, method: AngleMethod = BARTLETT) -> Real:
@@ -169,15 +171,3 @@ def _inverse(signals: Covariance, loading: float) -> Complex:
     if (values[..., 0] <= np.finfo(np.float64).eps * size * values[..., -1]).any():
         raise InputError("capon: the covariance matrix has no inverse, because the signals have no noise; use a larger loading")
     return (vectors / values[..., None, :]) @ np.swapaxes(vectors.conj(), -1, -2)
-
-
-def _sources(signals: Covariance, sources: int | str) -> NDArray[np.intp]:
-    size = signals.matrix.shape[-1]
-    if isinstance(sources, str):
-        return source_count(signals.matrix, signals.count, sources)
-    if sources > min(size - 1, signals.count):
-        raise InputError(
-            f"music: {sources} sources need at least {sources + 1} antennas and {sources} snapshots, and there are {size} antennas and "
-            f"{signals.count} snapshots (after smoothing); use fewer sources"
-        )
-    return np.full(signals.matrix.shape[:-2], sources, dtype=np.intp)

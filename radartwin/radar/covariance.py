@@ -1,7 +1,6 @@
-"""Estimate the covariance matrix of an array's signals, smooth it over sub-arrays, load its diagonal, and count the sources in it.
+"""Estimate the covariance matrix of an array's signals, smooth it over sub-arrays, and load its diagonal.
 
-Symbols and their names in the code: x_k -> snapshots, K -> count, M -> number of antennas, R -> matrix, lambda_i -> eigenvalues,
-d -> number of sources.
+Symbols and their names in the code: x_k -> snapshots, K -> count, M -> number of antennas, R -> matrix.
 
 A snapshot holds the signals of all antennas at one time. Echoes of one range-Doppler cell have a constant phase relation while the scene
 does not move, so that their covariance matrix has rank one (coherent sources). Spatial smoothing averages the covariance matrices of
@@ -9,7 +8,7 @@ shifted equal sub-arrays of a uniform line of antennas, which restores the rank.
 conjugated signals.
 
 References: T.-J. Shan, M. Wax, T. Kailath, IEEE Trans. ASSP 33 (1985) 806 (spatial smoothing); S. Pillai, B. Kwon, IEEE Trans. ASSP 37
-(1989) 8 (forward-backward smoothing); M. Wax, T. Kailath, IEEE Trans. ASSP 33 (1985) 387 (MDL and AIC).
+(1989) 8 (forward-backward smoothing).
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from radartwin.errors import InputError
 Complex = NDArray[np.inexact]
 Real = NDArray[np.floating]
 
-CRITERIA = ("mdl", "aic")
 _STEP_TOLERANCE = 1e-3  # largest deviation of a step from the mean step, in steps; 0.2 degrees of phase at half a wavelength
 
 
@@ -101,32 +99,3 @@ def uniform_step(positions_m: Real) -> Real:
             "or leave out subarray and forward_backward"
         )
     return mean
-
-
-def source_count(matrix: Complex, count: int, criterion: str) -> NDArray[np.intp]:
-    """Estimate the number of sources (...,) in covariance matrices (..., M, M) of `count` snapshots.
-
-    The function minimises -K (M - d) ln(g_d/m_d) + penalty over d = 0 to M - 1. Here g_d and m_d are the geometric and the arithmetic mean
-    of the M - d smallest eigenvalues. The penalty is d (2M - d) ln(K)/2 for "mdl" and d (2M - d) for "aic".
-
-    Raises:
-        InputError: the criterion is unknown, or there are fewer snapshots than antennas.
-    """
-    size = matrix.shape[-1]
-    if criterion not in CRITERIA:
-        raise InputError(f"number of sources: criterion {criterion!r} is unknown; use {' or '.join(CRITERIA)}, or give the number")
-    if count < size:
-        raise InputError(
-            f"number of sources: {criterion} needs as many snapshots as antennas, and there are {count} snapshots of {size} antennas; "
-            "give the number of sources"
-        )
-    eigenvalues = np.linalg.eigvalsh(matrix)  # ascending
-    floor = np.finfo(np.float64).eps * size * eigenvalues[..., -1:]  # rounding hides smaller eigenvalues
-    logs = np.log(np.maximum(np.maximum(eigenvalues, floor), np.finfo(np.float64).tiny))
-    cost = []
-    for sources in range(size):
-        noise = logs[..., : size - sources]
-        ratio = noise.mean(axis=-1) - np.log(np.exp(noise - noise[..., -1:]).mean(axis=-1)) - noise[..., -1]
-        penalty = sources * (2 * size - sources) * (0.5 * np.log(count) if criterion == "mdl" else 1.0)
-        cost.append(-count * (size - sources) * ratio + penalty)
-    return np.argmin(cost, axis=0)

@@ -278,11 +278,10 @@ training_mean | total - inner | total | the cell under test counts as noise
 radar/covariance: radar/test_angles
 Covariance.smoothed | matrix[..., ::-1, ::-1].conj() | matrix[..., ::-1, ::-1] | the backward average is not conjugated
 Covariance.loaded | loading * mean | loading * mean * size | the loading refers to the sum of the eigenvalues
-source_count | 2 * size - sources | size - sources | the penalty counts too few parameters
 
 radar/angles: radar/test_angles
 spectrum | antennas**-0.5 | 1.0 | the spectrum of MUSIC is too low by the number of antennas
-spectrum | antennas - sources[..., None] | antennas - sources[..., None] + 1 | the noise subspace holds a signal
+spectrum | antennas - method.sources | antennas - method.sources + 1 | the noise subspace holds a signal
 AngleSpectrum.__call__ | weights.conj() | weights | the spectrum is no Hermitian form
 
 radar/detection: physics/test_point_clouds
