@@ -36,7 +36,7 @@ MAX_SPAN_M = 2.0  # largest plausible size of an array along an axis, in metres;
 MAX_GAIN_DB = 100.0  # no antenna has a larger gain or loss
 _COMMON = ("design_frequency_hz", "pattern")  # columns whose value is the same in all rows
 _COLUMNS = ("antenna", *_COMMON, "gain_db")
-_POSITION = re.compile(r"([xyz])_(\w+)")
+_POSITION = re.compile(r"[xyz]_(\w+)")
 
 
 def read_array(path: str | Path) -> dict[str, Any]:
@@ -52,32 +52,36 @@ def read_array(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     if not path.is_file():
         raise MissingError(f"{path}: no such array table; give a .csv or .yaml with one antenna per row")
-    rows, common = _rows(path)
+    rows = _rows(path)
     if not rows:
         raise RecordingError(f"{path}: the table has no antenna; write one row for each transmitter and receiver")
-    unit = _unit(path, rows)
+    unit, common = _unit(path, rows), {}
     for name in _COMMON:
-        values = {given[name] for given in (*rows, common) if name in given}
+        values = {row[name] for row in rows if name in row}
         if len(values) > 1:
             listed = " and ".join(sorted(map(reprlib.repr, values)))
             raise RecordingError(f"{path}: {name} has the values {listed}; give one {name} for the whole array")
         if values:
             common[name] = values.pop()
-    metres = _metres(path, unit, common.get("design_frequency_hz"))
-    found: dict[str, list[tuple[tuple[float, ...], float]]] = {"tx": [], "rx": []}
+    metres = 1.0
+    if unit != "m":
+        frequency_hz = _number(str(path), common, "design_frequency_hz", 0.0)
+        if not 1e9 <= frequency_hz <= 1e12:
+            raise RecordingError(f"{path}: half wavelengths need design_frequency_hz from 1e9 to 1e12 Hz, not {frequency_hz:g}")
+        metres = SPEED_OF_LIGHT / frequency_hz / 2
+    antennas: dict[Any, list[tuple[tuple[float, ...], float]]] = {"tx": [], "rx": []}
     for number, row in enumerate(rows, start=1):
-        place = f"{path}, antenna {number}"
-        if (kind := row.get("antenna")) not in found:
+        place, kind = f"{path}, antenna {number}", row.get("antenna")
+        if kind not in antennas:
             raise RecordingError(f"{place}: antenna must be tx or rx, not {reprlib.repr(kind)}")
-        position = tuple(metres * _number(place, f"{axis}_{unit}", row.get(f"{axis}_{unit}", 0.0)) for axis in "xyz")
-        gain_db = _number(place, "gain_db", row.get("gain_db", 0.0))
-        if abs(gain_db) > MAX_GAIN_DB:
+        position = tuple(metres * _number(place, row, f"{axis}_{unit}", 0.0) for axis in "xyz")
+        if abs(gain_db := _number(place, row, "gain_db", 0.0)) > MAX_GAIN_DB:
             raise RecordingError(f"{place}: gain_db must be from -{MAX_GAIN_DB:g} to {MAX_GAIN_DB:g} dB, not {gain_db:g}")
-        found[str(kind)].append((position, gain_db))
-    _check_array(path, found)
-    fields: dict[str, Any] = {f"{kind}_positions_m": tuple(position for position, _ in found[kind]) for kind in found}
-    if any(gain for antennas in found.values() for _, gain in antennas):
-        fields |= {f"{kind}_gains_db": tuple(gain for _, gain in found[kind]) for kind in found}
+        antennas[kind].append((position, gain_db))
+    _check_array(path, antennas)
+    fields: dict[str, Any] = {f"{kind}_positions_m": tuple(position for position, _ in antennas[kind]) for kind in antennas}
+    if any(gain for of_kind in antennas.values() for _, gain in of_kind):
+        fields |= {f"{kind}_gains_db": tuple(gain for _, gain in antennas[kind]) for kind in antennas}
     if "pattern" in common:
         if common["pattern"] not in ELEMENTS:
             raise RecordingError(f"{path}: pattern {reprlib.repr(common['pattern'])} is unknown; use one of {', '.join(ELEMENTS)}")
@@ -85,73 +89,50 @@ def read_array(path: str | Path) -> dict[str, Any]:
     return fields
 
 
-def _rows(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Return the rows of the table without empty cells, and the values that a YAML file gives for all rows."""
-    common: dict[str, Any] = {}
+def _rows(path: Path) -> list[dict[str, Any]]:
+    """Return the rows of the table without empty cells. A value that a YAML file gives once stands in each row without its own value."""
     if path.suffix in (".yaml", ".yml"):
-        content = with_numbers(read_yaml(path, "elements"))
-        listed = content.pop("elements", None)
-        if unknown := sorted(set(content) - set(_COMMON), key=str):
+        common = with_numbers(read_yaml(path, "elements"))
+        listed = common.pop("elements", None)
+        if unknown := sorted(set(common) - set(_COMMON), key=str):
             raise RecordingError(f"{path}: unknown key {unknown[0]!r}; known keys: elements, {', '.join(_COMMON)}")
         if not (isinstance(listed, Sequence) and not isinstance(listed, str) and all(isinstance(row, Mapping) for row in listed)):
             raise RecordingError(f"{path}: elements must be a list of antennas, such as {{antenna: tx, y_m: 0.0}}")
-        rows, common = [{str(key): value for key, value in row.items()} for row in listed], content
-        _check_cells(str(path), common)
-        for number, row in enumerate(rows, start=1):
-            _check_cells(f"{path}, antenna {number}", row)
-    elif path.suffix == ".csv":
-        try:
-            reader = csv.DictReader(io.StringIO(read_text(path)), strict=True)
-            table = list(reader)
-        except csv.Error as error:
-            raise RecordingError(f"{path}: {error}; write a header line and one antenna per row, separated by commas") from error
-        header = [name.strip() for name in reader.fieldnames or ()]
-        if twice := [name for name in header if header.count(name) > 1]:
-            raise RecordingError(f"{path}: column {twice[0] or 'without a name'} occurs twice; name each column once")
-        if any(None in row or None in row.values() for row in table):
-            raise RecordingError(f"{path}: a row has more or fewer cells than the header line; write one cell for each column")
-        rows = [{key.strip(): value.strip() for key, value in row.items() if value.strip()} for row in table]
-    else:
+        for place, cells in ((str(path), common), *((f"{path}, antenna {number}", row) for number, row in enumerate(listed, start=1))):
+            for name, value in cells.items():
+                if not isinstance(value, str | int | float | None):
+                    raise RecordingError(f"{place}: {name} must be a single number or text, not {reprlib.repr(value)}")
+        return [{**common, **{str(key): value for key, value in row.items()}} for row in listed]
+    if path.suffix != ".csv":
         raise RecordingError(f"{path}: suffix {path.suffix!r} is unknown; give an array table as .csv or .yaml")
-    return rows, common
-
-
-def _check_cells(place: str, cells: Mapping[str, Any]) -> None:
-    """Raise RecordingError for a value of a YAML file that is no single number or text, such as a list or a mapping."""
-    for name, value in cells.items():
-        if not isinstance(value, str | int | float | None):
-            raise RecordingError(f"{place}: {name} must be a single number or text, not {reprlib.repr(value)}")
+    try:
+        reader = csv.DictReader(io.StringIO(read_text(path)), strict=True)
+        table = list(reader)
+    except csv.Error as error:
+        raise RecordingError(f"{path}: {error}; write a header line and one antenna per row, separated by commas") from error
+    header = [name.strip() for name in reader.fieldnames or ()]
+    if twice := [name for name in header if header.count(name) > 1]:
+        raise RecordingError(f"{path}: column {twice[0] or 'without a name'} occurs twice; name each column once")
+    if any(None in row or None in row.values() for row in table):
+        raise RecordingError(f"{path}: a row has more or fewer cells than the header line; write one cell for each column")
+    return [{key.strip(): value.strip() for key, value in row.items() if value.strip()} for row in table]
 
 
 def _unit(path: Path, rows: list[dict[str, Any]]) -> str:
     """Return the unit of the positions. Raise RecordingError for an unknown column, an unknown unit, or positions in two units."""
-    units = set()
-    for name in sorted({name for row in rows for name in row}):
-        if name in _COLUMNS:
-            continue
+    positions = sorted({name for row in rows for name in row} - set(_COLUMNS))
+    for name in positions:
         if not (position := _POSITION.fullmatch(name)):
             raise RecordingError(f"{path}: unknown column {name!r}; known columns: {', '.join(_COLUMNS)}, x_m, x_half_wavelength")
-        if position[2] not in UNITS:
-            raise RecordingError(f"{path}: unit {position[2]!r} of column {name} is unknown; use one of {', '.join(UNITS)}")
-        units.add(position[2])
-    if len(units) != 1:
+        if position[1] not in UNITS:
+            raise RecordingError(f"{path}: unit {position[1]!r} of column {name} is unknown; use one of {', '.join(UNITS)}")
+    if len(units := {name[2:] for name in positions}) != 1:
         raise RecordingError(f"{path}: positions must be in one unit; name the columns x_m, y_m, z_m or x_half_wavelength, ...")
     return units.pop()
 
 
-def _metres(path: Path, unit: str, design_frequency_hz: Any) -> float:
-    """Return the length of the position unit `unit` in metres."""
-    if unit == "m":
-        return 1.0
-    if design_frequency_hz is None:
-        raise RecordingError(f"{path}: positions in half wavelengths need design_frequency_hz, the frequency of this wavelength in Hz")
-    frequency_hz = _number(str(path), "design_frequency_hz", design_frequency_hz)
-    if not 1e9 <= frequency_hz <= 1e12:
-        raise RecordingError(f"{path}: design_frequency_hz must be from 1e9 to 1e12 Hz, not {frequency_hz:g}")
-    return SPEED_OF_LIGHT / frequency_hz / 2
-
-
-def _number(place: str, name: str, value: Any) -> float:
+def _number(place: str, row: Mapping[str, Any], name: str, default: float) -> float:
+    value = row.get(name, default)
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -161,19 +142,19 @@ def _number(place: str, name: str, value: Any) -> float:
     return number
 
 
-def _check_array(path: Path, found: Mapping[str, list[tuple[tuple[float, ...], float]]]) -> None:
+def _check_array(path: Path, antennas: Mapping[str, list[tuple[tuple[float, ...], float]]]) -> None:
     """Raise RecordingError unless the antennas form an array of at least two virtual elements and of a plausible size."""
     for kind, name in (("tx", "transmitter"), ("rx", "receiver")):
-        if not found[kind]:
+        if not antennas[kind]:
             raise RecordingError(f"{path}: the table has no {name}; an array needs at least one {name}")
         try:
-            check_distinct([position for position, _ in found[kind]], f"{path}: {kind}")
+            check_distinct([position for position, _ in antennas[kind]], f"{path}: {kind}")
         except InputError as error:
             raise RecordingError(str(error)) from error
-    if all(len(antennas) == 1 for antennas in found.values()):
+    if all(len(of_kind) == 1 for of_kind in antennas.values()):
         raise RecordingError(f"{path}: one transmitter and one receiver are no array; give two antennas of at least one kind")
     for axis, name in enumerate("xyz"):
-        along = [position[axis] for antennas in found.values() for position, _ in antennas]
+        along = [position[axis] for of_kind in antennas.values() for position, _ in of_kind]
         if max(along) - min(along) > MAX_SPAN_M:
             raise RecordingError(
                 f"{path}: the antennas span {max(along) - min(along):g} m along {name}; are these half wavelengths? Name the column "

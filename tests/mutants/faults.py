@@ -260,7 +260,7 @@ describe | numbers["separate"] == 0 | numbers["separate"] == 1 | receivers that 
 describe | 12 + 2 * numbers["adc_bits"] | 16 | words of 12 bits are read as 16 bits
 
 radar/dca1000: radar/test_captures
-SampleFile._after_headers | distances % distance == 0 | distances > 0 | packets of user data are read as chirps
+SampleFile.__init__ | 2 * chirp_bytes + _LONGEST_HEADER | 0 | headers are read as samples
 
 radar/captures: radar/test_captures
 _recorded | abs(edge) > EDGE_DB | True | weak noise decides the order of I and Q against the description
