@@ -293,7 +293,7 @@ def _cube(path: Path, radar: Radar) -> _Source:
         raise RecordingError(f"{error}; give a {path.suffix} cube of complex samples") from error
     if "iq" not in stored:
         raise RecordingError(f"{path}: it has no array iq; name the array of the samples iq")
-    cube = stored["iq"]
+    cube: NDArray[Any] = stored["iq"]
     pairs = cube.dtype == np.int16 and cube.ndim > 2 and cube.shape[-1] == 2
     if not pairs and not np.iscomplexobj(cube):
         raise RecordingError(f"{path}: expected complex samples, or int16 with a last axis of I and Q, not {cube.dtype} {cube.shape}")
@@ -304,7 +304,7 @@ def _cube(path: Path, radar: Radar) -> _Source:
         radar = replace(radar, **first, chirp_interval=radar.loop_interval_s)
     shape = dca1000.frame_shape(radar)
     count = axes[0] if len(axes) > 3 else 1
-    if len(axes) not in (2, 3, 4, 5) or np.prod(axes) != count * np.prod(shape) or axes[-1] != radar.num_samples:
+    if len(axes) not in (2, 3, 4, 5) or np.prod(axes) != count * np.prod(shape) or axes[-1:] != (radar.num_samples,):
         raise RecordingError(
             f"{path}: shape {axes} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}; give its radar"
         )

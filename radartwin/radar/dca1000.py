@@ -208,7 +208,7 @@ def lost_frames(words: NDArray[np.number]) -> NDArray[np.int64]:
     """Return which frames (F, word) contain three quarters of a packet of zeros. The capture card writes zeros for lost packets."""
     run = PACKET_BYTES // WORD.itemsize // 8  # a packet of zeros, even with a header in it, covers six aligned blocks of this length
     flat = words.reshape(-1)
-    empty = ~flat[: flat.size // run * run].reshape(-1, run).any(axis=1)
+    empty: NDArray[np.bool_] = np.logical_not(np.any(flat[: flat.size // run * run].reshape(-1, run), axis=1))
     if len(empty) < 6:
         return np.zeros(0, np.int64)
     begins = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(empty, 6).all(axis=1))

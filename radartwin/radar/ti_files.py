@@ -182,11 +182,11 @@ def parse_cfg(text: str) -> Setup:
             raise RecordingError(f"it has no {command} line; give a mmWave SDK configuration")
 
     def numbers(fields: Sequence[Field], entry: int = -1) -> Numbers:
-        lines = [(field, *(commands[field.command][entry] if field.command in commands else ("", []))) for field in fields]
-        return {
-            field.name: _checked(field, values[field.position] if len(values) > field.position else field.default, place)
-            for field, place, values in lines
-        }
+        out: Numbers = {}
+        for field in fields:
+            place, values = commands[field.command][entry] if field.command in commands else ("", [])
+            out[field.name] = _checked(field, values[field.position] if len(values) > field.position else field.default, place)
+        return out
 
     platforms = re.findall(r"%\s*Platform\s*:\s*(\S+)", text)
     return Setup(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from made_files import log_text, refused
+from made_files import log_text, refused, studio_json
 
 from radartwin.radar.array_table import read_array
 from radartwin.radar.captures import load_capture
@@ -97,20 +97,17 @@ def cfg(*lines: str, adc: str = "2 1", buffer: str = "-1 0 1 1 1", tx: tuple[int
     return "\n".join([front, profile, *chirps, frame or f"frameCfg 0 {len(tx) - 1} {loops} 0 50 1 0", *lines, "sensorStart", ""])
 
 
-def studio(tx: tuple[int, ...] = (0, 2), loops: int = 6, swap: int = 0, separate: int = 1, bits: int = 2, form: int = 1) -> str:
-    zero = dict.fromkeys(("startFreqVar_MHz", "freqSlopeVar_KHz_usec", "idleTimeVar_usec", "adcStartTimeVar_usec", "profileId"), 0)
-    profile = {
-        "profileId": 0, "startFreqConst_GHz": START_GHZ, "idleTimeConst_usec": 80, "adcStartTimeConst_usec": 7, "rampEndTime_usec": 40,
-        "txOutPowerBackoffCode": 0, "freqSlopeConst_MHz_usec": SLOPE, "numAdcSamples": SAMPLES, "digOutSampleRate": RATE_KSPS,
+def studio(swap: int = 0, separate: int = 1, bits: int = 2) -> str:
+    values = json.loads(studio_json(0))
+    device, rf = values["mmWaveDevices"][0], values["mmWaveDevices"][0]["rfConfig"]
+    rf["rlProfiles"][0]["rlProfileCfg_t"] |= {
+        "startFreqConst_GHz": START_GHZ, "idleTimeConst_usec": 80, "adcStartTimeConst_usec": 7, "rampEndTime_usec": 40,
+        "freqSlopeConst_MHz_usec": SLOPE, "numAdcSamples": SAMPLES, "digOutSampleRate": RATE_KSPS,
     }  # fmt: skip
-    rf = {
-        "rlChanCfg_t": {"rxChannelEn": "0xF", "txChannelEn": hex(sum(1 << t for t in tx))}, "rlProfiles": [{"rlProfileCfg_t": profile}],
-        "rlAdcOutCfg_t": {"fmt": {"b2AdcBits": bits, "b2AdcOutFmt": form}},
-        "rlChirps": [{"rlChirpCfg_t": {"chirpStartIdx": n, "chirpEndIdx": n, "txEnable": 1 << t, **zero}} for n, t in enumerate(tx)],
-        "rlFrameCfg_t": {"chirpStartIdx": 0, "chirpEndIdx": len(tx) - 1, "numLoops": loops, "numFrames": 0, "framePeriodicity_msec": 50},
-    }  # fmt: skip
-    data = {"rlDevDataFmtCfg_t": {"iqSwapSel": swap, "chInterleave": separate}, "rlDevLaneEnable_t": {"laneEn": "0x3"}}
-    return json.dumps({"mmWaveDevices": [{"rfConfig": rf, "rawDataCaptureConfig": data}]})
+    rf["rlAdcOutCfg_t"]["fmt"]["b2AdcBits"] = bits
+    rf["rlFrameCfg_t"] |= {"numLoops": 6, "framePeriodicity_msec": 50}
+    device["rawDataCaptureConfig"] = {"rlDevDataFmtCfg_t": {"iqSwapSel": swap, "chInterleave": separate}}
+    return json.dumps(values)
 
 
 def echo(tx_m: list[float], rx_m: list[float], loops: int, frames: int = 3, start: float = START_GHZ, slope: float = SLOPE) -> np.ndarray:
