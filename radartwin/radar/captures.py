@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files, scratch
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.io.one_line import plural
 from radartwin.radar import cascade_capture, dca1000, studio_log
 from radartwin.radar.chirp import Radar
@@ -95,6 +96,8 @@ def load_capture(
     """
     path = Path(path)
     bin_path, json_path = recording_files(path)
+    for file in (path, bin_path):
+        refuse_pointer(file)
     if path.suffix not in CUBES and not cascade_capture.is_cascade_capture(path) and radar is None:
         beside = read_json(json_path) if json_path.is_file() else {}
         if {"capturedFiles", "mmWaveDevices", "DCA1000Config"} & beside.keys():

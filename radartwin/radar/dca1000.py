@@ -174,7 +174,7 @@ class SampleFile:
         """Return the place (N,) of the first sample of each chirp, in bytes, by the magic words of the headers."""
         places: list[int] = []
         offset = 0
-        for path, length in zip(self._paths, self._sizes, strict=True):
+        for path, length in ((path, length) for path, length in zip(self._paths, self._sizes, strict=True) if length):
             with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 place = content.find(_MAGIC)
                 while place >= 0:

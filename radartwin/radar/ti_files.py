@@ -240,7 +240,8 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
     antennas, reason = _antennas(setup, profile, board, transmitters, receivers)
     phases_rad = [2 * math.pi / 256 * (profile["phases"] >> 8 * n & 0xFF) for n in transmitters]
     signs = antennas.signs or ((1,) * len(receivers),) * len(transmitters)
-    factors = tuple(tuple(sign * cmath.exp(-1j * phase) for sign in row) for row, phase in zip(signs, phases_rad, strict=True))
+    # The mixer subtracts the phase of the received wave from that of the oscillator, so that the samples have the negative phase.
+    factors = tuple(tuple(sign * cmath.exp(1j * phase) for sign in row) for row, phase in zip(signs, phases_rad, strict=True))
     real = numbers["adc_format"] == 0 or numbers.get("buffer_real") == 1
     if real and any(phases_rad):
         raise RecordingError("txPhaseShifter is not supported with real samples; give a .yaml with the fields of the radar")

@@ -186,7 +186,7 @@ KINDS = {
     ),
     "phase of a transmitter": (
         cfg(phases=0x40 << 16),
-        words(echo(PAIR, ROW, 6) * np.array([1, 1j])[:, None, None]),
+        words(echo(PAIR, ROW, 6) * np.array([1, -1j])[:, None, None]),
     ),
     "the last profile, chirps and configuration count": (
         cfg(slope=20.0, tx=(0, 1, 2)) + cfg().replace("chirpCfg 0", PROFILE.format(n=0, start=70, slope=9, phases=0) + "\n"
@@ -283,7 +283,7 @@ REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
 
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("a.cfg", "a.mmwave.json", "a.yaml"), Radar.from_file), "array.csv": read_array, "array.yaml": read_array,
-    **dict.fromkeys(("a.npy", "a.npz"), lambda path: load_capture(path, Radar.iwr1843())), "a_LogFile.csv": read_log,
+    **dict.fromkeys(("a.npy", "a.npz", "a.bin"), load_capture), "a_LogFile.csv": read_log,
     "map.csv": read_mapping, "map.yaml": read_mapping, "track.txt": read_track, "track.mcap": read_track,
     "0.1.png": lambda path: Picture(path, 0, "png").read(),
 }  # fmt: skip
