@@ -27,6 +27,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
+from radartwin.scene.trajectories.trajectory import pose
 from radartwin.simulation.simulate import simulate
 from radartwin.store.products import Store
 
@@ -86,7 +87,9 @@ def build_setup(
     target = build_target(scene, contents)
     foot = np.array([0.0, 0.0, lowest_m(target)])
     position = scene.target_position_m
-    course = build_course(trajectory, radar, room, None if position is None else np.array(position) - foot)
+    if position is not None:
+        position = room.placed(pose(position), "scene.target_position_m")[:3, 3] - foot
+    course = build_course(trajectory, radar, room, position)
     room = add_layout(scene, room, course.sensor_poses[0])
     check_course(room, radar, course)
     placed = Scene(target)

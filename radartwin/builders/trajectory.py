@@ -57,7 +57,8 @@ def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
     else:
         position = rooms.bench(room.provenance.get("room", "empty"), config.height_m).sensor_pose[:3, 3]
     heading = np.radians(config.heading_deg)
-    return trajectory.look_at(position, position + np.array([np.cos(heading), np.sin(heading), 0.0]))
+    pose = trajectory.look_at(position, position + np.array([np.cos(heading), np.sin(heading), 0.0]))
+    return pose if config.position_m is None else room.placed(pose, "trajectory.position_m")
 
 
 def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.ndarray | None = None) -> Course:
@@ -67,13 +68,13 @@ def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.
         place: (3,) position of the target in the first frame; None puts the target on the boresight at the configured distance.
     Raises:
         ConfigError: the trajectory has more than MAX_FRAMES frames.
-        MissingError, PoseError: see `read_poses`.
+        MissingError, PoseError: see `read_poses` and `Scene.placed`.
     """
     rate = radar.frame_rate_hz
     if isinstance(config, FileTrajectory):
         track = read_poses(config)
         _check_frames(config.frames or (track.duration_s - config.start_s) * rate)
-        sensor = track.frames(rate, config.frames, config.start_s)
+        sensor = room.placed(track.frames(rate, config.frames, config.start_s), config.path)
         return Course(sensor, _place_target(sensor[0], config.distance_m, place))
     assert isinstance(config, StartTrajectory)
     start = build_start(config, room)

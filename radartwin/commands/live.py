@@ -52,11 +52,13 @@ def _scene(options: argparse.Namespace, playback: Playback | None) -> tuple[Scen
 
     procedural = str(options.scene) in ROOMS and not options.scene.exists()
     scene = rooms.room(str(options.scene)) if procedural else Scene.load(options.scene)
+    if playback and playback.poses is not None:
+        playback.poses = scene.placed(playback.poses, str(options.recording))
     start = playback.pose(0) if playback else None
     if start is None and options.trajectory:
         from radartwin.scene.trajectories.file import read_track
 
-        start = read_track(options.trajectory).poses[0]
+        start = scene.placed(read_track(options.trajectory).poses[0], str(options.trajectory))
     if start is None:
         start = build_start(StaticTrajectory(), scene)
     if options.layout:

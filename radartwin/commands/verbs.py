@@ -170,7 +170,7 @@ def view(options: argparse.Namespace) -> int:
     if options.trajectory:
         from radartwin.scene.trajectories.file import read_track
 
-        poses = read_track(options.trajectory).poses
+        poses = scene.placed(read_track(options.trajectory).poses, str(options.trajectory))
     if options.layout:
         from radartwin.scene.layouts.layout import Layout
         from radartwin.scene.layouts.place import furnish

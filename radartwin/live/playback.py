@@ -18,13 +18,12 @@ class Playback:
 
     def __init__(self, recording: Recording, name: str) -> None:
         self.recording, self.name = recording, name
-        self.frames = recording.num_frames
+        self.frames, self.poses = recording.num_frames, recording.sensor_poses
         self.calibrated = not recording.in_counts
 
     def pose(self, frame: int) -> np.ndarray | None:
         """Return the sensor pose (4, 4) of a frame, or None if the recording has no poses."""
-        poses = self.recording.sensor_poses
-        return None if poses is None else poses[frame if len(poses) > 1 else 0]
+        return None if self.poses is None else self.poses[frame if len(self.poses) > 1 else 0]
 
     def spectra(self, frame: int) -> Spectra:
         return spectra(self.recording.iq[frame], self.recording.radar)

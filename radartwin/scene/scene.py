@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from radartwin.errors import SceneError
+from radartwin.errors import PoseError, SceneError
 from radartwin.materials import Layered
-from radartwin.scene.checks import inside_solid
+from radartwin.scene.checks import MAX_EXTENT_M, inside_solid
 from radartwin.scene.storage import read_scene, write_scene
 from radartwin.scene.surface import Surface
 
@@ -72,6 +72,33 @@ class Scene:
         if unknown := sorted(names - set(self.names)):
             raise SceneError(f"the scene has no surface '{unknown[0]}'; it has {', '.join(sorted(set(self.names)))}")
         return Scene((s for s in self.surfaces if s.name not in names), self.provenance)
+
+    def placed(self, poses: np.ndarray, source: str) -> np.ndarray:
+        """Return poses (..., 4, 4) in the coordinates of this scene.
+
+        A scan far from its origin was moved by `offset_m` of the provenance. Poses in the old coordinates of the scan, which are then
+        nearer to the room if they move too, are moved.
+
+        Args:
+            source: name of the poses in the error message.
+        Raises:
+            PoseError: a pose is more than MAX_EXTENT_M from the room.
+        """
+        offset = np.array(self.provenance.get("offset_m", (0.0, 0.0, 0.0)))
+        low, high = self.bounds
+        here, moved = np.array(poses, dtype=np.float64), np.array(poses, dtype=np.float64)
+        moved[..., :3, 3] = here[..., :3, 3] - offset
+
+        def away_m(poses: np.ndarray) -> np.ndarray:
+            positions = poses[..., :3, 3].reshape(-1, 3)
+            return np.linalg.norm(positions - np.clip(positions, low, high), axis=1)
+
+        nearest = min(here, moved, key=lambda candidate: away_m(candidate).max())
+        if len(self) and (away := away_m(nearest)).max() > MAX_EXTENT_M:
+            position = here.reshape(-1, 4, 4)[away.argmax(), :3, 3]
+            at, centre = (", ".join(f"{x:.2f}" for x in place) for place in (position, (low + high) / 2 + offset))
+            raise PoseError(f"{source}: ({at}) m is {away.max():.0f} m from the room at ({centre}) m; use the scan's coordinates")
+        return nearest
 
     def check_sensor(self, positions: np.ndarray) -> None:
         """Raise an error if the sensor is inside a solid. A solid is a watertight mesh of positive volume.
