@@ -1,9 +1,11 @@
-"""Make data that several tests use: a capture log, a mmWave Studio description, a data card, noise, and a trained classifier."""
+"""Make data that several tests use: a capture log, a .glb, a mmWave Studio description, a data card, noise, and a trained classifier."""
 
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,3 +76,13 @@ def recogniser(classes: int = 3, features: int = 4, text: int = 5) -> Recogniser
         encoder, ("can", "mug", "bottle"), prototypes, 0.07, ("a", "b", "c", "d"), {"set": "rotation", "without": ["brightness"]},
         rng.normal(size=features), spread, {"seed": 3},
     )  # fmt: skip
+
+
+def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
+    """Return the bytes of a binary glTF file with this JSON document."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text
+    if binary:
+        body += struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body

@@ -83,7 +83,7 @@ def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
 
 def _mesh_formats() -> tuple[str, bool]:
     """Check that a room's mesh keeps its surface area in every supported file format."""
-    from radartwin.reconstruct.mesh_file import load_scan
+    from radartwin.reconstruct.scan_file import load_scan
 
     mesh, read = _box().surfaces[0].mesh, []
     with tempfile.TemporaryDirectory() as folder:

@@ -40,7 +40,7 @@ from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.distance import Nearest, covered
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
-from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.reconstruct.scan_file import load_scan
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface

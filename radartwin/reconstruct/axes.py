@@ -8,15 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# Rotations that turn an up axis into z. The rotations permute the axes cyclically, so that handedness does not change.
-TO_Z_UP = {
-    "x": np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]]),
-    "y": np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
-    "z": np.eye(3),
-    "-x": np.array([[0, -1, 0], [0, 0, 1], [-1, 0, 0]]),
-    "-y": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]),
-    "-z": np.diag([1, -1, -1]),
-}
+from radartwin.scene.mesh_file import TO_Z_UP
+
 CAMERA_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # converts OpenGL camera axes to OpenCV axes and back
 # The values of the command-line option `--poses` and their meaning.
 POSE_CONVENTIONS = {

@@ -29,11 +29,12 @@ from radartwin.reconstruct.frames.layouts import layout_of, load_frames
 from radartwin.reconstruct.fusion.agreement import check_agreement
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.fusion.monocular import DepthModel, with_depth
-from radartwin.reconstruct.mesh_file import Axis, Unit, check_size, load_scan
 from radartwin.reconstruct.outlines.assembly import assembled
 from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.outlines.visibility import Cameras
+from radartwin.reconstruct.scan_file import Axis, Unit, check_size, load_scan
 from radartwin.reconstruct.segmentation.segment import segmented
+from radartwin.scene.mesh_file import offset_m
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import GEOMETRY, MANIFEST, is_scene
 
@@ -48,7 +49,7 @@ class ScanOptions:
 
     Attributes:
         up: axis of the scan's coordinates that points up (such as "y"); "auto" determines this axis from the scan.
-        unit, is_object: options for a mesh file; `radartwin.reconstruct.mesh_file.load_scan` explains them.
+        unit, is_object: options for a mesh file; `radartwin.reconstruct.scan_file.load_scan` explains them.
         depth_model: name or folder of the weights of a monocular depth model, which estimates the depth of frames without depth pictures.
         intrinsics, depth_unit_m, poses: options for a frame folder; `radartwin.reconstruct.frames.layouts.load_frames` explains them.
     """
@@ -70,6 +71,7 @@ class Scan:
         report: facts about the scan, such as its size, as a dictionary that is stored in the scene's provenance.
         lines: the same facts about the scan as lines of text.
         scan_of: identifier of the scanned room (room name or file digest).
+        offset_m: (3,) the coordinates of the scan minus those of the mesh; see `radartwin.scene.mesh_file.offset_m`.
         frames: colour-and-depth frames from which the mesh was fused, with their aligned poses; None for a mesh file.
     """
 
@@ -77,6 +79,7 @@ class Scan:
     report: dict[str, Any]
     lines: list[str]
     scan_of: str
+    offset_m: np.ndarray
     frames: Frames | None = None
 
 
@@ -110,13 +113,17 @@ def reconstruct(
     scan = (_from_frames if Path(path).is_dir() else _from_mesh_file)(Path(path), options, progress)
     for line in scan.lines:
         progress.say(line)
+    if scan.offset_m.any():
+        moved = ", ".join(f"{0 - metres:.0f}" for metres in scan.offset_m)
+        progress.say(f"moved by ({moved}) m, because it is far from its origin; poses in its old coordinates move with it")
     with progress.task("segmenting", 1) as advance:
         segments = segmented(scan.mesh)
         advance()
     with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
         flat = flattened(scan.mesh, segments, None if scan.frames is None else _cameras(scan.frames), advance)
     surfaces, surface_of_face, statistics = assembled(scan.mesh, flat, material)
-    scene = Scene(surfaces, {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": True, **statistics})
+    provenance = {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": True, **statistics}
+    scene = Scene(surfaces, provenance | ({"offset_m": scan.offset_m.tolist()} if scan.offset_m.any() else {}))
     if out is not None:
         _save(scene, Path(out), scan, surface_of_face, progress)
     return scene
@@ -143,7 +150,7 @@ def _from_mesh_file(path: Path, options: ScanOptions, progress: Progress) -> Sca
     with progress.task(f"reading {path.name}", 1) as advance:
         mesh, report = load_scan(path, options.unit, options.up, options.is_object)
         advance()
-    return Scan(mesh, dataclasses.asdict(report), report.lines(), scan_digest([path]))
+    return Scan(mesh, dataclasses.asdict(report), report.lines(), scan_digest([path]), np.array(report.offset_m))
 
 
 def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
@@ -158,10 +165,11 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
         any_up = "z" if "--up" in layout.options else up  # the check of unit and pose convention needs no up axis
         convention = (options.poses or "opencv") if "--poses" in layout.options else None
         with progress.task("comparing views", 1) as advance:
-            frames = load_frames(path, options.intrinsics, options.depth_unit_m, any_up, poses=options.poses)
+            frames, _ = _centred(load_frames(path, options.intrinsics, options.depth_unit_m, any_up, poses=options.poses))
             check_agreement(frames, options.depth_unit_m or layout.unit_m, convention, layout.metadata_file)
             advance()
-    frames = load_frames(path, options.intrinsics, options.depth_unit_m, up, options.depth_model is not None, options.poses)
+    loaded = load_frames(path, options.intrinsics, options.depth_unit_m, up, options.depth_model is not None, options.poses)
+    frames, offset = _centred(loaded)
     scale = "measured"
     if options.depth_model is not None:
         model = DepthModel.load(options.depth_model)
@@ -172,7 +180,13 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
         check_size(report.extents_m, str(path), "--depth-unit", {})
     if len(report.poses) != len(frames):  # fusion used only every n-th frame
         frames = frames[:: -(-len(frames) // len(report.poses))]
-    return Scan(mesh, report.to_dict(), report.lines(), frames.scan_of, frames.with_poses(report.poses))
+    return Scan(mesh, report.to_dict(), report.lines(), frames.scan_of, offset, frames.with_poses(report.poses))
+
+
+def _centred(frames: Frames) -> tuple[Frames, np.ndarray]:
+    """Move frames that are far from the origin, because depth is fused in single precision. Return also the shift (3,) in metres."""
+    offset = offset_m(frames.poses[:, :3, 3])
+    return frames.with_poses(frames.poses - np.pad(offset[:, None], ((0, 1), (3, 0)))), offset
 
 
 def _cameras(frames: Frames) -> Cameras:

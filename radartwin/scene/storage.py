@@ -23,7 +23,7 @@ from radartwin.io import untrusted_json
 from radartwin.io.files import write_atomically
 from radartwin.materials import Layered
 from radartwin.scene.checks import check_mesh
-from radartwin.scene.mesh_file import read_meshes
+from radartwin.scene.mesh_file import offset_m, read_meshes
 from radartwin.scene.surface import Surface
 
 FORMAT, VERSION = "radartwin-scene", 1
@@ -163,9 +163,10 @@ def _manifest(path: Path) -> dict[str, Any]:
             raise KeyError("format")
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise TypeError("surfaces")
+        np.reshape(np.array(manifest.get("provenance", {}).get("offset_m", [0, 0, 0]), np.float64), 3)
         if not all(isinstance(holder.get("provenance", {}), dict) for holder in (manifest, *entries)):
             raise TypeError("provenance")
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(f"{path} is not a {FORMAT} version {VERSION} manifest; save the scene again") from error
     return manifest
 
@@ -181,4 +182,8 @@ def _read_plain(path: Path, material: str | Layered | None) -> tuple[list[Surfac
             f"{path} carries no material labels; make it a scene with radartwin reconstruct {path} --out FOLDER --material NAME "
             "(in Python, Scene.load takes the material of all surfaces)"
         )
-    return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}
+    offset = offset_m(np.concatenate([mesh.bounds for mesh in meshes.values()]))
+    if not offset.any():
+        return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}
+    moved = [Surface(mesh.copy().apply_translation(-offset), material, name) for name, mesh in meshes.items()]
+    return moved, {"source": path.name, "offset_m": offset.tolist()}

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 import radartwin as rt
 from radartwin.errors import MaterialError
 from radartwin.reconstruct.build import reconstruct
-from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.reconstruct.scan_file import load_scan
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import look_at
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from hypothesis import strategies as st
+from made_files import glb
 
 STRANGE = (
     "nan", "-inf", "1e999", "-1", "0", "1.5", "9" * 40, "true", "null", "x", "", "../x", "/", "'", '"', "\\", "é", "\x00", "- a: [", "{",
@@ -96,13 +97,3 @@ def replaced(seed: str) -> st.SearchStrategy[str]:
     lost = line.map(lambda k: "".join(lines[:k] + lines[k + 1 :]))
     repeated = st.tuples(line, line).map(lambda pair: "".join([*lines[: pair[0]], lines[pair[1]], *lines[pair[0] :]]))
     return edits | lost | repeated
-
-
-def glb(document: dict[str, Any], binary: bytes = b"") -> bytes:
-    """Return the bytes of a binary glTF file with this JSON document."""
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<II", len(text), 0x4E4F534A) + text
-    if binary:
-        body += struct.pack("<II", len(binary), 0x004E4942) + binary
-    return struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
-from changes import glb
+from made_files import glb
 
 THREE = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from changes import glb
 from foreign import THREE, photo_index, textured
+from made_files import glb
 from PIL import Image
 
 from radartwin.errors import InputError, MeshError, RecordingError, ScanError, UserError
@@ -141,6 +141,12 @@ ELSEWHERE = STORED | {"buffers": [{"byteLength": 36, "uri": "../../../../../etc/
 BOMBS = {
     "zeros that take no bytes": triangles([{"mesh": 0}], {"componentType": 5126, "count": 2_000_000_000, "type": "VEC3"}),
     "more than the file holds": triangles([{"mesh": 0}], THREE | {"count": 2_000_000_000}, **STORED),
+    "more replacements than numbers": triangles(
+        [{"mesh": 0}],
+        THREE | {"sparse": {"count": 2_000_000_000, "indices": {"bufferView": 1, "componentType": 5121}, "values": {"bufferView": 1}}},
+        bufferViews=[{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteLength": 36, "byteStride": 0}],
+        buffers=[{"byteLength": 36}],
+    ),
     "nodes that double": triangles([*({"children": [k + 1, k + 1]} for k in range(25)), {"mesh": 0}], THREE, **STORED),
     "nodes in a circle": triangles([{"children": [1]}, {"children": [0], "mesh": 0}], THREE, **STORED),
     "a file elsewhere": triangles([{"mesh": 0}], THREE, **ELSEWHERE),

@@ -32,7 +32,7 @@ from radartwin.recognize.own.object_list import read_objects
 from radartwin.reconstruct.frames.folder import load_own
 from radartwin.reconstruct.frames.formats import load_arkit, load_pose_file, load_tum
 from radartwin.reconstruct.frames.frames import Frames
-from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.reconstruct.scan_file import load_scan
 from radartwin.recordings.checks import examine
 from radartwin.recordings.mapping import read_mapping
 from radartwin.recordings.recording_set import RecordingSet

@@ -34,7 +34,7 @@ from radartwin.reconstruct.frames.formats import load_tum
 from radartwin.runs.experiment import read
 from radartwin.runs.launchers import Launcher
 from radartwin.scene import rooms
-from radartwin.scene.mesh_file import TextureWarning, read_meshes
+from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.scene import Scene
 from radartwin.scene.viewer.page import view
 from radartwin.store.products import Product, save_json
@@ -198,7 +198,7 @@ def test_a_mesh_reads_no_picture_outside_its_folder(uri: str, tmp_path: Path) ->
     (folder / "b.mtl").write_text(f"newmtl m\nmap_Kd {uri.format(private=private)}\n")
     (folder / "b.obj").write_text("mtllib b.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n")
     for name in ("a.glb", "b.obj"):
-        with pytest.warns(TextureWarning):
+        with pytest.warns(MeshWarning):
             (mesh,) = read_meshes(folder / name).values()
         visual: Any = mesh.visual
         material = getattr(visual, "material", None)

@@ -18,7 +18,7 @@ from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.frames.layouts import layout_of, load_frames
 from radartwin.reconstruct.fusion.agreement import check_agreement
-from radartwin.reconstruct.mesh_file import ScanWarning
+from radartwin.reconstruct.scan_file import ScanWarning
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 

@@ -6,11 +6,12 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from radartwin.errors import ScanError
+from radartwin.reconstruct.build import _centred
 from radartwin.reconstruct.distance import Nearest, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.fusion import fusion, volume
 from radartwin.reconstruct.fusion.fusion import fuse, holes
-from radartwin.reconstruct.mesh_file import ScanWarning
+from radartwin.reconstruct.scan_file import ScanWarning
 from radartwin.testbed.scanner.walk import look_along
 
 LENS = np.array([[70.0, 0, 47.5], [0, 70, 35.5], [0, 0, 1]])
@@ -238,3 +239,10 @@ def test_distance_to_a_mesh_matches_closed_form():
     assert np.abs(to_mesh(points, box) - expected).max() < 2e-3
     _, face = Nearest([box, box.copy().apply_translation([5, 0, 0])])(np.array([[6.4, 0.0, 0.0]]))
     assert face[0] >= 12
+
+
+def test_frames_in_survey_coordinates_are_moved_to_the_origin():
+    near, shift = frames(count=4), np.array([452_300.0, 0.0, -7_100.0])
+    moved, offset = _centred(near.with_poses(near.poses + np.pad(shift[:, None], ((0, 1), (3, 0)))))
+    assert (offset - shift).tolist() == [1, 0, 1]  # whole metres to the centre of the cameras
+    assert moved[2].pose[:3, 3] + [1, 0, 1] == pytest.approx(near[2].pose[:3, 3], abs=1e-9)

@@ -8,9 +8,9 @@ import trimesh
 from built_rooms import WINDOW, H, L, coloured, saved, scan, shell, truth, with_door
 from trimesh.visual import ColorVisuals, TextureVisuals
 
-from radartwin.errors import MissingError, OutputError, ScanError
+from radartwin.errors import MeshError, MissingError, OutputError
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, distinct_views, reconstruct, summary
-from radartwin.reconstruct.mesh_file import load_scan
+from radartwin.reconstruct.scan_file import load_scan
 from radartwin.reconstruct.segmentation.colour import face_colours
 from radartwin.scene.scene import Scene
 
@@ -108,7 +108,7 @@ def test_texture_gives_vertex_colours(tmp_path):
 
 def test_bad_scan_is_refused_in_one_line_and_writes_nothing(tmp_path):
     (tmp_path / "bad.obj").write_text("v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n")
-    with pytest.raises(ScanError, match="is degenerate: all its corners coincide") as caught:
+    with pytest.raises(MeshError, match="all vertices coincide; the mesh is degenerate") as caught:
         reconstruct(tmp_path / "bad.obj", tmp_path / "out")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()

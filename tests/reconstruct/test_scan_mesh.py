@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from radartwin.errors import MeshError, MissingError, ScanError
-from radartwin.reconstruct.mesh_file import ScanWarning, load_scan
+from radartwin.reconstruct.scan_file import ScanWarning, load_scan
 
 
 def room(length=6.0, width=5.0, height=2.8):
@@ -24,12 +24,12 @@ def write_obj(path, vertices, faces):
 
 def in_frame(vertices, up):
     """Return z-up coordinates as they are in a file with another up axis, with the same handedness."""
-    x, y, z = vertices.T
-    return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up]
+    x, y, z = vertices.T if up[0] != "-" else (np.diag([1, -1, -1]) @ vertices.T)
+    return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up[-1]]
 
 
 @pytest.mark.parametrize("up", ["x", "y", "z"])
-@pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
+@pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj", ".stl"])
 def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, suffix):
     mesh = room()
     path = tmp_path / f"room{suffix}"
@@ -39,37 +39,27 @@ def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, suffix):
     assert (report.up, report.up_from) == (up, "found from the horizontal area")
     assert np.allclose(loaded.bounds, mesh.bounds, atol=1e-6)
     assert loaded.volume == pytest.approx(-6.0 * 5.0 * 2.8)
-    assert report.watertight
-    assert report.components == 1
+    assert (report.watertight, report.components) == (True, 1)
     assert (report.degenerate_faces, report.duplicate_faces, report.non_manifold_edges, report.boundary_edges) == (0,) * 4
     assert report.area_m2 == pytest.approx(2 * (30 + 16.8 + 14))
 
 
-def test_cube_without_up_axis_is_refused(tmp_path):
-    mesh = room(3, 3, 3)
+def test_only_a_cube_in_a_glb_has_an_up_axis(tmp_path):
+    mesh = room(3, 3, 3).apply_translation([0, 0, 1.5])
     path = write_obj(tmp_path / "cube.obj", mesh.vertices, mesh.faces)
     with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*--up z"):
         load_scan(path)
     assert load_scan(path, up="z")[1].up == "z"
-
-
-def test_glb_without_a_clear_vertical_takes_the_axis_of_gltf(tmp_path):
-    mesh = room(3, 3, 3)
-    mesh.apply_translation([0, 0, 1.5])
-    path = tmp_path / "cube.glb"
-    trimesh.Trimesh(in_frame(mesh.vertices, "y"), mesh.faces, process=False).export(path)
-    loaded, report = load_scan(path)
+    trimesh.Trimesh(in_frame(mesh.vertices, "y"), mesh.faces, process=False).export(tmp_path / "cube.glb")
+    loaded, report = load_scan(tmp_path / "cube.glb")
     assert np.allclose(loaded.vertices, mesh.vertices, atol=1e-6)
     assert any("up axis y (glTF 2.0 defines +Y as up" in line for line in report.lines())
-    assert load_scan(path, up="z")[1].up_from == "as given"
 
 
 @pytest.mark.parametrize("up", ["-x", "-y", "-z"])
 def test_upside_down_scan_is_turned_by_a_negative_axis(tmp_path, up):
     mesh = room()
-    head = np.diag([1, -1, -1]) @ mesh.vertices.T  # z down
-    path = write_obj(tmp_path / "room.obj", in_frame(head.T, up[1]), mesh.faces)
-    loaded, _ = load_scan(path, up=up)
+    loaded, _ = load_scan(write_obj(tmp_path / "room.obj", in_frame(mesh.vertices, up), mesh.faces), up=up)
     assert loaded.extents == pytest.approx(mesh.extents)
     assert loaded.volume == pytest.approx(mesh.volume)  # handedness
     floor = loaded.triangles_center[:, 2] < loaded.bounds[0, 2] + 0.01
@@ -92,32 +82,18 @@ def test_objects_show_their_outside_and_rooms_their_inside(tmp_path):
     assert load_scan(cabinet, up="z")[0].volume < 0
 
 
-def test_room_in_feet_read_as_metres_gives_a_warning(tmp_path):
-    mesh = room()
-    path = write_obj(tmp_path / "room.obj", mesh.vertices / 0.3048, mesh.faces)
-    with pytest.warns(
-        ScanWarning, match=r"is 19\.7 x 16\.4 x 9\.2 m, large for a room; check --unit; --unit ft would make it 6\.0 x 5\.0 x 2\.8 m"
-    ):
-        load_scan(path)
-    load_scan(path, unit="ft")
-    load_scan(path, unit="m")  # RadarTwin accepts the unit that the user states
-
-
 @pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("ft", 0.3048), ("in", 0.0254), ("m", 1.0)])
 def test_units_are_converted_when_given(tmp_path, unit, metres):
     mesh = room()
-    loaded, report = load_scan(write_obj(tmp_path / "room.obj", mesh.vertices / metres, mesh.faces), unit=unit)
+    path = write_obj(tmp_path / "room.obj", mesh.vertices / metres, mesh.faces)
+    loaded, report = load_scan(path, unit=unit)
     assert report.unit == unit
     assert np.allclose([report.extents_m, loaded.extents], (6.0, 5.0, 2.8))
-
-
-def test_millimetres_read_as_metres_are_refused_with_the_remedy(tmp_path):
-    mesh = room()
-    path = write_obj(tmp_path / "room.obj", mesh.vertices * 1000, mesh.faces)
-    with pytest.raises(ScanError, match=r"room\.obj spans 6000 m.*millimetres.*--unit mm"):
-        load_scan(path)
-    with pytest.raises(ScanError, match=r"spans only 0\.006 m"):
-        load_scan(write_obj(tmp_path / "tiny.obj", mesh.vertices, mesh.faces), unit="mm")
+    if unit == "ft":
+        size = r"is 19\.7 x 16\.4 x 9\.2 m, large for a room; check --unit; --unit ft would make it 6\.0 x 5\.0 x 2\.8 m"
+        with pytest.warns(ScanWarning, match=size):
+            load_scan(path)
+        load_scan(path, unit="m")  # RadarTwin accepts the unit that the user states
 
 
 def test_defects_are_counted_and_degenerate_and_duplicate_faces_removed(tmp_path):
@@ -125,25 +101,12 @@ def test_defects_are_counted_and_degenerate_and_duplicate_faces_removed(tmp_path
     vertices = np.vstack([mesh.vertices, [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 1.0]], mesh.vertices[:1]])
     twin = 12  # the last vertex repeats the first: a seam
     fin = [0, 1, 11] if mesh.edges_sorted.tolist().count([0, 1]) == 2 else [0, 2, 11]
-    faces = np.vstack(
-        [
-            mesh.faces,
-            mesh.faces[3][[1, 2, 0]],  # the same face with another first corner
-            mesh.faces[5][::-1],  # the same face with the opposite normal
-            [[8, 9, 10]],  # collinear
-            [[8, 8, 9]],  # two corners alike
-            [fin],  # a third face on an edge
-        ]
-    )
+    # a face with another first corner, one with the opposite normal, collinear corners, equal corners, and a third face on an edge
+    faces = np.vstack([mesh.faces, mesh.faces[3][[1, 2, 0]], mesh.faces[5][::-1], [[8, 9, 10]], [[8, 8, 9]], [fin]])
     faces[0] = np.where(faces[0] == 0, twin, faces[0])
     loaded, report = load_scan(write_obj(tmp_path / "bad.obj", vertices, faces), up="z")
-    assert report.vertices == 13
-    assert report.faces == 17
-    assert report.duplicate_faces == 2
-    assert report.degenerate_faces == 2
-    assert report.non_manifold_edges == 1
-    assert report.boundary_edges == 2  # the two free edges of the additional face
-    assert not report.watertight
+    assert (report.vertices, report.faces, report.duplicate_faces, report.degenerate_faces) == (13, 17, 2, 2)
+    assert (report.non_manifold_edges, report.boundary_edges, report.watertight) == (1, 2, False)  # the two free edges of the third face
     assert len(loaded.faces) == 13
     assert any("2 degenerate and 2 duplicate" in line for line in report.lines())
 
@@ -152,25 +115,25 @@ def test_node_transforms_of_a_glb_are_applied(tmp_path):
     scene = trimesh.Scene()
     scene.add_geometry(room(), transform=trimesh.transformations.translation_matrix([1, 2, 3]))
     scene.export(tmp_path / "moved.glb")
-    loaded, _ = load_scan(tmp_path / "moved.glb")
-    assert np.allclose(loaded.bounds.mean(axis=0), [1, 2, 3])
+    assert np.allclose(load_scan(tmp_path / "moved.glb")[0].bounds.mean(axis=0), [1, 2, 3])
 
 
-def test_unreadable_meshes_and_unknown_options_are_refused(tmp_path):
-    mesh = room()
-    path = tmp_path / "nan.obj"
-    write_obj(path, mesh.vertices, mesh.faces)
-    path.write_text(path.read_text().replace("v 3 ", "v nan ", 1))
-    with pytest.raises(ScanError, match=r"nan\.obj: 1 of 8 vertices are NaN"):
-        load_scan(path)
-    empty = tmp_path / "empty.obj"
-    empty.write_text("v 0 0 0\nv 1 1 1\n")
-    with pytest.raises((ScanError, MeshError), match=r"empty\.obj"):
-        load_scan(empty)
+CORNERS, FACES = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1, 1]]), [[0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "options", "error", "message"),
+    [
+        (room().vertices * 1000, room().faces, {}, MeshError, r"a\.obj spans 6000 m.*millimetres.*--unit mm"),
+        (room().vertices, room().faces, {"unit": "mm"}, ScanError, r"spans only 0\.006 m"),
+        (CORNERS * [1, np.nan, 1], FACES, {}, MeshError, r"a\.obj: 3 of 3 vertices are NaN"),
+        (CORNERS, [], {}, ScanError, r"a\.obj holds no triangles"),
+        (CORNERS * [1, 0, 0], FACES, {}, ScanError, "all 1 faces are degenerate"),
+        (CORNERS, FACES, {"unit": "yard"}, ScanError, "--unit yard"),
+    ],
+)
+def test_unusable_meshes_and_unknown_options_are_refused(tmp_path, vertices, faces, options, error, message):
+    with pytest.raises(error, match=message):
+        load_scan(write_obj(tmp_path / "a.obj", vertices, faces), **options)
     with pytest.raises(MissingError, match=r"gone\.ply"):
         load_scan(tmp_path / "gone.ply")
-    with pytest.raises(ScanError, match="--unit yard"):
-        load_scan(path, unit="yard")  # type: ignore[arg-type]
-    flat = write_obj(tmp_path / "flat.obj", np.array([[0, 0, 0], [1, 0, 0], [2.0, 0, 0]]), [[0, 1, 2]])
-    with pytest.raises(ScanError, match="all 1 faces are degenerate"):
-        load_scan(flat)

@@ -9,7 +9,7 @@ from radartwin.materials import Layered
 from radartwin.scene import objects
 from radartwin.scene.checks import welded
 from radartwin.scene.layouts.stock import from_mesh
-from radartwin.scene.mesh_file import TextureWarning
+from radartwin.scene.mesh_file import MeshWarning
 from radartwin.scene.objects import vessels
 from radartwin.simulation import geometry
 
@@ -94,7 +94,7 @@ def test_contents_are_the_backing_of_the_wall():
 
 
 def test_mustard_matches_its_scanned_model_in_width(shared_data):
-    with pytest.warns(TextureWarning):
+    with pytest.warns(MeshWarning):
         (scanned,) = from_mesh(shared_data / "objects" / "ycb" / "MustardBottle.obj", "hdpe")
     body = objects.make("mustard")[0].mesh
     for z in (0.03, 0.06, 0.09, 0.12):

@@ -80,7 +80,7 @@ def test_an_invalid_mesh_entry_is_refused_with_its_name(folder, entry, error, wo
 
 
 @pytest.mark.parametrize(("name", "height_m"), [("ycb/MustardBottle.obj", 0.19), ("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
-@pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.TextureWarning")
+@pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.MeshWarning")
 def test_scanned_meshes_are_placed_in_a_room(shared_data, tmp_path, name, height_m):
     mesh = shared_data / "objects" / name
     scene = furnished(tmp_path, f"object: {mesh}, material: hdpe, on: {TABLE}, name: thing")

@@ -11,7 +11,7 @@ import trimesh
 
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms, textures
-from radartwin.scene.mesh_file import TextureWarning, read_meshes
+from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.scene import Scene, Surface
 
 
@@ -103,5 +103,5 @@ def test_a_missing_material_file_causes_a_warning(tmp_path):
     textures.textured(objects.box([0, 0, 0], [1, 1, 1]), "brick").export(path)
     assert visual(next(iter(read_meshes(path).values()))).kind == "texture"
     (tmp_path / "material.mtl").unlink()
-    with pytest.warns(TextureWarning, match=r"material\.mtl"):
+    with pytest.warns(MeshWarning, match=r"material\.mtl"):
         assert len(next(iter(read_meshes(path).values())).faces) == 12

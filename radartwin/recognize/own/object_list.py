@@ -5,7 +5,7 @@ The following text is an example of such a file:
     objects:
       - name: plate                  # the class name that the recogniser returns
         mesh: meshes/plate.stl       # a .glb, .ply, .obj or .stl; the path is relative to this file's folder
-        unit: mm                     # of the mesh: m (default), cm, mm or in
+        unit: mm                     # of the mesh: m (default), cm, mm, in or ft
         up: y                        # upward axis of the mesh: z (default) or y
         material: metal              # of the whole mesh: a name, or layers as for the bottle
         description: a flat square metal plate
@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 from radartwin.errors import InputError, MissingError, UserError
 from radartwin.radar.description_files import read_yaml
 from radartwin.scene import objects as catalogue_objects
-from radartwin.scene.layouts.stock import UNITS, UP, from_mesh
+from radartwin.scene.layouts.stock import from_mesh
+from radartwin.scene.mesh_file import METRES, TO_Z_UP
 from radartwin.scene.storage import material_from_json
 from radartwin.scene.surface import Surface
 from radartwin.scene.viewer.colouring import material_label
@@ -61,8 +62,8 @@ SCHEMA: dict[str, Any] = {
                     "name": _TEXT,
                     "mesh": _TEXT,
                     "catalogue": _TEXT,
-                    "unit": {"enum": list(UNITS)},
-                    "up": {"enum": list(UP)},
+                    "unit": {"enum": list(METRES)},
+                    "up": {"enum": list(TO_Z_UP)},
                     "material": {
                         "type": ["string", "object"],
                         "additionalProperties": False,

@@ -22,7 +22,7 @@ from radartwin.reconstruct.frames.pictures import UNITS_M, plausible
 from radartwin.reconstruct.fusion.alignment import disagreement
 from radartwin.reconstruct.fusion.views import prepared
 from radartwin.reconstruct.fusion.volume import View
-from radartwin.reconstruct.mesh_file import ScanWarning
+from radartwin.reconstruct.scan_file import ScanWarning
 
 COMPARED_VIEWS = 40  # number of views that are compared, evenly distributed over the scan
 MEDIAN_M = 2.0  # all views are scaled to this median depth

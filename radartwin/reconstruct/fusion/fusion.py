@@ -21,7 +21,7 @@ from radartwin.reconstruct.fusion.alignment import AlignmentReport, align
 from radartwin.reconstruct.fusion.marching import extract
 from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
-from radartwin.reconstruct.mesh_file import ScanWarning
+from radartwin.reconstruct.scan_file import ScanWarning
 
 VOXELS_ACROSS = 450  # number of voxels along the room's diagonal, which gives 2 cm voxels for a diagonal of 9 m
 VOXEL_M = (0.01, 0.03)

@@ -19,7 +19,7 @@ The following text is an example of an object layout file, in YAML:
         held: true                   # the support is not modelled, so the object may float
       - object: meshes/bottle.obj    # a .glb, .ply, .obj or .stl, relative to the layout file; the mesh stands on its lowest point
         material: hdpe               # of the whole mesh: a name, or {layers: [[hdpe, 0.001]], backing: water}
-        unit: mm                     # of the mesh: m (default), cm, mm or in
+        unit: mm                     # of the mesh: m (default), cm, mm, in or ft
         up: y                        # its upward axis: z (default) or y
         on: table
 
@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from radartwin.errors import LayoutError, MaterialError, MissingError, SceneError
 from radartwin.io import untrusted_yaml
 from radartwin.materials import Layered
-from radartwin.scene.mesh_file import MESH_SUFFIXES
+from radartwin.scene.mesh_file import MESH_SUFFIXES, METRES, TO_Z_UP
 from radartwin.scene.storage import material_from_json
 
 if TYPE_CHECKING:
@@ -104,8 +104,8 @@ FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
             "backing": {"type": "string"},
         },
     },
-    "unit": {"enum": ["m", "cm", "mm", "in", None]},
-    "up": {"enum": ["z", "y", None]},
+    "unit": {"enum": [*METRES, None]},
+    "up": {"enum": [*TO_Z_UP, None]},
 }
 
 
@@ -125,7 +125,7 @@ class Item:
     Attributes:
         object: name of a catalogue object, or path of a mesh file.
         material: material of an object from a mesh file; None for a catalogue object.
-        unit: length unit of a mesh file: m, cm, mm or in.
+        unit: length unit of a mesh file: m, cm, mm, in or ft.
         up: axis of a mesh file that points up: z or y.
     """
 

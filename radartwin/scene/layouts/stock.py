@@ -7,20 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from radartwin.errors import LayoutError, MeshError
 from radartwin.materials import Layered
 from radartwin.scene import objects
 from radartwin.scene.checks import check_mesh
 from radartwin.scene.layouts.anchor import words
-from radartwin.scene.mesh_file import read_meshes
+from radartwin.scene.mesh_file import METRES, TO_Z_UP, read_meshes
 from radartwin.scene.surface import Surface
 
 CANONICAL = {"plate": lambda: objects.plate(0.1, 0.1), "sphere": lambda: objects.sphere(0.05)}
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 SMALLEST_M, LARGEST_M = 0.01, 1.0  # limits for the size of an object from a mesh file
-UP = {"z": np.eye(4), "y": trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0])}
 
 
 def names() -> list[str]:
@@ -64,8 +61,8 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
     Args:
         path: .glb, .ply, .obj or .stl file, whose texture and colours are kept.
         material: material of the whole object.
-        unit: length unit of the file's coordinates: m, cm, mm or in.
-        up: axis of the file's coordinates that points up: z or y.
+        unit: length unit of the file's coordinates: m, cm, mm, in or ft.
+        up: axis of the file's coordinates that points up: x, y, z, -x, -y or -z.
     Returns:
         A surface for each mesh in the file; all surfaces have the file name without suffix as their name.
     Raises:
@@ -75,14 +72,15 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
     meshes = list(read_meshes(path).values())
     if not meshes:
         raise MeshError(f"{path} holds no triangles; give a mesh, not a point cloud")
-    turn = UP[up] @ np.diag([UNITS[unit]] * 3 + [1.0])
+    turn = np.eye(4)
+    turn[:3, :3] = METRES[unit] * TO_Z_UP[up]
     moved = [mesh.copy().apply_transform(turn) for mesh in meshes]
     low = np.min([mesh.bounds[0] for mesh in moved], axis=0)
     high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
     extent = float((high - low).max())
     if np.isfinite(extent) and not SMALLEST_M <= extent <= LARGEST_M:
         raise MeshError(
-            f"{path} is {extent:.4g} m long in unit={unit}; an object must be 1 cm to 1 m long; {_unit_hint(extent / UNITS[unit])}"
+            f"{path} is {extent:.4g} m long in unit={unit}; an object must be 1 cm to 1 m long; {_unit_hint(extent / METRES[unit])}"
         )
     for mesh in moved:
         check_mesh(mesh, str(path))
@@ -93,5 +91,5 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
 
 def _unit_hint(length: float) -> str:
     """Return a question for an error message that suggests the length units in which the object would be 5 to 35 cm long."""
-    fits = [unit for unit, scale in UNITS.items() if 0.05 <= length * scale <= 0.35]
+    fits = [unit for unit, scale in METRES.items() if 0.05 <= length * scale <= 0.35]
     return f"give unit={' or unit='.join(fits)}" if fits else "give another unit or mesh"

@@ -1,4 +1,4 @@
-"""Read the mesh file of a scan: convert the length unit and the up axis, merge equal vertices, and count defects or reject the file.
+"""Read the mesh file of a scan: convert the length unit and the up axis, move it near the origin, merge equal vertices, and count defects.
 
 The length unit is never guessed, because a size of 6400 could be 6400 mm for a room or 6400 cm for a hall. For a file of implausible size,
 the reader raises an error whose message names the likely unit. The reader determines the up axis from the areas of the faces: a room has
@@ -18,14 +18,12 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import ScanError
-from radartwin.reconstruct.axes import TO_Z_UP
-from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
-from radartwin.scene.mesh_file import read_meshes
+from radartwin.scene.checks import check_mesh
+from radartwin.scene.mesh_file import METRES, TO_Z_UP, offset_m, read_meshes
 
 Unit = Literal["auto", "m", "cm", "mm", "in", "ft"]
 Axis = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 
-METRES = {"auto": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 MIN_EXTENT_M = 0.05  # smaller than any object in the library's catalogue
 DEGENERATE_HEIGHT_M = 1e-5  # a thinner triangle has no usable normal in float32
 WELD_DIGITS = 6  # vertices closer than 1 um are merged, because exporters double them along seams
@@ -53,6 +51,7 @@ class ScanReport:
         vertices, faces: numbers of vertices and faces in the file, before equal vertices are merged.
         extents_m, area_m2, components, watertight, non_manifold_edges, boundary_edges: properties of the mesh that `load_scan` returns.
         turned: whether the reader inverted the faces, because faces of a room must look inwards and faces of an object outwards.
+        offset_m: the coordinates of the scan minus those of the returned mesh, both with z up.
     """
 
     source: str
@@ -69,6 +68,7 @@ class ScanReport:
     boundary_edges: int
     components: int
     watertight: bool
+    offset_m: list[float]
     turned: bool = False
     is_object: bool = False
 
@@ -105,20 +105,21 @@ def load_scan(
         ScanError: the mesh is empty, contains NaN, has an implausible size, or has no clear up axis.
     """
     path = Path(path)
-    if unit not in METRES or up not in ("auto", *TO_Z_UP):
-        raise ScanError(f"--unit {unit} --up {up}: choose --unit {', '.join(METRES)} and --up auto, {', '.join(TO_Z_UP)}")
-    mesh, found = _welded(path, METRES[unit])
+    if unit not in ("auto", *METRES) or up not in ("auto", *TO_Z_UP):
+        raise ScanError(f"--unit {unit} --up {up}: choose --unit auto, {', '.join(METRES)} and --up auto, {', '.join(TO_Z_UP)}")
+    mesh, counts = _welded(path, METRES.get(unit, 1.0))
     axis, up_from = _up_axis(mesh, path) if up == "auto" else (up, "as given")
     visual: Any = mesh.visual
-    colours = visual.vertex_colors if visual.defined else None
-    mesh = trimesh.Trimesh(np.asarray(mesh.vertices) @ TO_Z_UP[axis].T, mesh.faces, vertex_colors=colours, process=False)
+    vertices = np.asarray(mesh.vertices) @ TO_Z_UP[axis].T
+    offset = offset_m(vertices)
+    mesh = trimesh.Trimesh(vertices - offset, mesh.faces, vertex_colors=visual.vertex_colors if visual.defined else None, process=False)
     if is_object is None:
         is_object = bool(mesh.extents.max() < OBJECT_M)
     turned = bool(mesh.is_watertight and mesh.volume < 0) if is_object else _inside_out(mesh)
     if turned:
         mesh.invert()
     if unit == "auto" and not is_object:
-        check_size(mesh.extents, str(path), "--unit", {name: m for name, m in METRES.items() if name not in ("auto", "m")})
+        check_size(mesh.extents, str(path), "--unit", {name: m for name, m in METRES.items() if name != "m"})
     uses = np.bincount(mesh.edges_unique_inverse)  # number of faces at each edge
     return mesh, ScanReport(
         source=path.name,
@@ -127,13 +128,14 @@ def load_scan(
         up_from=up_from,
         turned=turned,
         is_object=is_object,
+        offset_m=offset.tolist(),
         extents_m=[float(v) for v in mesh.extents],
         area_m2=float(mesh.area),
         non_manifold_edges=int((uses > 2).sum()),
         boundary_edges=int((uses == 1).sum()),
         components=int(mesh.body_count),
         watertight=bool((uses == 2).all()),
-        **found,
+        **counts,
     )
 
 
@@ -141,16 +143,14 @@ def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]
     """Return the file's mesh in metres, without degenerate and duplicate faces, and the numbers of removed elements for the report."""
     meshes = list(read_meshes(path).values())
     vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
-    if len(vertices) == 0 or len(faces) == 0:
+    if len(faces) == 0:
         raise ScanError(f"{path} holds no triangles ({len(vertices)} vertices); export a mesh, not a point cloud")
-    bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-    if bad:
-        raise ScanError(f"{path}: {bad} of {len(vertices)} vertices are NaN or infinite; export the scan again")
-    vertices = vertices * unit_m
-    _check_extent(path, float(np.ptp(vertices[faces.reshape(-1)], axis=0).max()))
-    mesh = trimesh.Trimesh(vertices, faces, vertex_colors=_colours(meshes, path), process=False)
+    mesh = trimesh.Trimesh(vertices * unit_m, faces, vertex_colors=_colours(meshes), process=False)
+    check_mesh(mesh, str(path))
+    if (extent := float(mesh.extents.max())) < MIN_EXTENT_M:
+        raise ScanError(f"{path} spans only {extent:.3g} m; give the unit of its coordinates, for example --unit ft")
     mesh.merge_vertices(digits_vertex=WELD_DIGITS, merge_tex=True, merge_norm=True)
-    degenerate = _heights(mesh) < DEGENERATE_HEIGHT_M
+    degenerate = ~mesh.nondegenerate_faces(height=DEGENERATE_HEIGHT_M)
     duplicate = ~mesh.unique_faces() & ~degenerate
     mesh.update_faces(~(degenerate | duplicate))
     mesh.remove_unreferenced_vertices()
@@ -160,23 +160,12 @@ def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]
     return mesh, counts | {"degenerate_faces": int(degenerate.sum()), "duplicate_faces": int(duplicate.sum())}
 
 
-def _colours(meshes: list[trimesh.Trimesh], path: Path) -> np.ndarray | None:
-    """Return the RGBA colours (V, 4) uint8 of all vertices, sampled from textures where needed; None if a mesh has no colours."""
-    colours = []
-    for mesh in meshes:
-        visual: Any = mesh.visual
-        if visual.kind == "texture":
-            material = visual.material
-            image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-            if image is None or visual.uv is None:
-                if visual.uv is not None:
-                    warnings.warn(f"{path}: its texture file is missing, so the scan has no colours; add the picture", stacklevel=4)
-                return None
-            visual = visual.to_color()
-        if visual.kind not in ("vertex", "face"):
-            return None
-        colours.append(np.asarray(visual.vertex_colors))
-    return np.vstack(colours) if colours else None
+def _colours(meshes: list[trimesh.Trimesh]) -> np.ndarray | None:
+    """Return the RGBA colours (V, 4) uint8 of all vertices, sampled from pictures where there are any; None if no mesh has a colour."""
+    visuals: list[Any] = [mesh.visual for mesh in meshes]
+    if not any(visual.defined for visual in visuals):
+        return None
+    return np.vstack([(visual.to_color() if visual.kind == "texture" else visual).vertex_colors for visual in visuals])
 
 
 def _inside_out(mesh: trimesh.Trimesh) -> bool:
@@ -188,15 +177,6 @@ def _inside_out(mesh: trimesh.Trimesh) -> bool:
     right = area[near_floor & (up > LEVEL)].sum() + area[near_ceiling & (up < -LEVEL)].sum()
     wrong = area[near_floor & (up < -LEVEL)].sum() + area[near_ceiling & (up > LEVEL)].sum()
     return bool(wrong > 2 * right)
-
-
-def _check_extent(path: Path, extent: float) -> None:
-    if extent > MAX_EXTENT_M:
-        raise ScanError(f"{path} spans {extent:.4g} m, over the limit of {MAX_EXTENT_M:.0f} m; {unit_hint(extent)}")
-    if extent == 0:
-        raise ScanError(f"{path} is degenerate: all its corners coincide, so no unit makes it a scan; export it again")
-    if extent < MIN_EXTENT_M:
-        raise ScanError(f"{path} spans only {extent:.3g} m; give the unit of its coordinates, for example --unit ft")
 
 
 def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Mapping[str, float]) -> None:
@@ -217,13 +197,6 @@ def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Ma
     ]
     text = f"{source} is {x:.1f} x {y:.1f} x {z:.1f} m, large for a room; check {option}"
     warnings.warn("; ".join([text, *fits]), ScanWarning, stacklevel=3)
-
-
-def _heights(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return the smallest height (F,) of each triangle in metres; 0 for a triangle whose corners coincide."""
-    triangles = np.asarray(mesh.triangles)
-    longest = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
-    return 2 * np.asarray(mesh.area_faces) / np.maximum(longest, 1e-12)
 
 
 def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[str, str]:
