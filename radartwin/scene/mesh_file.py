@@ -36,6 +36,7 @@ from trimesh.visual import ColorVisuals
 from radartwin.errors import InputError, MeshError, MissingError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside
+from radartwin.io.git_lfs import refuse_pointer
 from radartwin.io.one_line import plural
 from radartwin.scene.checks import MAX_EXTENT_M
 
@@ -53,7 +54,6 @@ TO_Z_UP = {
 MAX_BYTES = 16 << 30  # largest size in bytes of all mesh copies together
 MAX_PIXELS = 1_000_000_000  # largest number of pixels of all textures together, 3 GB of colours
 PICTURES = ("image", "baseColorTexture", "emissiveTexture", "normalTexture", "occlusionTexture", "metallicRoughnessTexture")
-POINTER = b"version https://git-lfs.github.com/spec/"  # first bytes of a Git LFS pointer file
 # glTF extensions that are decoded, and the beginnings of the names of those that change only the look of a surface
 DECODED = ("KHR_mesh_quantization", "KHR_draco_mesh_compression")
 LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "MSFT_texture_", "KHR_xmp")
@@ -95,11 +95,10 @@ def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
         raise MeshError(f"{path} is not a supported mesh file; convert it to {', '.join(MESH_SUFFIXES)}")
     if not path.is_file():
         raise MissingError(f"mesh {path} is not there; check the path")
+    refuse_pointer(path, MeshError)
     resolver, left_out = _Beside(path), list[str]()
     try:
         content = path.read_bytes()
-        if content.startswith(POINTER):
-            raise MeshError("is a Git LFS pointer in place of the file; fetch the file with git lfs pull")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # vertices without a face have no texture coordinate
             scene = _load(content, kind, resolver, left_out)

@@ -27,6 +27,7 @@ from radartwin.label.journal import Journal
 from radartwin.label.photos import load_photos
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
+from radartwin.radar.studio_log import read_log
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.own.object_list import read_objects
 from radartwin.reconstruct.frames.folder import load_own
@@ -36,7 +37,6 @@ from radartwin.reconstruct.scan_file import load_scan
 from radartwin.recordings.checks import examine
 from radartwin.recordings.mapping import read_mapping
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.radar.studio_log import read_log
 from radartwin.scene import rooms
 from radartwin.scene.layouts.grammar import parse
 from radartwin.scene.layouts.layout import Layout

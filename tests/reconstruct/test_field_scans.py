@@ -251,7 +251,7 @@ def test_normalised_texture_coordinates_find_their_colours(tmp_path):
 
 HALL = [POINTS, TRIANGLES.ravel()]
 REFUSED = {  # for each file of ../shared/field, or of a writer, the message
-    **{f"mesh/lfs.{kind}": (None, "lfs.* is a Git LFS pointer in place of the file; fetch the file") for kind in ("glb", "ply", "obj")},
+    **{f"mesh/lfs.{kind}": (None, "lfs.*: it is a Git LFS pointer") for kind in ("glb", "ply", "obj")},
     "mesh/meshopt.glb": (None, "needs the glTF extension EXT_meshopt_compression, which RadarTwin does not read; export it without"),
     "mesh2/instanced.glb": (None, "needs the glTF extension EXT_mesh_gpu_instancing"),
     **dict.fromkeys(["mesh/cloud.ply", "mesh2/points.glb", "mesh2/tristrips.ply"], (None, "holds no triangles")),

@@ -21,7 +21,7 @@ from radartwin.scene.surface import OBJECT_EXTENT_M, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table
-from radartwin.simulation.backends import coupling, tube_paths
+from radartwin.simulation.backends import coupling
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target, clusters
 from radartwin.simulation.flat import faces as faces_module
