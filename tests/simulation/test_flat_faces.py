@@ -45,6 +45,16 @@ def test_inner_corners_of_a_room_diffract_nothing():
     assert np.sum(corner.opening == 2) == 6  # free edges
 
 
+@pytest.mark.parametrize(("first", "second"), [(1e-4, 0), (0.003, 0.003), (0.01, 0.01), (0.005, -0.5)])
+def test_perpendicular_plates_with_a_gap_between_them_share_an_edge(first, second):
+    """A negative gap: the second plate crosses the plane of the first one. The plates overlap along a part of their common line only."""
+    one, two = sheet(box(first, 0, 2, 2), np.eye(4)), sheet(box(second, 0.5, 2, 3), np.eye(4))
+    two.vertices = two.vertices[:, [2, 1, 0]]
+    of = found(one.apply_transform(TURNED), two.apply_transform(TURNED))
+    assert sorted(areas(of)) == pytest.approx(sorted([2 * (2 - first) + 1.5 * first, 2.5 * (2 - second) + 1.5 * max(second, 0)]))
+    assert found(one, two.apply_translation([0, 0, 5])).length.sum() == pytest.approx(8 - 2 * first + 9 - 2 * second)
+
+
 def test_equal_planes_count_once():
     wall = trimesh.Trimesh([[2, -1, -1], [2, 1, -1], [2, 1, 1], [2, -1, 1]], [[0, 1, 2], [0, 2, 3]])
     patch = wall.copy().apply_scale([1, 0.2, 0.2])

@@ -10,7 +10,7 @@ open sector is one wedge. A free edge is a wedge of 360 degrees. A straight side
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +28,10 @@ SAME_RAD = 1e-3  # largest difference of equal angles
 # An inner corner of 180/m degrees diffracts nothing if the relative error of its angle is below this. At other corners, the reflections in
 # both orders or in neither order can exist, and only the diffracted wave of the corner makes their sum continuous.
 EXACT = 1e-7
+# The double echo of two faces passes through the line in which their planes meet, on its way to a radar at R. A gap of this width in metres
+# is a fifth of the radius sqrt(lambda R/2) of the Fresnel zone there, for 77 GHz and R = 1 m.
+GAP_M = 0.0101
+WIDE = 4  # a face that reaches less far from the line than this number of gaps keeps its gap
 
 
 class Faces(NamedTuple):
@@ -96,6 +100,7 @@ def find(geometry: Geometry, smallest_m: float = SMALLEST_M) -> tuple[Faces, np.
     smallest_m: smallest width of a face.
     """
     regions, flat = _regions(geometry, smallest_m)
+    _close_gaps(regions)
     regions = [part for one in _without_overlaps(regions, smallest_m) for part in _parts(one, smallest_m)]
     return _packed(regions, _wedges(regions)), flat
 
@@ -121,6 +126,64 @@ def _regions(geometry: Geometry, smallest_m: float) -> tuple[list[_Region], np.n
                 flat[faces[members]] = True
                 regions.append(_Region(shape, origin, axes, normal, int(surface), outward))
     return regions, flat
+
+
+def _close_gaps(regions: list[_Region]) -> None:
+    """Extend thin faces to the line in which their planes meet, where both faces end within GAP_M of this line or reach it. The faces then
+    share an edge, as faces that touch do. Faces of solids stay as they are.
+    """
+    thin = [region for region in regions if not region.outward]
+    boxes = [region.to_space(shapely.get_coordinates(region.polygon)) for region in thin]
+    low, high = (np.array([bound(box, axis=0) for box in boxes]).reshape(-1, 3) for bound in (np.min, np.max))
+    for i, j in combinations(range(len(thin)), 2):
+        along = np.cross(thin[i].normal, thin[j].normal)
+        if (low[i] > high[j] + GAP_M).any() or (low[j] > high[i] + GAP_M).any() or along @ along < 0.25:
+            continue
+        pair = np.array([thin[i].normal, thin[j].normal])
+        offsets = [thin[i].normal @ thin[i].origin, thin[j].normal @ thin[j].origin]
+        start = np.linalg.lstsq(pair, np.array(offsets), rcond=None)[0]
+        along /= np.linalg.norm(along)
+        strips = [_strip(thin[k], start, along) for k in (i, j)]
+        common = shapely.intersection(*(shapely.union_all([LineString([(t, 0), (u, 0)]) for t, u, _, _ in strip]) for strip in strips))
+        if common.length > SHORTEST_M:
+            for k, strip in zip((i, j), strips, strict=True):
+                _extend(thin[k], start, along, strip, common)
+
+
+def _strip(region: _Region, start: np.ndarray, along: np.ndarray) -> list[tuple[float, float, float, float]]:
+    """Return the places along a line at which a region reaches the line or ends within GAP_M of it, as (first, last, gaps at both)."""
+    origin, way = region.to_plane(start), region.axes @ along
+    away = np.array([-way[1], way[0]])
+    out = []
+    for ring in (region.polygon.exterior, *region.polygon.interiors) if isinstance(region.polygon, Polygon) else ():
+        points = np.array(ring.coords) - origin
+        place, gap = points @ way, points @ away
+        reach = np.abs(gap).max()
+        for k in range(len(points) - 1):
+            widest = max(abs(gap[k]), abs(gap[k + 1]))
+            if widest < GAP_M and WIDE * widest < reach and abs(place[k + 1] - place[k]) > SHORTEST_M:
+                a, b = sorted((k, k + 1), key=lambda c: place[c])
+                out.append((place[a], place[b], gap[a], gap[b]))
+    ends = np.array([-1e3, 1e3])[:, None] * way + origin
+    for inner in shapely.get_parts(shapely.intersection(LineString(ends), region.polygon)):
+        if isinstance(inner, LineString) and inner.length > SHORTEST_M:
+            first, last = sorted((np.array(inner.coords)[[0, -1]] - origin) @ way)
+            out.append((first, last, 0.0, 0.0))
+    return out
+
+
+def _extend(region: _Region, start: np.ndarray, along: np.ndarray, strip: list[tuple[float, float, float, float]], common: Any) -> None:
+    """Fill the area between a line and the sides of a region in the common places (multiple) line string."""
+    origin, way = region.to_plane(start), region.axes @ along
+    away = np.array([-way[1], way[0]])
+    for first, last, one, two in strip:
+        for part in shapely.get_parts(shapely.intersection(common, LineString([(first, 0), (last, 0)]))):
+            if max(abs(one), abs(two)) < SAME_M or not isinstance(part, LineString):
+                continue
+            t = np.array(part.coords)[[0, -1], 0]
+            gap = np.interp(t, (first, last), (one, two))
+            ring = [*(origin + t[:, None] * way), *(origin + t[::-1, None] * way + gap[::-1, None] * away)]
+            region.polygon = shapely.union(region.polygon, Polygon(ring), grid_size=1e-7)
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
