@@ -136,6 +136,7 @@ _nearest | KDTree(places).query(points)[1] | np.zeros(len(points), int) | all po
 
 simulation/flat/field: physics/test_flat_rooms
 keller | z_s * h_r + z_r * h_s | z_s * h_s + z_r * h_r | the point of diffraction is not Keller's
+edge_terms | if n < 1: | if n < 0: | an inner corner continues the incident wave instead of the doubly reflected one
 
 simulation/flat/field: physics/test_three_dimensions
 across_share | into * into / size if size > 1e-20 else 0.5 | 1.0 | both edges of a corner have all of its wave

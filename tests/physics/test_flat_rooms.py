@@ -661,3 +661,20 @@ def board(frequency_hz):
     once = np.exp(-2j * np.pi * frequency_hz * index * 0.0125 / SPEED_OF_LIGHT)
     reflected = face * (1 - once**2) / (1 - face**2 * once**2)
     return reflected, (1 - face**2) * once / (1 - face**2 * once**2), reflected
+
+
+@pytest.mark.parametrize("material", ["plasterboard", "concrete", "metal"])
+def test_echo_of_an_inner_corner_is_continuous_in_its_angle(material):
+    """A corner of exactly 90 degrees has a double image and no edge. Beside this angle, the edge continues the doubly reflected waves."""
+    echoes = []
+    for angle in (0.0, 1e-6, -1e-6, 1e-4, 2.4e-3, -2.4e-3):
+        end = np.array([np.cos(angle), np.sin(angle), 0.0])
+        walls = [rooms.rectangle([0, 0, -1.4], way, [0, 0, 1], (5, 2.8)) for way in (end, np.array([0, 1.0, 0]))]
+        scene = rt.Scene([rt.Surface(wall, material, f"wall{i}", role="room") for i, wall in enumerate(walls)])
+        parts = paths_of(scene, np.concatenate([looking((2.5, 3.4, 0.1)), looking((3.45, 2.5, -0.1))]), max_bounces=2)
+        double = [p.where(np.abs(p.length_m - 2 * np.hypot(2.5, 3.4)) < 0.1) for p in parts]
+        echoes.append(fields([p for p in double if len(p)], 2))
+    change = 20 * np.log10(np.abs(np.array(echoes[1:]) / echoes[0]))
+    assert np.abs(change[:2]).max() < 0.1
+    assert np.abs(change[2]).max() < 0.3
+    assert np.abs(change[3:]).max() < 2

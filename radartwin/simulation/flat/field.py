@@ -419,6 +419,22 @@ def passing_matrix(
 
 
 @innermost
+def doubled_matrix(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, e: int, q: int, phi: float, phi0: float, sine: float, cosine: float
+) -> tuple[complex, complex, complex, complex]:
+    """Return the elements ss, sh, hs and hh of the matrix of the reflection at both faces of the inner corner `e`, as in `face_matrix`.
+
+    Where a doubly reflected wave begins or ends, it meets each face at the angle of that end of the ray which is nearer to the face.
+    """
+    at_0, at_n = min(phi, phi0), faces.opening[e] * math.pi - max(phi, phi0)
+    ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, math.pi - at_0, at_0, sine, cosine)
+    ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, math.pi - at_n, at_n, sine, -cosine)
+    if phi < phi0:  # the wave meets face n first
+        return ss0 * ssn - sh0 * shn, ss0 * shn + sh0 * hhn, -sh0 * ssn - hh0 * shn, hh0 * hhn - sh0 * shn
+    return ssn * ss0 - shn * sh0, ssn * sh0 + shn * hh0, -shn * ss0 - hhn * sh0, hhn * hh0 - shn * sh0
+
+
+@innermost
 def edge_terms(
     faces: Faces, tables: Tables, e: int, before: Point, after: Point, distance_m: float, wavenumber: float,
     weights: tuple[complex, complex, complex], phi0: float, phi: float, out: np.ndarray,
@@ -426,7 +442,7 @@ def edge_terms(
     """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
     Behind faces that transmit, the field jumps by the part of the wave that the faces do not transmit. This part multiplies the shadow
-    terms.
+    terms. At an inner corner, the shadow terms continue the waves that both faces reflect instead, so that `doubled_matrix` multiplies them.
 
     Rows: soft and hard component after the edge; columns: before it. The derivatives are those of metal faces.
 
@@ -442,8 +458,11 @@ def edge_terms(
     n = faces.opening[e]
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
-    ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
-    lost = 1 - ss, -sh, -hs, 1 - hh
+    if n < 1:
+        lost = doubled_matrix(faces, te, tm, e, q, phi, phi0, sine, cosine)
+    else:
+        ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
+        lost = 1 - ss, -sh, -hs, 1 - hh
     ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
     ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
     weight = weights[0]
