@@ -36,6 +36,17 @@ def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
     assert all((inside - s.mesh.triangles_center[0]) @ s.mesh.face_normals[0] > 0 for s in scene)
 
 
+@pytest.mark.parametrize("degrees", [0, 17, 64])
+def test_perfect_box_comes_back_as_that_box(tmp_path, degrees):
+    box = trimesh.creation.box((4, 3, 2.5), trimesh.transformations.rotation_matrix(np.radians(degrees), Z, [0.3, -0.2, 0]))
+    box.apply_translation([0.13, -0.27, 1.25]).invert()
+    scene = reconstruct(saved(box, tmp_path), options=ScanOptions(up="z"))
+    assert {len(s.mesh.faces) for s in scene} == {2}
+    corners, uses = np.unique(np.vstack([s.mesh.vertices for s in scene]), axis=0, return_counts=True)
+    assert uses.tolist() == [3] * 8  # each corner is exactly the same point in three surfaces
+    assert np.linalg.norm(corners[:, None] - box.vertices, axis=2).min(axis=0).max() < 1e-6  # of the float32 coordinates of the file
+
+
 def test_tracer_finds_flat_faces_in_a_reconstructed_room(tmp_path):
     """Flat faces cover the large surfaces of a reconstructed room, and there are few of them."""
     box = block((0.6, 0.5, 0.8), [1.5, 1.2, 0.4])
@@ -71,7 +82,7 @@ def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
         mask[column, 88 : 88 + rng.integers(0, 4)] = True
     line = outline.meeting_line(grid, X, 0.25)  # the plane x = 0.25, 5 cm from the edge at 0.2
     assert line is not None
-    shape = outline.polygon(grid, mask, [line])
+    shape = outline.polygon(grid, mask, [line], np.zeros((0, 2)))
     assert isinstance(shape, Polygon)
     corners = np.array(shape.exterior.coords)[:-1]
     assert len(corners) == 4

@@ -1,55 +1,96 @@
-"""Trace the covered cells of a plane as simplified polygons with straight edges and right angles.
+"""Trace the covered cells of a plane as polygons whose edges end exactly where the plane meets its neighbours.
 
-A polygon edge near the intersection line with a neighbouring plane moves onto that line, so that rooms close at their corners. Each
-remaining edge turns into a main direction of the plane if the edge is nearly parallel to this direction. If these steps would change a
-polygon by more than the resolution of the scan, the polygon is only simplified.
+The traced border of the cells is ragged and up to some cells wrong. Each stretch of the border therefore gets a line on which it ends:
+- where a neighbouring plane touches this plane and the cells end within REACH_CELLS of the intersection line, the border ends on this line;
+- any other straight stretch ends on a line fitted to the border of the scanned faces, along a main direction of the plane if this direction
+  fits within a cell.
+Two lines that meet within reach of their ends form a corner. A corner of three planes is thus the point that is common to the planes, and
+the polygons of all three have the same vertex.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
+from scipy.ndimage import binary_dilation, median_filter
 from shapely import Polygon, box, make_valid, unary_union
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
+from shapely.geometry.polygon import orient
 from skimage.measure import find_contours
 
 from radartwin.reconstruct.outlines.grid import Grid
 
-SNAP_CELLS = 4.0  # an edge moves onto an intersection line if it is at most this number of cells away from the line
-ALONG = np.cos(np.radians(15.0))  # and if the angle between the edge and the intersection line is at most 15 degrees
+REACH_CELLS = 4  # a border moves onto an intersection line if it is at most this number of cells away from the line
+CORNER_CELLS = 6.0  # and its ends move to a corner with another line at most this number of cells away
+SHORTEST_CELLS = 3  # shorter stretches keep their traced shape
 SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most 12 degrees
-SQUARE_M = 0.1  # shorter edges keep their direction
+STRAIGHT_M = 0.1  # shorter edges away from other planes keep their traced shape
 SMALLEST_M2 = 0.004
 RAGGED = 0.1  # largest area in which the cells and the fitted rectangle differ, relative to the area of the rectangle
 
-Line = tuple[np.ndarray, np.ndarray]  # a point (2,) and a unit direction (2,)
-_Edge = tuple[np.ndarray, np.ndarray, Line | None]  # the ends of an edge, and the line that it moves onto
+
+class Cut(NamedTuple):
+    """The intersection line of a plane with a neighbouring plane, in in-plane coordinates: a point (2,) and a unit direction (2,).
+
+    `places` (N, 2) are the places in metres at which the two surfaces touch; None if the neighbour bounds the whole plane.
+    """
+
+    point: np.ndarray
+    along: np.ndarray
+    places: np.ndarray | None = None
 
 
-def polygon(grid: Grid, mask: np.ndarray, lines: Sequence[Line] = (), edge: float = -0.5) -> BaseGeometry:
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """A stretch of the border on a line: points point + t along with start < t < stop, and the polygon on the left.
+
+    `short` and `over` are the largest lengths in metres by which the traced border ends before the line and beyond it.
+    """
+
+    point: np.ndarray
+    along: np.ndarray
+    start: float
+    stop: float
+    short: float
+    over: float
+
+    @property
+    def left(self) -> np.ndarray:
+        return np.array([-self.along[1], self.along[0]])
+
+    def at(self, t: float) -> np.ndarray:
+        return self.point + t * self.along
+
+
+def polygon(grid: Grid, mask: np.ndarray, cuts: Sequence[Cut], border: np.ndarray, edge: float = -0.5) -> BaseGeometry:
     """Trace the cells of a boolean mask as polygons with holes, in in-plane coordinates in metres.
 
     Args:
         mask: boolean mask of the covered cells.
-        lines: intersection lines with neighbouring planes, in in-plane coordinates.
+        cuts: intersection lines with neighbouring planes.
+        border: (N, 2) points on the border of the scanned faces.
         edge: number of cells by which the polygon extends beyond the mask. A partly covered cell counts as covered. The border of
             a scanned part therefore lies half a cell inside the mask (-0.5), and the border of an unscanned part half a cell outside (0.5).
     """
-    raw = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
-    pieces = []
-    for piece in getattr(raw, "geoms", [raw]):
-        if piece.is_empty or piece.area < SMALLEST_M2:
-            continue
-        shell = _regular(np.array(piece.exterior.coords)[:-1], grid, lines)
-        holes = [_regular(np.array(r.coords)[:-1], grid, lines) for r in piece.interiors if Polygon(r).area >= SMALLEST_M2]
-        tidy = Polygon(shell, [h for h in holes if len(h) >= 3]) if len(shell) >= 3 else piece
-        tidy = tidy if tidy.is_valid else tidy.buffer(0)
-        moved = tidy.symmetric_difference(piece).area
-        pieces.append(tidy if moved < 0.1 * piece.area + SNAP_CELLS * grid.cell_m * piece.length / 2 else piece.simplify(grid.cell_m))
-    return unary_union(pieces) if pieces else Polygon()
+    shape = _traced(grid, mask).buffer(edge * grid.cell_m, join_style="mitre").simplify(1.2 * grid.cell_m)
+    pieces = [orient(p) for p in getattr(shape, "geoms", [shape]) if p.area >= SMALLEST_M2]
+    pieces = [Polygon(p.exterior, [r for r in p.interiors if Polygon(r).area >= SMALLEST_M2]) for p in pieces]
+    stretches = [stretch for cut in cuts for stretch in _on_cut(grid, mask, cut)]
+    stretches = _nearest_only(stretches, grid)
+    for piece in pieces:
+        for ring in (piece.exterior, *piece.interiors):
+            free = (_free(a, b, stretches, border, grid) for a, b in itertools.pairwise(np.array(ring.coords)))
+            stretches += [stretch for stretch in free if stretch is not None]
+    out = unary_union(pieces)
+    cornered = [_cornered(stretch, stretches, grid) for stretch in stretches]
+    out = out.difference(unary_union([beyond for beyond, _ in cornered])).union(unary_union([inside for _, inside in cornered]))
+    return out.simplify(0.3 * grid.cell_m)
 
 
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
@@ -81,15 +122,18 @@ def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
         return None
     pieces = [trimesh.creation.triangulate_polygon(piece, engine="earcut") for piece in polygons]
     points, index = trimesh.util.append_faces([grid.to_space(corners) for corners, _ in pieces], [faces for _, faces in pieces])
+    points, same = np.unique(points, axis=0, return_inverse=True)  # earcut repeats the first corner of a ring
+    index = same.reshape(-1)[index]
     a, b, c = points[index].transpose(1, 0, 2)
     turned = np.cross(b - a, c - a) @ grid.normal < 0
     index[turned] = index[turned][:, ::-1]
     return trimesh.Trimesh(points, index, vertex_normals=np.tile(grid.normal, (len(points), 1)), process=False)
 
 
-def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
-    """Return the intersection line of the grid's plane with a second plane, in in-plane coordinates; None if the planes are nearly
-    parallel.
+def meeting_line(grid: Grid, normal: np.ndarray, offset: float, places: np.ndarray | None = None) -> Cut | None:
+    """Return the intersection line of the grid's plane with a second plane; None if the planes are nearly parallel.
+
+    `places` (N, 3) are the places at which the two surfaces touch; None if the second plane bounds the whole plane.
     """
     inside = grid.axes @ normal
     length = float(np.linalg.norm(inside))
@@ -97,7 +141,7 @@ def meeting_line(grid: Grid, normal: np.ndarray, offset: float) -> Line | None:
         return None
     # A point of the grid's plane is x = u axes + offset_m normal, so inside . u = offset - offset_m normal . other.
     point = inside * (offset - grid.offset_m * float(grid.normal @ normal)) / length**2
-    return point, np.array([-inside[1], inside[0]]) / length
+    return Cut(point, np.array([-inside[1], inside[0]]) / length, None if places is None else places @ grid.axes.T)
 
 
 def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
@@ -110,88 +154,120 @@ def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
     return affine_transform(shape, [c, 0, 0, c, grid.low[0] - c / 2, grid.low[1] - c / 2])
 
 
-def _regular(ring: np.ndarray, grid: Grid, lines: Sequence[Line]) -> np.ndarray:
-    """Move the edges of a closed polygon ring (n, 2) onto intersection lines, or turn the edges into main directions of the plane."""
-    fixed = [_fixed(a, b, grid, lines) for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
-    edges: list[_Edge] = []
-    for a, b, line in zip(ring, np.roll(ring, -1, axis=0), fixed, strict=True):
-        if edges and line is not None and edges[-1][2] is not None and _same(edges[-1][2], line, grid.cell_m):
-            first = edges[-1]
-            longer = first[2] if np.linalg.norm(first[1] - first[0]) >= np.linalg.norm(b - a) else line
-            edges[-1] = (first[0], b, longer)
-        else:
-            edges.append((a, b, line))
-    if len(edges) > 1 and edges[0][2] is not None and edges[-1][2] is not None and _same(edges[0][2], edges[-1][2], grid.cell_m):
-        edges[0] = (edges[-1][0], edges[0][1], edges[0][2])
-        edges.pop()
-    edges = _pointed(edges, 6 * grid.cell_m)
-    corners: list[np.ndarray] = []
-    for (_, at, before), (_, _, after) in zip(edges, edges[1:] + edges[:1], strict=True):
-        corners += _corner(at, before, after, 6 * grid.cell_m)
-    return np.array(corners).reshape(-1, 2)
+def _on_cut(grid: Grid, mask: np.ndarray, cut: Cut) -> list[_Stretch]:
+    """Return the stretches of an intersection line on which the cells of a mask end.
 
-
-def _pointed(edges: list[_Edge], reach: float) -> list[_Edge]:
-    """Remove short edges that cut off a corner between two straight edges; the tracing of square cells causes such edges."""
+    The cells end on the line where they cover one side of it, and the other side at most in part. Where they cover both sides, the plane
+    continues beyond its neighbour.
+    """
+    c, n = grid.cell_m, REACH_CELLS
+    across = np.array([-cut.along[1], cut.along[0]])
+    frame = grid.low + c * np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * grid.shape
+    reach = (frame - cut.point) @ cut.along
+    t = np.arange(reach.min(), reach.max(), c)
+    s = (np.arange(-n, n) + 0.5) * c
+    cell = np.floor((cut.point + t[:, None, None] * cut.along + s[:, None] * across - grid.low) / c).astype(int)
+    inside = ((cell >= 0) & (cell < np.array(grid.shape))).all(axis=2)
+    cell = np.where(inside[..., None], cell, 0)
+    covered = mask[cell[..., 0], cell[..., 1]] & inside
+    sides = covered[:, n:], covered[:, n - 1 :: -1]  # to the left and to the right of the line, from the line outwards
+    depth = [side.cumprod(axis=1).sum(axis=1) for side in sides]
+    gap = [np.where(side.any(axis=1), side.argmax(axis=1), n) for side in sides]
+    here, there = depth
+    sign = np.zeros(len(t), dtype=int)
+    sign[(here > 0) & (there < n) & ((here == n) | (here >= 2 * there))] = 1
+    sign[(there > 0) & (here < n) & ((there == n) | (there >= 2 * here))] = -1
+    apart = (here == 0) & (there == 0)
+    sign[apart] = np.sign(gap[1] - gap[0])[apart]
+    if cut.places is not None:
+        near = cut.places[np.abs((cut.places - cut.point) @ across) < n * c]
+        touched = np.bincount(np.clip(((near - cut.point) @ cut.along - t[0]) / c, 0, len(t) - 1).astype(int), minlength=len(t)) > 0
+        sign[~binary_dilation(touched, iterations=n)] = 0
+    sign = median_filter(sign, 5, mode="constant")
     out = []
-    for k, (a, b, line) in enumerate(edges):
-        before, after = edges[k - 1][2], edges[(k + 1) % len(edges)][2]
-        if line is None and before is not None and after is not None and abs(_cross(before, after)) > 0.3:
-            meet = _meeting(before, after)
-            if max(np.linalg.norm(meet - a), np.linalg.norm(meet - b)) < reach:
-                continue
-        out.append((a, b, line))
+    for a, b in itertools.pairwise([*np.flatnonzero(np.diff(sign, prepend=0)), len(t)]):
+        if sign[a] == 0 or b - a < SHORTEST_CELLS:
+            continue
+        own = 0 if sign[a] > 0 else 1
+        short, over = float(gap[own][a:b].max()), float(np.where(depth[1 - own] < n, depth[1 - own], 0)[a:b].max())
+        start, stop = (t[a], t[b - 1] + c) if own == 0 else (-t[b - 1] - c, -t[a])
+        out.append(_Stretch(cut.point, sign[a] * cut.along, start, stop, short * c, over * c))
     return out
 
 
-def _cross(first: Line, second: Line) -> float:
-    return float(first[1][0] * second[1][1] - first[1][1] * second[1][0])
+def _nearest_only(stretches: list[_Stretch], grid: Grid) -> list[_Stretch]:
+    """Shorten each stretch where a nearly parallel stretch within reach fits the border better."""
+    out: list[_Stretch] = []
+    for stretch in sorted(stretches, key=lambda s: max(s.short, s.over)):
+        start, stop = stretch.start, stretch.stop
+        for other in out:
+            if abs(_cross(stretch, other)) > 0.3 or abs((other.at(other.start) - stretch.point) @ stretch.left) > REACH_CELLS * grid.cell_m:
+                continue
+            a, b = sorted((other.at(t) - stretch.point) @ stretch.along for t in (other.start, other.stop))
+            if a <= start:
+                start = max(start, b)
+            else:
+                stop = min(stop, a) if b >= stop or a - start >= stop - b else stop
+        if stop - start >= SHORTEST_CELLS * grid.cell_m:
+            out.append(replace(stretch, start=start, stop=stop))
+    return out
 
 
-def _meeting(first: Line, second: Line) -> np.ndarray:
-    """Return the intersection point (2,) of two lines that are not parallel."""
-    step = second[0] - first[0]
-    return first[0] + (step[0] * second[1][1] - step[1] * second[1][0]) / _cross(first, second) * first[1]
-
-
-def _fixed(a: np.ndarray, b: np.ndarray, grid: Grid, lines: Sequence[Line]) -> Line | None:
-    """Return the line onto which the polygon edge from `a` to `b` moves, or None if the edge stays."""
-    step = b - a
-    length = float(np.linalg.norm(step))
-    if length < 1e-9:
+def _free(a: np.ndarray, b: np.ndarray, ended: Sequence[_Stretch], border: np.ndarray, grid: Grid) -> _Stretch | None:
+    """Return the stretch for the polygon edge from `a` to `b`; None if the edge is short or ends on another plane."""
+    c, length = grid.cell_m, float(np.linalg.norm(b - a))
+    if length < max(STRAIGHT_M, SHORTEST_CELLS * c):
         return None
-    best, nearest = None, SNAP_CELLS * grid.cell_m
-    for point, along in lines:
-        across = np.array([-along[1], along[0]])
-        off = max(abs((a - point) @ across), abs((b - point) @ across))
-        if off < nearest and (abs(step @ along) > ALONG * length or length < 3 * grid.cell_m):
-            best, nearest = (point, along), off
-    if best is not None or length < max(SQUARE_M, 3 * grid.cell_m):
-        return best
-    for turn in (0.0, np.pi / 2):
-        along = np.array([np.cos(turn), np.sin(turn)])
-        if abs(step @ along) > SQUARE * length:
-            return (a + b) / 2, along
-    return None
+    along, middle = (b - a) / length, (a + b) / 2
+    across = np.array([-along[1], along[0]])
+    for other in ended:
+        at = (middle - other.point) @ other.along
+        beside = abs((middle - other.point) @ other.left) < REACH_CELLS * c
+        if abs(along @ other.along) > SQUARE and beside and other.start < at < other.stop:
+            return None
+    t, off = (border - middle) @ along, (border - middle) @ across
+    near = (np.abs(t) < length / 2) & (np.abs(off) < 2 * c)
+    slope = float(np.polyfit(t[near], off[near], 1)[0]) if near.sum() > 10 and np.ptp(t[near]) > length / 2 else 0.0
+    fitted = (along + slope * across) / np.hypot(1, slope)
+    for axis in (*np.eye(2), *-np.eye(2)):
+        if fitted @ axis > SQUARE and abs(fitted[0] * axis[1] - fitted[1] * axis[0]) * length / 2 < c:
+            fitted = axis
+    left = np.array([-fitted[1], fitted[0]])
+    shift = float(np.median((border[near] - middle) @ left)) if near.any() else 0.0
+    return _Stretch(middle + shift * left, fitted, -length / 2, length / 2, 1.2 * c, 1.2 * c)
 
 
-def _same(first: Line, second: Line, tolerance: float) -> bool:
-    across = np.array([-first[1][1], first[1][0]])
-    return bool(abs(second[1] @ across) < 1e-6 and abs((second[0] - first[0]) @ across) < 1.5 * tolerance)
+def _cornered(stretch: _Stretch, others: Sequence[_Stretch], grid: Grid) -> tuple[BaseGeometry, BaseGeometry]:
+    """Let a stretch end at its corners with other stretches. Return the parts beyond the line, to be cut off, and inside, to be filled."""
+    reach = CORNER_CELLS * grid.cell_m
+    over, short = stretch.over + grid.cell_m, stretch.short + grid.cell_m
+    beyond, inside = [], []
+    for t, outwards in ((stretch.start, -1), (stretch.stop, 1)):
+        corner, into, extended = t, stretch.left, 0.0
+        nearest = reach
+        for other in others:
+            turn = _cross(stretch, other)
+            if abs(turn) < 0.3:
+                continue
+            step = other.point - stretch.point
+            at = (step[0] * other.along[1] - step[1] * other.along[0]) / turn
+            along_other = (stretch.at(at) - other.point) @ other.along
+            if abs(at - t) < nearest and other.start - reach < along_other < other.stop + reach:
+                nearest, corner = abs(at - t), at
+                into = other.along / (other.along @ stretch.left)  # along the other line to a depth of one metre inside
+                convex = (stretch.at((stretch.start + stretch.stop) / 2) - other.point) @ other.left > 0
+                extended = reach if convex else 0.0
+        short = max(short, min(abs(corner - t), reach) + grid.cell_m) if corner != t else short
+        beyond.append((corner + outwards * extended, stretch.left))
+        inside.append((corner, into))
+    if inside[0][0] >= inside[1][0]:
+        return Polygon(), Polygon()
+    quads = []
+    for ends, depth in ((beyond, -over), (inside, short)):
+        near, far = [stretch.at(t) for t, _ in ends], [stretch.at(t) + depth * into for t, into in ends]
+        quads.append(Polygon([*near, *far[::-1]]).buffer(0))
+    return quads[0], quads[1]
 
 
-def _corner(at: np.ndarray, before: Line | None, after: Line | None, reach: float) -> list[np.ndarray]:
-    """Return the polygon corners that replace the corner `at` after the edges before and after it moved onto lines."""
-
-    def onto(line: Line) -> np.ndarray:
-        return line[0] + ((at - line[0]) @ line[1]) * line[1]
-
-    if before is None and after is None:
-        return [at]
-    if before is None or after is None:
-        return [onto(before if after is None else after)]  # type: ignore[arg-type]
-    if abs(_cross(before, after)) > 0.3:
-        meet = _meeting(before, after)
-        if np.linalg.norm(meet - at) < reach:
-            return [meet]
-    return [onto(before), onto(after)]
+def _cross(first: _Stretch, second: _Stretch) -> float:
+    return float(first.along[0] * second.along[1] - first.along[1] * second.along[0])

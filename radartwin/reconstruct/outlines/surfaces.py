@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 from shapely import MultiPoint
 from shapely.geometry.base import BaseGeometry
 
@@ -22,10 +24,11 @@ from radartwin.reconstruct.outlines.flatten import regular
 from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.bodies import contacts, room_bounds
-from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
+from radartwin.reconstruct.segmentation.bodies import Contact, contacts, room_bounds
+from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
 
 CELL_M = 0.02
+WELD_M = 1e-6  # polygon vertices nearer than this are equal except for rounding errors
 CLOSING_M = 0.06  # gaps in a segment narrower than twice this length count as noise and are closed
 SEAM_M = 0.1  # segments with a shorter common edge do not count as touching
 COPLANAR = np.cos(np.radians(4.0))
@@ -66,16 +69,17 @@ class Flattened(NamedTuple):
 class _Room(NamedTuple):
     """Data of the whole scan that are needed to outline its planes; `main_rad` is the main direction of the walls in radians.
 
-    `points` are scan points, thinned to a regular spacing.
+    `points` are scan points, thinned to a regular spacing. `border` holds the border points (N, 3) of each group's faces.
     """
 
     faces: Faces
     segments: Sequence[Segment]
     bounds: np.ndarray
-    touching: Sequence[tuple[int, int]]
+    touching: Sequence[Contact]
     main_rad: float
     points: np.ndarray
     sight: Sight
+    border: Sequence[np.ndarray]
 
 
 def flattened(
@@ -89,40 +93,74 @@ def flattened(
     faces = Faces.of(mesh, 0.0)
     bounds = room_bounds(faces, segments)
     segments, main_rad = regular(mesh, segments)
-    points = faces.centre[thinned(faces.centre)]
-    touching = [(i, j) for i, j, length, _ in contacts(faces, segments) if length >= SEAM_M]
-    room = _Room(faces, segments, bounds, touching, main_rad, points, Sight.of(points, cameras))
+    points = faces.samples[0][thinned(faces.samples[0])]
+    touching = [c for c in contacts(faces, segments) if c.length_m >= SEAM_M]
+    groups = _groups(faces, segments, touching)
     out = Flattened([], list(segments), {})
-    distance: list[np.ndarray] = []
-    filled = opened = 0.0
-    for group in _groups(faces, segments, touching):
+    group_of_face = np.full(len(faces.area), -1)
+    offsets: list[dict[int, float]] = []
+    for number, group in enumerate(groups):
         root = segments[group[0]]
-        offsets = {k: _offset_from(faces, segments[k], root) for k in group}
-        for k in group:
-            assert root.normal is not None
-            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + offsets[k])
-            distance.append(faces.centre[segments[k].faces] @ root.normal - root.offset_m - offsets[k])
-        flats, filled_m2, open_m2 = _outlined(room, group)
+        assert root.normal is not None
+        offsets.append({k: _offset_from(faces, segments[k], root) for k in group})
+        for k, offset in offsets[-1].items():
+            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + offset)
+            group_of_face[segments[k].faces] = number
+    borders = border_points(mesh, group_of_face)
+    room = _Room(faces, out.segments, bounds, touching, main_rad, points, Sight.of(points, cameras), borders)
+    filled = opened = 0.0
+    for number, group in enumerate(groups):
+        flats, filled_m2, open_m2 = _outlined(room, group, number)
         for flat in flats:
-            if lift := offsets.get(flat.segment, 0.0):
-                flat.mesh.apply_translation(lift * np.asarray(root.normal))
+            if lift := offsets[number].get(flat.segment, 0.0):
+                flat.mesh.apply_translation(lift * np.asarray(flat.grid.normal))
         out.flats.extend(flats)
         filled, opened = filled + filled_m2, opened + open_m2
         step()
-    moved = np.concatenate(distance) if distance else np.zeros(1)
+    _weld(out.flats)
+    planar = [s for s in out.segments if s.normal is not None]
+    moved = np.concatenate([np.zeros(1), *(faces.centre[s.faces] @ s.normal - s.offset_m for s in planar)])
     rms_m, max_m = float(np.sqrt(np.mean(moved**2))), float(np.abs(moved).max())
     out.statistics.update({"flattening_rms_m": rms_m, "flattening_max_m": max_m, "filled_m2": filled, "open_m2": opened})
     return out
 
 
-def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[tuple[int, int]]) -> list[list[int]]:
+def border_points(mesh: trimesh.Trimesh, label: np.ndarray) -> list[np.ndarray]:
+    """Return points (N, 3) on the borders of each part of a mesh. `label` (F,) is the number of the part of each face, or -1."""
+    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices)
+    pair, shared = np.asarray(mesh.face_adjacency).reshape(-1, 2), np.sort(np.asarray(mesh.face_adjacency_edges).reshape(-1, 2), axis=1)
+    inner = shared[label[pair[:, 0]] == label[pair[:, 1]]] @ [len(vertices), 1]
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    at_border = (np.repeat(label, 3) >= 0) & ~np.isin(edges @ [len(vertices), 1], inner)
+    start, end = vertices[edges[at_border]].transpose(1, 0, 2)
+    count = np.ceil(np.linalg.norm(end - start, axis=1) / CELL_M).astype(int)
+    edge = np.repeat(np.arange(len(count)), count)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[edge]
+    points = start[edge] + share[:, None] * (end - start)[edge]
+    parts = members(np.repeat(label, 3)[at_border][edge])
+    return [points[part] for part in parts] + [np.zeros((0, 3))] * (int(label.max(initial=-1)) + 1 - len(parts))
+
+
+def _weld(flats: Sequence[Flat]) -> None:
+    """Give vertices of different polygons that differ by rounding errors only the same coordinates."""
+    if not flats:
+        return
+    vertices = np.vstack([flat.mesh.vertices for flat in flats])
+    _, part = connected_components(KDTree(vertices).sparse_distance_matrix(KDTree(vertices), WELD_M), directed=False)
+    first = np.unique(part, return_index=True)[1]
+    welded = np.split(vertices[first[part]], np.cumsum([len(flat.mesh.vertices) for flat in flats])[:-1])
+    for flat, corners in zip(flats, welded, strict=True):
+        flat.mesh.vertices = corners
+
+
+def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[Contact]) -> list[list[int]]:
     """Group each planar segment with the smaller segments that touch it and lie in its plane.
 
     The largest segment of a group comes first.
     """
     order = sorted((k for k, s in enumerate(segments) if s.normal is not None), key=lambda k: -segments[k].area_m2)
     near: dict[int, set[int]] = {}
-    for i, j in touching:
+    for i, j, *_ in touching:
         near.setdefault(i, set()).add(j)
         near.setdefault(j, set()).add(i)
     taken: set[int] = set()
@@ -154,8 +192,8 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
     return away if abs(away) > PROUD_M else 0.0
 
 
-def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
-    """Outline a group of coplanar segments.
+def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], float, float]:
+    """Outline group number `number`, which consists of the coplanar segments `group`.
 
     Return the polygons of the group, and the area of filled gaps and of gaps left open, both in m2.
     """
@@ -173,11 +211,11 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
         whole &= frame
     done = complete(grid, whole, room.points, frame, room.sight if limits and root.normal[2] < 0.5 else None)
 
-    lines = _cut_lines(room, grid, group)
-    rest = outline.polygon(grid, done.mask, lines)
+    ends = _cuts(room, grid, group), room.border[number] @ grid.axes.T
+    rest = outline.polygon(grid, done.mask, *ends)
     flats: list[Flat] = []
     for pane in done.panes:
-        shape = outline.polygon(grid, masks.closed(pane, 1), lines, edge=0.5)
+        shape = outline.polygon(grid, masks.closed(pane, 1), *ends, edge=0.5)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
@@ -186,7 +224,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], float, float]:
         # The part is first extended beyond the border of the whole plane. The intersection with `rest` then cuts it at this border.
         part = masks.closed(parts[k], radius) & ~np.any([parts[j] for j in group if j != k], axis=0)
         part |= masks.dilated(part, 2, part | ~whole)
-        shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, lines, edge=0.0)).intersection(rest)
+        shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, *ends, edge=0.0)).intersection(rest)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(k, piece, grid))
@@ -211,18 +249,17 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
     return (Grid.around(points, root.normal, root.offset_m, cell, turn) if turn else grid), samples
 
 
-def _cut_lines(room: _Room, grid: Grid, group: list[int]) -> list[outline.Line]:
-    """Return the lines in which other planes cut the plane of the grid. The other planes are those of adjacent scan segments, of the
-    floor, of the ceiling and of the walls.
-    """
+def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
+    """Return the lines in which other planes cut the plane of the grid: the planes that touch the group, and the bounds of the room."""
     members = set(group)
-    around = {j if i in members else i for i, j in room.touching if (i in members) != (j in members)}
-    cuts = [
-        outline.meeting_line(grid, s.normal, s.offset_m)
-        for k, s in enumerate(room.segments)
-        if s.normal is not None and k not in members and (k in around or room.bounds[k])
-    ]
-    return [line for line in cuts if line is not None]
+    cuts = []
+    for k, segment in enumerate(room.segments):
+        if segment.normal is None or k in members:
+            continue
+        places = [c.places for c in room.touching if k in (c.first, c.second) and (c.first in members or c.second in members)]
+        if room.bounds[k] or places:
+            cuts.append(outline.meeting_line(grid, segment.normal, segment.offset_m, None if room.bounds[k] else np.vstack(places)))
+    return [cut for cut in cuts if cut is not None]
 
 
 def _cells_of_each(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:

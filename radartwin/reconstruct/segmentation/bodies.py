@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.spatial import KDTree
 
 from radartwin.reconstruct.segmentation.coplanar import in_plane
-from radartwin.reconstruct.segmentation.faces import Faces, Segment, thinned
+from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
 
 SIMILAR = 14.0  # largest weighted L*a*b* colour difference between sides of the same object, which are lit differently
 SAME = 7.0  # largest weighted L*a*b* difference between segments of an object that meet at a concave edge, such as the boards of a shelf
@@ -36,17 +36,19 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
     A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts as a wall if the scan has almost no
     points behind the plane.
     """
-    places = faces.centre[thinned(faces.centre, 0.1)]
-    low, high = np.quantile(faces.centre[:, 2], [0.002, 0.998])
+    points, face = faces.samples
+    owner = owners(faces, segments)[face]
+    places = points[thinned(points, 0.1)]
+    low, high = np.quantile(points[:, 2], [0.002, 0.998])
     out = np.zeros(len(segments), dtype=bool)
     for k, segment in enumerate(segments):
         if segment.normal is None or segment.area_m2 < WALL_AREA_M2:
             continue
-        z = faces.centre[segment.faces, 2]
+        z = points[owner == k, 2]
         if abs(segment.normal[2]) < UPRIGHT:
             height = (np.quantile(z, 0.99) - np.quantile(z, 0.01)) / (high - low)
             outer = height > OUTER_HEIGHT and (places @ segment.normal < segment.offset_m - BEHIND_M).mean() < NOTHING
-            width = np.ptp(np.quantile(faces.centre[segment.faces] @ in_plane(segment.normal)[0], [0.01, 0.99]))
+            width = np.ptp(np.quantile(points[owner == k] @ in_plane(segment.normal)[0], [0.01, 0.99]))
             out[k] = outer or (height > INNER_HEIGHT and width > INNER_WIDTH_M)
         elif segment.normal[2] > LEVEL:
             out[k] = np.median(z) < low + 0.15
@@ -73,7 +75,7 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
             k = root[k]
         return k
 
-    for i, j, length, convex in contacts(faces, segments):
+    for i, j, length, convex, _ in contacts(faces, segments):
         if bounds[i] or bounds[j] or length < CONTACT_M:
             continue
         a, b = find(i), find(j)
@@ -93,40 +95,50 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
     return [replace(s, body=-1 if bounds[k] else int(number[k])) for k, s in enumerate(segments)]
 
 
-def contacts(faces: Faces, segments: Sequence[Segment]) -> list[tuple[int, int, float, bool]]:
-    """Find the pairs of segments that touch or lie within APART_M of each other.
-
-    Returns:
-        Tuples (i, j, length of the common edge in metres, whether two planes meet at a convex edge), longest edge first.
+class Contact(NamedTuple):
+    """Two segments that touch: their indices, the length in metres of their common edge, whether two planes meet at a convex edge, and
+    places (N, 3) along the edge.
     """
-    owner = np.full(len(faces.area), -1)
-    for k, segment in enumerate(segments):
-        owner[segment.faces] = k
-    chosen = np.flatnonzero(owner >= 0)
-    chosen = chosen[thinned(faces.centre[chosen], APART_M / 2)]
-    edge = float(np.sqrt(2 * np.median(faces.area)))
-    near = KDTree(faces.centre[chosen]).query_pairs(max(APART_M, min(2.5 * edge, 0.12)), output_type="ndarray")
-    coo = sp.triu(faces.adjacency).tocoo()
-    first, second = (np.concatenate([chosen[near[:, k]], link]) for k, link in enumerate((coo.row, coo.col)))
+
+    first: int
+    second: int
+    length_m: float
+    convex: bool
+    places: np.ndarray
+
+
+def contacts(faces: Faces, segments: Sequence[Segment]) -> list[Contact]:
+    """Find the pairs of segments that touch or lie within APART_M of each other, those with the longest common edge first."""
+    points, face = faces.samples
+    owner = owners(faces, segments)[face]
+    chosen = np.concatenate([which[thinned(points[which], APART_M / 2)] for which in members(owner)])
+    points, owner = points[chosen], owner[chosen]
+    first, second = KDTree(points).query_pairs(APART_M, output_type="ndarray").T
     a, b = owner[first], owner[second]
-    seam = (a >= 0) & (b >= 0) & (a != b)
+    seam = a != b
     first, second, a, b = first[seam], second[seam], a[seam], b[seam]
     if not len(a):
         return []
     pairs, which = np.unique(np.sort(np.stack([a, b], axis=1), axis=1), axis=0, return_inverse=True)
     which = which.reshape(-1)
-    place = (faces.centre[first] + faces.centre[second]) / 2
-    middle = np.stack([np.bincount(which, place[:, k], len(pairs)) for k in range(3)], axis=1) / np.bincount(which)[:, None]
-    length = np.array([_length(place[which == k]) for k in range(len(pairs))])
+    place = (points[first] + points[second]) / 2
     centre = np.array([np.average(faces.centre[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
     out = []
-    for (i, j), metres, seam_at in zip(pairs.tolist(), length, middle, strict=True):
-        n, m = segments[i].normal, segments[j].normal
+    for (i, j), group in zip(pairs.tolist(), members(which), strict=True):
+        n, m, seam_at = segments[i].normal, segments[j].normal, place[group].mean(axis=0)
         convex = False
         if n is not None and m is not None and abs(n @ m) < 0.9:
             convex = bool((centre[j] - seam_at) @ n < 0 and (centre[i] - seam_at) @ m < 0)
-        out.append((i, j, float(metres), convex))
-    return sorted(out, key=lambda c: -c[2])
+        out.append(Contact(i, j, _length(place[group]), convex, place[group]))
+    return sorted(out, key=lambda c: -c.length_m)
+
+
+def owners(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
+    """Return the segment index (F,) of each face."""
+    owner = np.full(len(faces.area), -1)
+    for k, segment in enumerate(segments):
+        owner[segment.faces] = k
+    return owner
 
 
 def _length(points: np.ndarray) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 
@@ -9,6 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 import trimesh
 
+from radartwin.reconstruct.distance import covered
+
+SAMPLE_M = 0.03  # distance between the sample points of a face
 MIN_FITTED = 12  # with fewer faces the plane takes the mean normal of the faces, because a fitted plane would follow the noise
 
 
@@ -58,6 +62,11 @@ class Faces:
         normal = values[:, :3] / np.maximum(length, 1e-300)[:, None]
         coherence = length / np.maximum(values[:, 3], 1e-300)
         return cls(corners, corners.mean(axis=1), normal, area, coherence, adjacency, rounds)
+
+    @functools.cached_property
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 3) that cover the faces and their borders, however large a face is, and the face index (N,) of each point."""
+        return covered(self.corners, SAMPLE_M)
 
     def distance(self, which: np.ndarray, normal: np.ndarray, offset: np.ndarray | float) -> np.ndarray:
         """Return the distance (K,) in metres of the farthest corner of each of K faces from a plane.
