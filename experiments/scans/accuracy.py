@@ -8,15 +8,21 @@ import numpy as np
 import trimesh
 
 from experiments.scans.true_surfaces import Sighted
+from radartwin.benchmark.signal_error import compare
+from radartwin.radar.chirp import Radar
+from radartwin.reconstruct.build import distinct_views
 from radartwin.reconstruct.distance import Nearest, covered
 from radartwin.reconstruct.frames.frames import Frames
 from radartwin.scene.scene import Scene
+from radartwin.scene.trajectories.trajectory import look_at
+from radartwin.simulation.simulate import simulate
 from radartwin.testbed.scanner.scan import ScanTruth
 
 SAMPLE_M = 0.04  # distance between compared points
 COVERED_M = 0.05  # a true point is covered if the mesh is within this distance
 SAME_M, SAME = 0.01, 0.01  # absolute and relative tolerance between a point's depth and that of the pixel that saw it
 GRAZING = 0.02  # a surface is edge-on, and not seen, if the cosine between ray and normal is smaller
+PLACES = 9  # number of radar positions from which range profiles are compared
 ALIGN_STEPS, ALIGN_GATE_M = 15, 0.15
 FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # numbers of random samples of the mesh
 
@@ -30,12 +36,14 @@ class Accuracy:
             computed, the mesh is moved by the best-fitting rigid motion, because the coordinate frame of a scan is arbitrary.
         coverage: share of the true area seen by the sensor that is within COVERED_M of the mesh, after the rigid motion of the mesh.
         seen: share of the true area that the sensor saw.
+        move: the rigid motion (4, 4).
     """
 
     median_m: float
     p95_m: float
     coverage: float
     seen: float
+    move: np.ndarray
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
@@ -69,7 +77,31 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
         p95_m=float(np.quantile(distance, 0.95)),
         coverage=float(show.sum() / max(have.sum(), 1e-12)),
         seen=float(have.sum() / area.sum()),
+        move=move,
     )
+
+
+def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.ndarray) -> float:
+    """Return the rms difference in dB between the range profiles of a reconstructed and of the true room.
+
+    All surfaces of both rooms are smooth plasterboard, so that the difference is due to geometry alone.
+
+    Args:
+        move: rigid motion (4, 4) from the coordinates of the reconstruction to those of the true room.
+        cameras: (N, 4, 4) poses of the scan. The radar looks from PLACES of them in the direction of the camera.
+    """
+    radar = Radar.iwr1843()
+    poses = [look_at(cameras[k, :3, 3], cameras[k, :3, 3] + cameras[k, :3, 2]) for k in distinct_views(cameras, PLACES)]
+    pairs = []
+    for pose in poses:
+        rooms = (_bare(scene, move), _bare(truth, np.eye(4)))
+        pairs.append(tuple(simulate(room, radar, pose[None]).iq for room in rooms))
+    return compare(pairs, radar).profile_db
+
+
+def _bare(scene: Scene, move: np.ndarray) -> Scene:
+    """Return a moved copy of a scene, in which every surface is smooth plasterboard."""
+    return Scene([s.replaced(mesh=s.mesh.copy().apply_transform(move), material="plasterboard", roughness_m=0.0) for s in scene])
 
 
 def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:

@@ -60,6 +60,7 @@ TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "missed_flush": ("share of the missed area on surfaces that lie within the depth noise of another surface", None, False),
     "boundary_mm": ("half of the edges of segments are within this distance of a true edge", None, False),
     "boundary_p95_mm": ("95 % of the edges of segments are within this distance of a true edge", None, False),
+    "profile_db": ("rms error of range profiles in the room, all surfaces smooth plasterboard (dB)", None, False),
     "false_panes_m2": ("area of completed panes where the room has no glass (m2)", None, False),
 }
 FEWEST = 3  # smallest number of surfaces for a verdict on a mean over surfaces
@@ -101,7 +102,7 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
     """
     import trimesh
 
-    from experiments.scans.accuracy import accuracy, sighted
+    from experiments.scans.accuracy import accuracy, profile_error_db, sighted
     from experiments.scans.segment_score import score_scene
     from radartwin.testbed.scanner import scan
 
@@ -113,7 +114,8 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
     glass = {s.segment for s in score.clear}
     panes = [s for s in scene if s.provenance.get("completed")]
     return {
-        "median_mm": 1e3 * near.median_m, "p95_mm": 1e3 * near.p95_m, "coverage": near.coverage, "missed_flush": score.missed_flush,
+        "median_mm": 1e3 * near.median_m, "p95_mm": 1e3 * near.p95_m, "coverage": near.coverage,
+        "profile_db": profile_error_db(scene, truth, near.move, seen.poses), "missed_flush": score.missed_flush,
         "boundary_mm": 1e3 * score.boundary_median_m, "boundary_p95_mm": 1e3 * score.boundary_p95_m, "frames": len(frames),
         "false_panes_m2": float(sum(s.mesh.area for s in panes if s.name not in glass)), "panes_m2": float(sum(s.mesh.area for s in panes)),
         "surfaces": [dataclasses.asdict(s) for s in score.surfaces], "clear": [dataclasses.asdict(s) for s in score.clear],

@@ -122,6 +122,9 @@ def reconstruct(
     with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
         flat = flattened(scan.mesh, segments, None if scan.frames is None else _cameras(scan.frames), advance)
     surfaces, surface_of_face, statistics = assembled(scan.mesh, flat, material)
+    if statistics["closed_m2"] or statistics["panes"]:
+        panes = f"{plural(statistics['panes'], 'framed gap')} became panes of glass"
+        progress.say(f"closed {statistics['closed_m2']:.1f} m2 of gaps in which the scan shows nothing; {panes}")
     provenance = {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": True, **statistics}
     scene = Scene(surfaces, provenance | ({"offset_m": scan.offset_m.tolist()} if scan.offset_m.any() else {}))
     if out is not None:

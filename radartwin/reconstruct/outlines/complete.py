@@ -1,7 +1,8 @@
 """Complete the parts of a flat surface, such as a wall, that the depth sensor missed.
 
 A gap in the scanned points of a plane has one of four causes:
-- Opening: the sensor saw points behind the plane through the gap. The gap stays open.
+- Opening: the sensor saw points behind the plane through the gap, or a mesh without known cameras has a gap in the shape of a door, with
+  nothing in front of the gap. The gap stays open.
 - Hidden part: an object stands in front of the gap. The plane is continued behind the object.
 - Pane: the gap was visible but the scan has no points in it, because glass or a mirror is there. The gap becomes a separate surface.
 - Noise: the gap is small. The gap is filled.
@@ -39,14 +40,15 @@ VISIBLE_SHARE, VIEWPOINTS, SAMPLES = 0.6, 3, 150  # at least VIEWPOINTS viewpoin
 
 @dataclass(frozen=True, eq=False)
 class Completed:
-    """The result of `complete`: the mask of the completed plane without panes, the masks of the panes, and the
-    filled and open area in m2.
+    """The result of `complete`: the mask of the completed plane without panes, the masks of the panes, the filled and the open area in
+    m2, and the part of the filled area that lies in large gaps without an object in front of them.
     """
 
     mask: np.ndarray
     panes: list[np.ndarray]
-    filled_m2: float
-    open_m2: float
+    filled_m2: float = 0.0
+    open_m2: float = 0.0
+    closed_m2: float = 0.0
 
 
 def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray | None = None, sight: Sight | None = None) -> Completed:
@@ -61,8 +63,12 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     """
     holes = np.asarray(binary_fill_holes(mask)) & ~mask
     gaps = holes if frame is None else (holes | (frame & ~mask))
-    if not gaps.any():
-        return Completed(mask, [], 0.0, 0.0)
+    large = masks.pieces(gaps, SMALL_M2 / grid.cell_m**2)
+    small = gaps & ~np.any(large, axis=0) if large else gaps
+    out, panes = mask | small, []
+    filled, opened, closed = grid.area(small), 0.0, 0.0
+    if not large:
+        return Completed(out, panes, filled)
     depth = points @ grid.normal - grid.offset_m  # height above the plane, positive on its visible side
 
     def between(low: float, high: float) -> np.ndarray:
@@ -71,26 +77,28 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     behind = between(-3.0, -BEHIND_M)
     before = between(BEFORE_M, STANDS_M if grid.normal[2] > 0.9 else HIDES_M)
     close = between(BEFORE_M, CLOSE_M)
-    out, panes = mask.copy(), []
-    filled = opened = 0.0
-    for gap in (part for whole in masks.pieces(gaps) for part in _split(whole, mask, grid)):
+    for gap in (part for whole in large for part in _split(whole, mask, grid)):
         area = grid.area(gap)
         enclosed = bool((gap & holes).any())
-        if area >= SMALL_M2 and behind[gap].mean() > OPEN_SHARE:
+        hidden = bool(before[gap].mean() > HIDDEN_SHARE)
+        framed = sight is not None and _fills_rectangle(gap) and _framed(gap, mask)
+        door = framed and sight is not None and sight.cameras is None and not (enclosed or hidden)
+        if area >= SMALL_M2 and (door or behind[gap].mean() > OPEN_SHARE):
             opened += area
             continue
         pane = (
             sight is not None
             and PANE_M2[0] <= area <= PANE_M2[1]
             and _fills_rectangle(gap)
-            and (enclosed or (sight.cameras is not None and _framed(gap, mask)))
+            and (enclosed or (sight.cameras is not None and framed))
         )
         if pane and close[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, mask, sight):
             panes.append(gap)
-        elif enclosed or area < SMALL_M2 or before[gap].mean() > HIDDEN_SHARE or not _walled_off(gap, mask, before):
+        elif enclosed or area < SMALL_M2 or hidden or not _walled_off(gap, mask, before):
             out |= gap
             filled += area
-    return Completed(out, panes, filled, opened)
+            closed += 0.0 if hidden or area < SMALL_M2 else area
+    return Completed(out, panes, filled, opened, closed)
 
 
 def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:

@@ -196,12 +196,13 @@ def _on_cut(grid: Grid, mask: np.ndarray, cut: Cut) -> list[_Stretch]:
 
 
 def _nearest_only(stretches: list[_Stretch], grid: Grid) -> list[_Stretch]:
-    """Shorten each stretch where a nearly parallel stretch within reach fits the border better."""
+    """Shorten each stretch where another stretch of nearly the same direction and within reach fits the border better."""
     out: list[_Stretch] = []
     for stretch in sorted(stretches, key=lambda s: max(s.short, s.over)):
         start, stop = stretch.start, stretch.stop
         for other in out:
-            if abs(_cross(stretch, other)) > 0.3 or abs((other.at(other.start) - stretch.point) @ stretch.left) > REACH_CELLS * grid.cell_m:
+            away = abs((other.at(other.start) - stretch.point) @ stretch.left)
+            if stretch.along @ other.along < SQUARE or away > REACH_CELLS * grid.cell_m:
                 continue
             a, b = sorted((other.at(t) - stretch.point) @ stretch.along for t in (other.start, other.stop))
             if a <= start:

@@ -19,12 +19,12 @@ from shapely.geometry.base import BaseGeometry
 
 from radartwin.reconstruct.distance import covered
 from radartwin.reconstruct.outlines import outline
-from radartwin.reconstruct.outlines.complete import complete, spanned, within
+from radartwin.reconstruct.outlines.complete import Completed, complete, spanned, within
 from radartwin.reconstruct.outlines.flatten import regular
 from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.bodies import Contact, contacts, room_bounds
+from radartwin.reconstruct.segmentation.bodies import contacts, room_bounds
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
 
 CELL_M = 0.02
@@ -33,6 +33,7 @@ CLOSING_M = 0.06  # gaps in a segment narrower than twice this length count as n
 SEAM_M = 0.1  # segments with a shorter common edge do not count as touching
 COPLANAR = np.cos(np.radians(4.0))
 COPLANAR_M = 0.03
+BESIDE_M = 0.2  # two parallel bounds of a room at a smaller distance are a wall and a board on it, or a floor and a mat
 # a larger offset from the plane is real, because phone LiDAR has an error of +-1 cm on objects over 10 cm (Luetzenburg et al. 2021)
 PROUD_M = 0.01
 # smallest covered fraction of a rectangle that is completed, for room surfaces and for objects
@@ -69,13 +70,14 @@ class Flattened(NamedTuple):
 class _Room(NamedTuple):
     """Data of the whole scan that are needed to outline its planes; `main_rad` is the main direction of the walls in radians.
 
-    `points` are scan points, thinned to a regular spacing. `border` holds the border points (N, 3) of each group's faces.
+    `touching` holds for each segment the segments that touch it, with the places (N, 3) in metres at which they touch. `points` are scan
+    points, thinned to a regular spacing. `border` holds the border points (N, 3) of each group's faces.
     """
 
     faces: Faces
     segments: Sequence[Segment]
     bounds: np.ndarray
-    touching: Sequence[Contact]
+    touching: Sequence[dict[int, np.ndarray]]
     main_rad: float
     points: np.ndarray
     sight: Sight
@@ -94,7 +96,10 @@ def flattened(
     bounds = room_bounds(faces, segments)
     segments, main_rad = regular(mesh, segments)
     points = faces.samples[0][thinned(faces.samples[0])]
-    touching = [c for c in contacts(faces, segments) if c.length_m >= SEAM_M]
+    touching: list[dict[int, np.ndarray]] = [{} for _ in segments]
+    for contact in contacts(faces, segments):
+        if contact.length_m >= SEAM_M:
+            touching[contact.first][contact.second] = touching[contact.second][contact.first] = contact.places
     groups = _groups(faces, segments, touching)
     out = Flattened([], list(segments), {})
     group_of_face = np.full(len(faces.area), -1)
@@ -108,20 +113,22 @@ def flattened(
             group_of_face[segments[k].faces] = number
     borders = border_points(mesh, group_of_face)
     room = _Room(faces, out.segments, bounds, touching, main_rad, points, Sight.of(points, cameras), borders)
-    filled = opened = 0.0
-    for number, group in enumerate(groups):
-        flats, filled_m2, open_m2 = _outlined(room, group, number)
-        for flat in flats:
+    outlined: dict[int, tuple[list[Flat], Completed]] = {}
+    for number in (
+        np.random.default_rng(0).permutation(len(groups)).tolist()
+    ):  # large planes take longest, so mixed for the estimate of time
+        outlined[number] = _outlined(room, groups[number], number)
+        for flat in outlined[number][0]:
             if lift := offsets[number].get(flat.segment, 0.0):
                 flat.mesh.apply_translation(lift * np.asarray(flat.grid.normal))
-        out.flats.extend(flats)
-        filled, opened = filled + filled_m2, opened + open_m2
         step()
+    out.flats.extend(flat for number in sorted(outlined) for flat in outlined[number][0])
+    areas = {name: sum(getattr(done, name) for _, done in outlined.values()) for name in ("filled_m2", "open_m2", "closed_m2")}
     _weld(out.flats)
     planar = [s for s in out.segments if s.normal is not None]
     moved = np.concatenate([np.zeros(1), *(faces.centre[s.faces] @ s.normal - s.offset_m for s in planar)])
     rms_m, max_m = float(np.sqrt(np.mean(moved**2))), float(np.abs(moved).max())
-    out.statistics.update({"flattening_rms_m": rms_m, "flattening_max_m": max_m, "filled_m2": filled, "open_m2": opened})
+    out.statistics.update({"flattening_rms_m": rms_m, "flattening_max_m": max_m, **areas})
     return out
 
 
@@ -153,23 +160,19 @@ def _weld(flats: Sequence[Flat]) -> None:
         flat.mesh.vertices = corners
 
 
-def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[Contact]) -> list[list[int]]:
+def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[dict[int, np.ndarray]]) -> list[list[int]]:
     """Group each planar segment with the smaller segments that touch it and lie in its plane.
 
     The largest segment of a group comes first.
     """
     order = sorted((k for k, s in enumerate(segments) if s.normal is not None), key=lambda k: -segments[k].area_m2)
-    near: dict[int, set[int]] = {}
-    for i, j, *_ in touching:
-        near.setdefault(i, set()).add(j)
-        near.setdefault(j, set()).add(i)
     taken: set[int] = set()
     groups = []
     for k in order:
         if k in taken:
             continue
         members = [k]
-        for j in sorted(near.get(k, ()), key=lambda j: -segments[j].area_m2):
+        for j in sorted(touching[k], key=lambda j: -segments[j].area_m2):
             if j not in taken and _in_plane_of(faces, segments[j], segments[k]):
                 members.append(j)
         taken.update(members)
@@ -192,10 +195,10 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
     return away if abs(away) > PROUD_M else 0.0
 
 
-def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], float, float]:
+def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], Completed]:
     """Outline group number `number`, which consists of the coplanar segments `group`.
 
-    Return the polygons of the group, and the area of filled gaps and of gaps left open, both in m2.
+    Return the polygons of the group, and how its gaps were completed.
     """
     root = room.segments[group[0]]
     assert root.normal is not None
@@ -232,7 +235,7 @@ def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], f
     piece = outline.triangulated(grid, _without_slivers(rest, grid.cell_m))
     if piece is not None:
         flats.append(Flat(group[0], piece, grid, filled_m2=done.filled_m2, seen=whole))
-    return flats, done.filled_m2, done.open_m2
+    return flats, done
 
 
 def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, np.ndarray]]:
@@ -251,14 +254,19 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
 
 def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
     """Return the lines in which other planes cut the plane of the grid: the planes that touch the group, and the bounds of the room."""
-    members = set(group)
+    touching: dict[int, list[np.ndarray]] = {int(k): [] for k in np.flatnonzero(room.bounds)}
+    for member in group:
+        for k, places in room.touching[member].items():
+            touching.setdefault(k, []).append(places)
     cuts = []
-    for k, segment in enumerate(room.segments):
-        if segment.normal is None or k in members:
-            continue
-        places = [c.places for c in room.touching if k in (c.first, c.second) and (c.first in members or c.second in members)]
-        if room.bounds[k] or places:
-            cuts.append(outline.meeting_line(grid, segment.normal, segment.offset_m, None if room.bounds[k] else np.vstack(places)))
+    for k, places in sorted(touching.items()):
+        normal, offset = room.segments[k].normal, room.segments[k].offset_m
+        if normal is not None and k not in group:
+            # A mat on the floor or a board along a wall counts as a bound, too, but ends a plane only where it touches the plane.
+            larger = (s for b, s in enumerate(room.segments[:k]) if room.bounds[b] and s.normal is not None)
+            whole = room.bounds[k] and not any(s.normal @ normal > COPLANAR and abs(s.offset_m - offset) < BESIDE_M for s in larger)
+            if whole or places:
+                cuts.append(outline.meeting_line(grid, normal, offset, None if whole else np.vstack(places)))
     return [cut for cut in cuts if cut is not None]
 
 

@@ -37,18 +37,18 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
     points behind the plane.
     """
     points, face = faces.samples
-    owner = owners(faces, segments)[face]
+    samples = members(owners(faces, segments)[face])
     places = points[thinned(points, 0.1)]
     low, high = np.quantile(points[:, 2], [0.002, 0.998])
     out = np.zeros(len(segments), dtype=bool)
     for k, segment in enumerate(segments):
         if segment.normal is None or segment.area_m2 < WALL_AREA_M2:
             continue
-        z = points[owner == k, 2]
+        z = points[samples[k], 2]
         if abs(segment.normal[2]) < UPRIGHT:
             height = (np.quantile(z, 0.99) - np.quantile(z, 0.01)) / (high - low)
             outer = height > OUTER_HEIGHT and (places @ segment.normal < segment.offset_m - BEHIND_M).mean() < NOTHING
-            width = np.ptp(np.quantile(points[owner == k] @ in_plane(segment.normal)[0], [0.01, 0.99]))
+            width = np.ptp(np.quantile(points[samples[k]] @ in_plane(segment.normal)[0], [0.01, 0.99]))
             out[k] = outer or (height > INNER_HEIGHT and width > INNER_WIDTH_M)
         elif segment.normal[2] > LEVEL:
             out[k] = np.median(z) < low + 0.15

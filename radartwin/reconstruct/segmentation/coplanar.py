@@ -10,7 +10,7 @@ import numpy as np
 from shapely import MultiPoint, contains_xy
 
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.faces import Faces, members
+from radartwin.reconstruct.segmentation.faces import Faces, members, thinned
 
 CELL_M = 0.05
 BEHIND_M = 0.06  # points count as behind the plane beyond this depth, which exceeds the noise
@@ -27,17 +27,24 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
 
     Returns: the new piece numbers (F,), 0..P-1 or -1.
     """
+    places = faces.centre[thinned(faces.centre, CELL_M)]
+    refused: set[tuple[int, int, int, int]] = set()  # first face and number of faces of both pieces, for pairs that were not joined
     while True:
         groups = members(label)
         normal, offset = faces.planes(label)
         centre = np.array([np.average(faces.centre[g], axis=0, weights=faces.area[g]) for g in groups]).reshape(-1, 3)
         area = np.array([faces.area[g].sum() for g in groups])
+        bounds = np.array([[faces.corners[g].min(axis=(0, 1)), faces.corners[g].max(axis=(0, 1))] for g in groups]).reshape(-1, 2, 3)
         joined = np.arange(len(groups))
-        for i, j in _pairs(normal, offset, centre, area):
-            if joined[i] != i or joined[j] != j or not _coplanar(faces, groups[i], groups[j]):
+        for i, j in _pairs(normal, offset, centre, area, bounds):
+            pair = (int(groups[i][0]), len(groups[i]), int(groups[j][0]), len(groups[j]))
+            if joined[i] != i or joined[j] != j or pair in refused:
                 continue
-            if _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), min(GAP_M, GAP_SIZES * area[j] ** 0.5)):
+            gap_m = min(GAP_M, GAP_SIZES * area[j] ** 0.5)
+            if _coplanar(faces, groups[i], groups[j]) and _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), gap_m, places):
                 joined[j] = i
+            else:
+                refused.add(pair)
         if (joined == np.arange(len(groups))).all():
             return label
         while (joined[joined] != joined).any():
@@ -46,10 +53,10 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
         label = np.where(label >= 0, packed[np.maximum(label, 0)], -1)
 
 
-def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray) -> list[tuple[int, int]]:
+def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray, bounds: np.ndarray) -> list[tuple[int, int]]:
     """Return index pairs (larger piece, smaller piece) of nearly parallel pieces whose centres lie near each other's planes.
 
-    The pairs are sorted by area, largest first.
+    Pieces whose bounding boxes, `bounds` (P, 2, 3), are too far apart are left out. The pairs are sorted by area, largest first.
     """
     if len(normal) < 2:
         return []
@@ -58,6 +65,9 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
     large = np.where(area[:, None] >= area[None], away.T, away)
     close = (normal @ normal.T > np.cos(np.radians(ANGLE_DEG))) & (large < 2 * OFFSET_M)
     i, j = np.nonzero(np.triu(close, 1))
+    apart = np.maximum(bounds[i, 0] - bounds[j, 1], bounds[j, 0] - bounds[i, 1]).clip(min=0)
+    near = np.linalg.norm(apart, axis=1) <= np.maximum(NEAR_M, np.minimum(GAP_M, GAP_SIZES * np.minimum(area[i], area[j]) ** 0.5))
+    i, j = i[near], j[near]
     swap = area[i] < area[j]
     i, j = np.where(swap, j, i), np.where(swap, i, j)
     order = np.lexsort((-area[j], -area[i]))
@@ -74,9 +84,11 @@ def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
     )
 
 
-def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float) -> bool:
-    """Return whether two pieces are the same surface: their gap is at most `gap_m`, and few cells of the gap have
-    points behind the plane.
+def _one_surface(
+    faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float, places: np.ndarray
+) -> bool:
+    """Return whether two pieces are the same surface: their gap is at most `gap_m`, and few cells of the gap have points behind the
+    plane. `places` (N, 3) are points of the whole scan.
     """
     normal, offset = plane
     axes = in_plane(normal)
@@ -105,8 +117,7 @@ def _one_surface(faces: Faces, first: np.ndarray, second: np.ndarray, plane: tup
     between &= contains_xy(hull, *np.meshgrid(x, y, indexing="ij"))
     if not between.any():
         return False
-    depth = faces.centre @ normal - offset
-    behind = cells(faces.centre[depth < -BEHIND_M] @ axes.T)
+    behind = cells(places[places @ normal - offset < -BEHIND_M] @ axes.T)
     return bool(behind[between].mean() < CONTRADICTED)
 
 

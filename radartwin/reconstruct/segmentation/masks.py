@@ -27,10 +27,10 @@ def dilated(mask: np.ndarray, cells: int, within: np.ndarray | None = None) -> n
     return np.asarray(ndimage.binary_dilation(mask, iterations=cells, mask=within))
 
 
-def pieces(mask: np.ndarray) -> list[np.ndarray]:
-    """Return the connected parts of a mask as a list of masks, one per part."""
-    numbers: Any = ndimage.label(mask)
-    return [numbers[0] == k for k in range(1, numbers[1] + 1)]
+def pieces(mask: np.ndarray, least: float = 1) -> list[np.ndarray]:
+    """Return the connected parts of a mask that have at least `least` cells as a list of masks, one per part."""
+    numbers: Any = ndimage.label(mask)[0]  # type: ignore[index]
+    return [numbers == k for k in np.flatnonzero(np.bincount(numbers.ravel())[1:] >= least) + 1]
 
 
 def distance(mask: np.ndarray) -> np.ndarray:
