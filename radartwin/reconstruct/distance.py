@@ -36,7 +36,7 @@ class Nearest:
         which = np.zeros(len(points), dtype=np.int64)
         for column in near.T:
             face = self._face[column]
-            distance = _triangle_distance(points, self.triangles[face])
+            distance = np.linalg.norm(points - trimesh.triangles.closest_point(self.triangles[face], points), axis=1)
             closer = distance < best
             best[closer], which[closer] = distance[closer], face[closer]
         return best, which
@@ -92,19 +92,3 @@ def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]
         chosen.append(int(distance.argmax()))
         distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return chosen
-
-
-def _triangle_distance(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return the distance (N,) from each point (N, 3) to the triangle (N, 3, 3) with the same index."""
-    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
-    normal = np.cross(b - a, c - a)
-    area = np.maximum((normal**2).sum(axis=1), 1e-30)
-    inside = np.ones(len(points), dtype=bool)
-    edges = np.full(len(points), np.inf)
-    for start, end in ((a, b), (b, c), (c, a)):
-        along, offset = end - start, points - start
-        t = np.clip((along * offset).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-30), 0, 1)
-        edges = np.minimum(edges, ((offset - t[:, None] * along) ** 2).sum(axis=1))
-        inside &= (np.cross(along, offset) * normal).sum(axis=1) >= 0
-    plane = ((points - a) * normal).sum(axis=1) ** 2 / area
-    return np.sqrt(np.where(inside & (area > 1e-29), np.minimum(plane, edges), edges))

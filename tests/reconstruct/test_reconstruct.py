@@ -1,17 +1,21 @@
 """Test the files that a reconstruction writes, and the error messages for scans that cannot be used."""
 
+import time
 import warnings
 
 import numpy as np
 import pytest
 import trimesh
-from built_rooms import WINDOW, H, L, coloured, saved, scan, shell, truth, with_door
+from built_rooms import WINDOW, H, L, coloured, modelled, saved, scan, shell, truth, with_door
 from trimesh.visual import ColorVisuals, TextureVisuals
 
 from radartwin.errors import MeshError, MissingError, OutputError
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, distinct_views, reconstruct, summary
+from radartwin.reconstruct.outlines.assembly import assembled
+from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.scan_file import load_scan
 from radartwin.reconstruct.segmentation.colour import face_colours
+from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.scene import Scene
 
 
@@ -42,6 +46,24 @@ def test_scene_folder_holds_the_scan_and_the_surface_of_each_face_and_is_determi
     assert any("ceiling" in line for line in lines)
     low, high = scene.bounds
     assert lines[-1].startswith(f"the scene extends over x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
+
+
+@pytest.mark.slow
+def test_room_of_many_planes_takes_at_most_four_minutes_and_says_so_early():
+    """The times are of the processor, because the machine may be shared."""
+    mesh = modelled()
+    began = time.process_time()
+    segments = segmented(mesh)
+    planes = sum(s.normal is not None for s in segments)
+    assert len(mesh.faces) > 65_000
+    assert planes > 1300
+    outlining, steps = time.process_time(), []
+    flat = flattened(mesh, segments, step=lambda: steps.append(time.process_time()))
+    assembled(mesh, flat, "plasterboard")
+    assert time.process_time() - began < 240
+    early = next(k for k, t in enumerate(steps, 1) if t - outlining > 10)
+    estimate = (steps[early - 1] - outlining) / early * len(steps)  # as `Progress` computes it
+    assert 0.5 < estimate / (steps[-1] - outlining) < 2
 
 
 def test_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):

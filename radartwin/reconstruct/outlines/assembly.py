@@ -9,6 +9,7 @@ from typing import Any
 
 import fast_simplification
 import numpy as np
+import scipy.sparse as sp
 import trimesh
 from PIL import Image
 from scipy.spatial import KDTree
@@ -17,11 +18,11 @@ from trimesh.visual.material import PBRMaterial
 
 from radartwin.materials import Layered
 from radartwin.reconstruct.distance import Nearest, spread, to_mesh
-from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.surfaces import Flattened
 from radartwin.reconstruct.segmentation.bodies import LEVEL, UPRIGHT
 from radartwin.reconstruct.segmentation.colour import face_rgb
 from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.grid import Grid
 from radartwin.reconstruct.segmentation.masks import nearest
 from radartwin.scene.scene import Surface
 
@@ -181,7 +182,7 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
     target = int(np.clip(area / FACE_M2, MIN_FACES, MAX_FACES))
     best, error = piece, 0.0
     if len(index) > target:
-        smooth = _smoothed(points, np.asarray(piece.edges_unique))
+        smooth = _smoothed(piece)
         for _ in range(TRIES):
             if target >= len(index):
                 best, error = piece, 0.0
@@ -207,18 +208,13 @@ def _decimated(smooth: np.ndarray, index: np.ndarray, target: int, points: np.nd
     return mesh, float(np.quantile(to_mesh(points[:: max(1, len(points) // 4000)], mesh), 0.95))
 
 
-def _smoothed(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Smooth the vertices (Taubin 1995): alternate a step towards the mean of the neighbours with a slightly longer step away from the
-    mean.
-    """
-    count = np.maximum(np.bincount(edges.ravel(), minlength=len(points)), 1)[:, None]
-    for step in (0.5, -0.53) * 6:
-        mean = np.zeros_like(points)
-        for a, b in (edges.T, edges.T[::-1]):
-            for k in range(3):
-                mean[:, k] += np.bincount(a, points[b, k], minlength=len(points))
-        points = points + step * (mean / count - points)
-    return points
+def _smoothed(piece: trimesh.Trimesh) -> np.ndarray:
+    """Return the vertices after a smoothing that alternates a step towards the mean of the neighbours with a longer step away from it."""
+    first, second = np.asarray(piece.edges_unique).T
+    links = sp.coo_matrix((np.ones(2 * len(first)), (np.r_[first, second], np.r_[second, first])))
+    mean = sp.diags(1 / np.asarray(links.sum(axis=1)).ravel()) @ links
+    smooth: Any = trimesh.smoothing.filter_taubin(piece.copy(), 0.5, 0.53, 12, laplacian_operator=mean)
+    return np.asarray(smooth.vertices)
 
 
 def painted(mesh: trimesh.Trimesh, grid: Grid, points: np.ndarray, rgb: np.ndarray, seen: np.ndarray | None) -> trimesh.Trimesh:

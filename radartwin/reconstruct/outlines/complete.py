@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_fill_holes
 
-from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Sight
 from radartwin.reconstruct.segmentation import masks
+from radartwin.reconstruct.segmentation.grid import Grid
 
 # Limits of the distance in metres between scanned points and the plane.
 BEHIND_M = 0.10  # points count as behind the plane beyond this depth, which exceeds noise and the reveal of a window

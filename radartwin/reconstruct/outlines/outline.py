@@ -24,7 +24,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 from skimage.measure import find_contours
 
-from radartwin.reconstruct.outlines.grid import Grid
+from radartwin.reconstruct.segmentation.grid import Grid
 
 REACH_CELLS = 4  # a border moves onto an intersection line if it is at most this number of cells away from the line
 CORNER_CELLS = 6.0  # and its ends move to a corner with another line at most this number of cells away

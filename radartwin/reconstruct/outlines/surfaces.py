@@ -21,11 +21,11 @@ from radartwin.reconstruct.distance import covered
 from radartwin.reconstruct.outlines import outline
 from radartwin.reconstruct.outlines.complete import Completed, complete, spanned, within
 from radartwin.reconstruct.outlines.flatten import regular
-from radartwin.reconstruct.outlines.grid import Grid
 from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.bodies import contacts, room_bounds
+from radartwin.reconstruct.segmentation.bodies import contacts, owners, room_bounds
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
+from radartwin.reconstruct.segmentation.grid import Grid
 
 CELL_M = 0.02
 WELD_M = 1e-6  # polygon vertices nearer than this are equal except for rounding errors
@@ -71,7 +71,7 @@ class _Room(NamedTuple):
     """Data of the whole scan that are needed to outline its planes; `main_rad` is the main direction of the walls in radians.
 
     `touching` holds for each segment the segments that touch it, with the places (N, 3) in metres at which they touch. `points` are scan
-    points, thinned to a regular spacing. `border` holds the border points (N, 3) of each group's faces.
+    points, thinned to a regular spacing. `border` holds the border points (N, 3) of each segment.
     """
 
     faces: Faces
@@ -102,22 +102,20 @@ def flattened(
             touching[contact.first][contact.second] = touching[contact.second][contact.first] = contact.places
     groups = _groups(faces, segments, touching)
     out = Flattened([], list(segments), {})
-    group_of_face = np.full(len(faces.area), -1)
     offsets: list[dict[int, float]] = []
-    for number, group in enumerate(groups):
+    for group in groups:
         root = segments[group[0]]
         assert root.normal is not None
         offsets.append({k: _offset_from(faces, segments[k], root) for k in group})
         for k, offset in offsets[-1].items():
             out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + offset)
-            group_of_face[segments[k].faces] = number
-    borders = border_points(mesh, group_of_face)
+    borders = border_points(mesh, owners(faces, segments))
     room = _Room(faces, out.segments, bounds, touching, main_rad, points, Sight.of(points, cameras), borders)
     outlined: dict[int, tuple[list[Flat], Completed]] = {}
     for number in (
         np.random.default_rng(0).permutation(len(groups)).tolist()
     ):  # large planes take longest, so mixed for the estimate of time
-        outlined[number] = _outlined(room, groups[number], number)
+        outlined[number] = _outlined(room, groups[number])
         for flat in outlined[number][0]:
             if lift := offsets[number].get(flat.segment, 0.0):
                 flat.mesh.apply_translation(lift * np.asarray(flat.grid.normal))
@@ -195,8 +193,8 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
     return away if abs(away) > PROUD_M else 0.0
 
 
-def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], Completed]:
-    """Outline group number `number`, which consists of the coplanar segments `group`.
+def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
+    """Outline a group of coplanar segments.
 
     Return the polygons of the group, and how its gaps were completed.
     """
@@ -214,11 +212,12 @@ def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], C
         whole &= frame
     done = complete(grid, whole, room.points, frame, room.sight if limits and root.normal[2] < 0.5 else None)
 
-    ends = _cuts(room, grid, group), room.border[number] @ grid.axes.T
-    rest = outline.polygon(grid, done.mask, *ends)
+    cuts, borders = _cuts(room, grid, group), {k: room.border[k] @ grid.axes.T for k in group}
+    whole_border = np.vstack(list(borders.values()))
+    rest = outline.polygon(grid, done.mask, cuts, whole_border)
     flats: list[Flat] = []
     for pane in done.panes:
-        shape = outline.polygon(grid, masks.closed(pane, 1), *ends, edge=0.5)
+        shape = outline.polygon(grid, masks.closed(pane, 1), cuts, whole_border, edge=0.5)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
@@ -227,7 +226,7 @@ def _outlined(room: _Room, group: list[int], number: int) -> tuple[list[Flat], C
         # The part is first extended beyond the border of the whole plane. The intersection with `rest` then cuts it at this border.
         part = masks.closed(parts[k], radius) & ~np.any([parts[j] for j in group if j != k], axis=0)
         part |= masks.dilated(part, 2, part | ~whole)
-        shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, *ends, edge=0.0)).intersection(rest)
+        shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, cuts, borders[k], edge=0.0)).intersection(rest)
         piece = outline.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(k, piece, grid))

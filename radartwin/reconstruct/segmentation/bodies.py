@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from radartwin.reconstruct.segmentation.coplanar import in_plane
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
+from radartwin.reconstruct.segmentation.grid import in_plane
 
 SIMILAR = 14.0  # largest weighted L*a*b* colour difference between sides of the same object, which are lit differently
 SAME = 7.0  # largest weighted L*a*b* difference between segments of an object that meet at a concave edge, such as the boards of a shelf

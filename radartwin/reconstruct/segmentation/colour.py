@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter, median_filter
 from skimage.color import rgb2lab
 
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.coplanar import in_plane
+from radartwin.reconstruct.segmentation.grid import in_plane
 
 LIGHTNESS = 0.6  # weight of the lightness L*; a* and b* have weight 1
 DEEP_M, BESIDE_M = 0.3, 0.25  # largest distances from an edge, inside and outside of a piece, at which colours are compared

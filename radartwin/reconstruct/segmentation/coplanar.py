@@ -7,10 +7,11 @@ example, the floor is visible through the gap between two tables, so the tables 
 from __future__ import annotations
 
 import numpy as np
-from shapely import MultiPoint, contains_xy
+from skimage.morphology import convex_hull_image
 
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.faces import Faces, members, thinned
+from radartwin.reconstruct.segmentation.grid import Grid
 
 CELL_M = 0.05
 BEHIND_M = 0.06  # points count as behind the plane beyond this depth, which exceeds the noise
@@ -91,19 +92,8 @@ def _one_surface(
     plane. `places` (N, 3) are points of the whole scan.
     """
     normal, offset = plane
-    axes = in_plane(normal)
-    a, b = faces.centre[first] @ axes.T, faces.centre[second] @ axes.T
-    low = np.minimum(a.min(axis=0), b.min(axis=0)) - CELL_M
-    shape = tuple(((np.maximum(a.max(axis=0), b.max(axis=0)) - low) / CELL_M).astype(int) + 2)
-
-    def cells(points: np.ndarray) -> np.ndarray:
-        mask = np.zeros(shape, dtype=bool)
-        at = ((points - low) / CELL_M).astype(int)
-        inside = ((at >= 0) & (at < shape)).all(axis=1)
-        mask[tuple(at[inside].T)] = True
-        return mask
-
-    of_a, of_b = cells(a), cells(b)
+    grid = Grid.around(np.vstack([faces.centre[first], faces.centre[second]]), normal, offset, CELL_M)
+    of_a, of_b = (grid.counts(faces.centre[piece]) > 0 for piece in (first, second))
     from_a, from_b = (CELL_M * masks.distance(mask) for mask in (of_a, of_b))
     gap = float(from_a[of_b].min())
     if gap <= NEAR_M:
@@ -112,21 +102,8 @@ def _one_surface(
         return False
     # The gap consists of the cells on or near a shortest path between the pieces.
     between = (from_a + from_b < gap + 0.3) & ~of_a & ~of_b
-    hull = MultiPoint(np.vstack([a, b])).convex_hull
-    x, y = (low[k] + CELL_M * (np.arange(shape[k]) + 0.5) for k in range(2))
-    between &= contains_xy(hull, *np.meshgrid(x, y, indexing="ij"))
+    between &= convex_hull_image(of_a | of_b)
     if not between.any():
         return False
-    behind = cells(places[places @ normal - offset < -BEHIND_M] @ axes.T)
+    behind = grid.counts(places[places @ normal - offset < -BEHIND_M]) > 0
     return bool(behind[between].mean() < CONTRADICTED)
-
-
-def in_plane(normal: np.ndarray) -> np.ndarray:
-    """Return two unit vectors (2, 3) in the plane with this normal, right-handed with the normal.
-
-    For an upright plane, the first vector is horizontal and the second vector points upward.
-    """
-    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    across = np.cross(up, normal)
-    across /= np.linalg.norm(across)
-    return np.array([across, np.cross(normal, across)])

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.reconstruct.segmentation.coplanar import in_plane
-
 MARGIN_M = 0.2
 
 
@@ -52,3 +50,14 @@ class Grid:
     def to_space(self, flat: np.ndarray) -> np.ndarray:
         """Convert in-plane coordinates (N, 2) in metres to world points (N, 3)."""
         return np.asarray(flat) @ self.axes + self.offset_m * self.normal
+
+
+def in_plane(normal: np.ndarray) -> np.ndarray:
+    """Return two unit vectors (2, 3) in the plane with this normal, right-handed with the normal.
+
+    For an upright plane, the first vector is horizontal and the second vector points upward.
+    """
+    up = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    across = np.cross(up, normal)
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(normal, across)])
