@@ -107,23 +107,25 @@ def test_planes_become_regular_only_within_the_noise():
 
 
 def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
+    """The cells have the shape of an L. They reach 5 and 3 cm beyond two of the lines, and end 3 cm before the third."""
     rng = np.random.default_rng(0)
     grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (150, 120), 0.02)
     mask = np.zeros(grid.shape, dtype=bool)
-    mask[10:110, 10:90] = True
-    for column in range(10, 110):  # one edge of the grid is irregular by up to two cells
+    mask[10:110, 10:50] = mask[10:60, 50:90] = True
+    for column in range(10, 60):  # one edge of the grid is irregular by up to two cells
         mask[column, 88 : 88 + rng.integers(0, 4)] = True
-    line = outline.meeting_line(grid, X, 0.25)  # the plane x = 0.25, 5 cm from the edge at 0.2
-    assert line is not None
-    shape = outline.polygon(grid, mask, [line], np.zeros((0, 2)))
+    cuts = [outline.meeting_line(grid, normal, offset) for normal, offset in ((X, 0.25), (X, 1.23), (Y, 0.97))]
+    shape = outline.polygon(grid, mask, [cut for cut in cuts if cut is not None], np.zeros((0, 2)))
     assert isinstance(shape, Polygon)
     corners = np.array(shape.exterior.coords)[:-1]
-    assert len(corners) == 4
+    assert len(corners) == 6
+    assert np.linalg.norm(corners - [1.23, 0.97], axis=1).min() < 1e-9  # the inner corner
     assert corners[:, 0].min() == pytest.approx(0.25, abs=1e-9)
     assert corners[:, 1].max() == pytest.approx(1.8, abs=0.04)
+    assert shape.area == pytest.approx(1.94 * 0.76 + 0.98 * (corners[:, 1].max() - 0.97), abs=0.01)
     mesh = outline.triangulated(grid, shape)
     assert mesh is not None
-    assert len(mesh.faces) == 2
+    assert len(mesh.faces) == 4
     assert (mesh.face_normals[:, 2] > 0.999).all()
 
 
