@@ -84,7 +84,7 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.ndarray) -> float:
     """Return the rms difference in dB between the range profiles of a reconstructed and of the true room.
 
-    All surfaces of both rooms are smooth plasterboard, so that the difference is due to geometry alone.
+    All surfaces of both rooms are metal, so that the difference is due to geometry alone.
 
     Args:
         move: rigid motion (4, 4) from the coordinates of the reconstruction to those of the true room.
@@ -100,8 +100,8 @@ def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.n
 
 
 def _bare(scene: Scene, move: np.ndarray) -> Scene:
-    """Return a moved copy of a scene, in which every surface is smooth plasterboard."""
-    return Scene([s.replaced(mesh=s.mesh.copy().apply_transform(move), material="plasterboard", roughness_m=0.0) for s in scene])
+    """Return a moved copy of a scene, in which every surface is metal."""
+    return Scene([s.replaced(mesh=s.mesh.copy().apply_transform(move), material="metal", roughness_m=0.0) for s in scene])
 
 
 def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:

@@ -60,7 +60,7 @@ TARGETS: dict[str, tuple[str, float | None, bool]] = {
     "missed_flush": ("share of the missed area on surfaces that lie within the depth noise of another surface", None, False),
     "boundary_mm": ("half of the edges of segments are within this distance of a true edge", None, False),
     "boundary_p95_mm": ("95 % of the edges of segments are within this distance of a true edge", None, False),
-    "profile_db": ("rms error of range profiles in the room, all surfaces smooth plasterboard (dB)", None, False),
+    "profile_db": ("rms error of range profiles in the room, all surfaces metal (dB)", None, False),
     "false_panes_m2": ("area of completed panes where the room has no glass (m2)", None, False),
 }
 FEWEST = 3  # smallest number of surfaces for a verdict on a mean over surfaces

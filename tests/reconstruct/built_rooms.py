@@ -47,7 +47,9 @@ def modelled(rows=17, columns=17, seed=0):
         box = trimesh.creation.box((width, depth, height)).subdivide().subdivide()
         box.apply_transform(trimesh.transformations.rotation_matrix(rng.choice([0, 0, 0, 0.3, 0.9]), Z))
         pieces.append(box.apply_translation([0.7 + 0.9 * column, 0.7 + 0.9 * row, height / 2 + rng.choice([0, 0.02, 0.2])]))
-    return trimesh.util.concatenate(pieces)
+    whole = trimesh.util.concatenate(pieces)
+    assert isinstance(whole, trimesh.Trimesh)
+    return whole
 
 
 def inner_sides(size):

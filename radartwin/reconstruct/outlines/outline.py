@@ -2,8 +2,8 @@
 
 The traced border of the cells is ragged and up to some cells wrong. Each stretch of the border therefore gets a line on which it ends:
 - where a neighbouring plane touches this plane and the cells end within REACH_CELLS of the intersection line, the border ends on this line;
-- any other straight stretch ends on a line fitted to the border of the scanned faces, along a main direction of the plane if this direction
-  fits within a cell.
+- a stretch along a straight border of the scanned faces, as models have, ends on this border;
+- a stretch that is nearly parallel to a main direction of the plane ends on a line in this direction.
 Two lines that meet within reach of their ends form a corner. A corner of three planes is thus the point that is common to the planes, and
 the polygons of all three have the same vertex.
 """
@@ -30,6 +30,9 @@ REACH_CELLS = 4  # a border moves onto an intersection line if it is at most thi
 CORNER_CELLS = 6.0  # and its ends move to a corner with another line at most this number of cells away
 SHORTEST_CELLS = 3  # shorter stretches keep their traced shape
 SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most 12 degrees
+STRAIGHT_CELLS = (
+    0.2  # the border of faces is straight, as in a model, if its standard deviation from a line is at most this number of cells
+)
 STRAIGHT_M = 0.1  # shorter edges away from other planes keep their traced shape
 SMALLEST_M2 = 0.004
 RAGGED = 0.1  # largest area in which the cells and the fitted rectangle differ, relative to the area of the rectangle
@@ -167,7 +170,7 @@ def _on_cut(grid: Grid, mask: np.ndarray, cut: Cut) -> list[_Stretch]:
     t = np.arange(reach.min(), reach.max(), c)
     s = (np.arange(-n, n) + 0.5) * c
     cell = np.floor((cut.point + t[:, None, None] * cut.along + s[:, None] * across - grid.low) / c).astype(int)
-    inside = ((cell >= 0) & (cell < np.array(grid.shape))).all(axis=2)
+    inside = np.all((cell >= 0) & (cell < np.array(grid.shape)), axis=2)
     cell = np.where(inside[..., None], cell, 0)
     covered = mask[cell[..., 0], cell[..., 1]] & inside
     sides = covered[:, n:], covered[:, n - 1 :: -1]  # to the left and to the right of the line, from the line outwards
@@ -182,7 +185,7 @@ def _on_cut(grid: Grid, mask: np.ndarray, cut: Cut) -> list[_Stretch]:
     if cut.places is not None:
         near = cut.places[np.abs((cut.places - cut.point) @ across) < n * c]
         touched = np.bincount(np.clip(((near - cut.point) @ cut.along - t[0]) / c, 0, len(t) - 1).astype(int), minlength=len(t)) > 0
-        sign[~binary_dilation(touched, iterations=n)] = 0
+        sign[np.logical_not(binary_dilation(touched, iterations=n))] = 0
     sign = median_filter(sign, 5, mode="constant")
     out = []
     for a, b in itertools.pairwise([*np.flatnonzero(np.diff(sign, prepend=0)), len(t)]):
@@ -215,7 +218,7 @@ def _nearest_only(stretches: list[_Stretch], grid: Grid) -> list[_Stretch]:
 
 
 def _free(a: np.ndarray, b: np.ndarray, ended: Sequence[_Stretch], border: np.ndarray, grid: Grid) -> _Stretch | None:
-    """Return the stretch for the polygon edge from `a` to `b`; None if the edge is short or ends on another plane."""
+    """Return the stretch for the polygon edge from `a` to `b`; None if the edge is short, ends on another plane or keeps its shape."""
     c, length = grid.cell_m, float(np.linalg.norm(b - a))
     if length < max(STRAIGHT_M, SHORTEST_CELLS * c):
         return None
@@ -228,14 +231,15 @@ def _free(a: np.ndarray, b: np.ndarray, ended: Sequence[_Stretch], border: np.nd
             return None
     t, off = (border - middle) @ along, (border - middle) @ across
     near = (np.abs(t) < length / 2) & (np.abs(off) < 2 * c)
-    slope = float(np.polyfit(t[near], off[near], 1)[0]) if near.sum() > 10 and np.ptp(t[near]) > length / 2 else 0.0
-    fitted = (along + slope * across) / np.hypot(1, slope)
+    if near.sum() > 2 and np.ptp(t[near]) > length / 2:
+        slope, shift = np.polyfit(t[near], off[near], 1)
+        if np.std(off[near] - slope * t[near] - shift) < STRAIGHT_CELLS * c:
+            fitted = (along + slope * across) / np.hypot(1, slope)
+            return _Stretch(middle + shift * across, fitted, -length / 2, length / 2, 1.2 * c, 1.2 * c)
     for axis in (*np.eye(2), *-np.eye(2)):
-        if fitted @ axis > SQUARE and abs(fitted[0] * axis[1] - fitted[1] * axis[0]) * length / 2 < c:
-            fitted = axis
-    left = np.array([-fitted[1], fitted[0]])
-    shift = float(np.median((border[near] - middle) @ left)) if near.any() else 0.0
-    return _Stretch(middle + shift * left, fitted, -length / 2, length / 2, 1.2 * c, 1.2 * c)
+        if along @ axis > SQUARE:
+            return _Stretch(middle, axis, -length / 2, length / 2, 1.2 * c, 1.2 * c)
+    return None
 
 
 def _cornered(stretch: _Stretch, others: Sequence[_Stretch], grid: Grid) -> tuple[BaseGeometry, BaseGeometry]:

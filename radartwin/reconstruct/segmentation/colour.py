@@ -13,6 +13,7 @@ import numpy as np
 import trimesh
 from scipy.ndimage import gaussian_filter, median_filter
 from skimage.color import rgb2lab
+from skimage.filters import threshold_otsu
 
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.grid import in_plane
@@ -183,7 +184,7 @@ def _two_means(values: np.ndarray) -> np.ndarray:
     """Divide colours (N, 3) into two clusters by k-means. Return a boolean mask (N,) of the smaller cluster."""
     centred = values - values.mean(axis=0)
     axis = np.linalg.eigh(centred.T @ centred)[1][:, -1]
-    second = centred @ axis > _otsu(centred @ axis)
+    second = centred @ axis > threshold_otsu(centred @ axis, nbins=128)
     for _ in range(10):
         if second.all() or not second.any():
             return np.zeros(len(values), dtype=bool)
@@ -201,15 +202,3 @@ def _local_mean(picture: np.ndarray, where: np.ndarray, cell: float) -> np.ndarr
     weight = gaussian_filter(where.astype(float), sigma)
     mean = [gaussian_filter(np.where(where, picture[..., k], 0.0), sigma) for k in range(3)]
     return np.stack(mean, axis=-1) / np.maximum(weight, 1e-9)[..., None]
-
-
-def _otsu(values: np.ndarray) -> float:
-    """Return the threshold that maximises the variance between the class of smaller and the class of larger values (Otsu 1979)."""
-    counts, edges = np.histogram(values, 128)
-    middle = (edges[:-1] + edges[1:]) / 2
-    below = np.cumsum(counts)
-    above = below[-1] - below
-    sums = np.cumsum(counts * middle)
-    mean_below = sums / np.maximum(below, 1)
-    mean_above = (sums[-1] - sums) / np.maximum(above, 1)
-    return float(edges[1:][np.argmax(below * above * (mean_below - mean_above) ** 2)])
