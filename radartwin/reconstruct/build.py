@@ -119,8 +119,8 @@ def reconstruct(
     with progress.task("segmenting", 1) as advance:
         segments = segmented(scan.mesh)
         advance()
-    with progress.task("outlining planes", sum(s.normal is not None for s in segments)) as advance:
-        flat = flattened(scan.mesh, segments, None if scan.frames is None else _cameras(scan.frames), advance)
+    cameras = None if scan.frames is None else _cameras(scan.frames)
+    flat = flattened(scan.mesh, segments, cameras, lambda planes: progress.over(planes, "outlining planes"))
     surfaces, surface_of_face, statistics = assembled(scan.mesh, flat, material)
     if statistics["closed_m2"] or statistics["panes"]:
         panes = f"{plural(statistics['panes'], 'framed gap')} became panes of glass"

@@ -6,7 +6,7 @@ segment in front of the plane, such as a thick board on a wall, keeps its distan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -85,11 +85,14 @@ class _Room(NamedTuple):
 
 
 def flattened(
-    mesh: trimesh.Trimesh, segments: Sequence[Segment], cameras: Cameras | None = None, step: Callable[[], None] = lambda: None
+    mesh: trimesh.Trimesh,
+    segments: Sequence[Segment],
+    cameras: Cameras | None = None,
+    over: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> Flattened:
     """Replace the planar segments of a scan by polygons.
 
-    `cameras` are the cameras that recorded the scan, or None if unknown. The function calls `step` after each finished plane, to report
+    `cameras` are the cameras that recorded the scan, or None if unknown. `over` iterates over the numbers of the planes and may report
     progress.
     """
     faces = Faces.of(mesh, 0.0)
@@ -119,7 +122,6 @@ def flattened(
         for flat in outlined[number][0]:
             if lift := offsets[number].get(flat.segment, 0.0):
                 flat.mesh.apply_translation(lift * np.asarray(flat.grid.normal))
-        step()
     out.flats.extend(flat for number in sorted(outlined) for flat in outlined[number][0])
     areas = {name: sum(getattr(done, name) for _, done in outlined.values()) for name in ("filled_m2", "open_m2", "closed_m2")}
     _weld(out.flats)
