@@ -669,7 +669,7 @@ def test_echo_of_an_inner_corner_is_continuous_in_its_angle(material):
     echoes = []
     for angle in (0.0, 1e-6, -1e-6, 1e-4, 2.4e-3, -2.4e-3):
         end = np.array([np.cos(angle), np.sin(angle), 0.0])
-        walls = [rooms.rectangle([0, 0, -1.4], way, [0, 0, 1], (5, 2.8)) for way in (end, np.array([0, 1.0, 0]))]
+        walls = [rooms.rectangle([0, 0, -1.4], way, np.eye(3)[2], (5, 2.8)) for way in (end, np.array([0, 1.0, 0]))]
         scene = rt.Scene([rt.Surface(wall, material, f"wall{i}", role="room") for i, wall in enumerate(walls)])
         parts = paths_of(scene, np.concatenate([looking((2.5, 3.4, 0.1)), looking((3.45, 2.5, -0.1))]), max_bounces=2)
         double = [p.where(np.abs(p.length_m - 2 * np.hypot(2.5, 3.4)) < 0.1) for p in parts]

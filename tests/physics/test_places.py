@@ -135,7 +135,7 @@ def test_clutter_has_the_threshold_of_the_strongest_path_of_its_own_pose():
     """Close to the wall, the echo of the wall is 30 dB stronger than elsewhere, and hides the paths between can and room."""
     facing = trajectory.look_at([1.5, 0.64, 0.4], [1.5, 1.64, 0.4])[None]
     poses = np.concatenate([sideways(np.array([0.3])), facing])
-    both, alone = (Track(scene(), RADAR, poses[:k], EXACT).static(poses[:k])[0][2:] for k in (2, 1))
+    both, alone = (Track(list(scene()), RADAR, poses[:k], EXACT).static(poses[:k])[0][2:] for k in (2, 1))
     assert [len(part.frames(0, 1)) for part in both] == [len(part) for part in alone]
     assert sum(map(len, alone)) > 0
 

@@ -144,7 +144,8 @@ def _close_gaps(regions: list[_Region]) -> None:
         start = np.linalg.lstsq(pair, np.array(offsets), rcond=None)[0]
         along /= np.linalg.norm(along)
         strips = [_strip(thin[k], start, along) for k in (i, j)]
-        common = shapely.intersection(*(shapely.union_all([LineString([(t, 0), (u, 0)]) for t, u, _, _ in strip]) for strip in strips))
+        one, other = (shapely.union_all([LineString([(t, 0), (u, 0)]) for t, u, _, _ in strip]) for strip in strips)
+        common = shapely.intersection(one, other)
         if common.length > SHORTEST_M:
             for k, strip in zip((i, j), strips, strict=True):
                 _extend(thin[k], start, along, strip, common)

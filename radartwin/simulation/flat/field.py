@@ -442,7 +442,7 @@ def edge_terms(
     """Write the diffraction matrices (3, 2, 2) of edge `e` and their derivatives by the observer's and by the source's angle.
 
     Behind faces that transmit, the field jumps by the part of the wave that the faces do not transmit. This part multiplies the shadow
-    terms. At an inner corner, the shadow terms continue the waves that both faces reflect instead, so that `doubled_matrix` multiplies them.
+    terms. At an inner corner, the shadow terms continue the waves that both faces reflect, so that `doubled_matrix` multiplies them.
 
     Rows: soft and hard component after the edge; columns: before it. The derivatives are those of metal faces.
 
