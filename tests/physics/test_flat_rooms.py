@@ -17,6 +17,7 @@ import radartwin as rt
 from experiments.validation.oracles import rooms as room_oracles
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.box import image_paths, image_sum
+from radartwin.compiled import compiled
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
@@ -24,6 +25,7 @@ from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.backends.track import Track
 from radartwin.simulation.flat import field
 from radartwin.simulation.flat import room as flat_room
+from radartwin.simulation.flat.faces import Faces
 
 RADAR = traced.MONOSTATIC
 FREQUENCY = RADAR.center_frequency_hz
@@ -678,3 +680,48 @@ def test_echo_of_an_inner_corner_is_continuous_in_its_angle(material):
     assert np.abs(change[:2]).max() < 0.1
     assert np.abs(change[2]).max() < 0.3
     assert np.abs(change[3:]).max() < 2
+
+
+def fresnel_of(cosine, permittivity=3.0):
+    """Return the TE and TM reflection of a dielectric half-space, with +1 for TM on metal."""
+    root = np.sqrt(permittivity - (1 - cosine**2))
+    return (cosine - root) / (cosine + root), (permittivity * cosine - root) / (permittivity * cosine + root)
+
+
+@compiled
+def doubled(wedge, te, tm, phi, phi0, sine, cosine):
+    return field.doubled_matrix(wedge, te, tm, 0, 0, phi, phi0, sine, cosine)
+
+
+@pytest.mark.parametrize(("opening", "source", "first"), [(0.6, 0.15, 0), (0.6, 0.45, 1), (0.42, 0.3, 0), (0.48, 0.3, 1), (0.8, 0.1, 0)])
+@pytest.mark.parametrize("cosine", [0.0, 0.4, -0.7])
+def test_inner_corner_continues_the_wave_that_both_faces_reflect(opening, source, first, cosine):
+    """The matrix equals two reflections at dielectric faces, for the ray that meets the edge of the corner along z."""
+    angle, edge, sine = opening * np.pi, np.eye(3)[2], np.sqrt(1 - cosine**2)
+    normals = np.array([[0, 1.0, 0], [np.sin(angle), -np.cos(angle), 0]])
+    wedge = Faces(
+        normals, np.zeros(2), np.zeros(2, int), np.zeros((2, 3, 3)), np.arange(3), np.zeros((2, 3, 3)), np.full(2, 3), np.zeros((1, 3)),
+        edge[None], np.ones(1), np.eye(3)[:1], np.eye(3)[1:2], np.array([opening]), np.array([[0, 1]]),
+    )  # fmt: skip
+    phi0 = source * np.pi
+    way = np.array([-sine * np.cos(phi0), -sine * np.sin(phi0), cosine])
+
+    def soft_and_hard(ray):
+        soft = (edge - cosine * ray) / sine
+        return np.stack([soft, np.cross(soft, ray)])
+
+    fields = soft_and_hard(way)
+    for normal in normals if first == 0 else normals[::-1]:
+        te, tm = fresnel_of(abs(way @ normal))
+        across = np.cross(way, normal)
+        across /= np.linalg.norm(across)
+        out = way - 2 * (way @ normal) * normal
+        fields = te * np.outer(fields @ across, across) + tm * np.outer(fields @ np.cross(across, way), np.cross(across, out))
+        way = out
+    exact = soft_and_hard(way) @ fields.T
+    te, tm = (np.ascontiguousarray(values[None, :, None], complex) for values in fresnel_of(np.linspace(0, 1, 4001)))
+    there = np.arctan2(way[1], way[0])
+    matrix = np.reshape(doubled(wedge, te, tm, there, phi0, sine, cosine), (2, 2))
+    np.testing.assert_allclose(matrix, exact, atol=1e-4)
+    back = np.reshape(doubled(wedge, te, tm, phi0, there, sine, -cosine), (2, 2))
+    np.testing.assert_allclose(np.abs(back), np.abs(matrix.T), atol=1e-9)

@@ -214,3 +214,14 @@ def test_shadow_at_the_centre_frequency_holds_over_the_band(offset, most_db):
         body = mesh.copy().apply_translation((PLACE, offset, 0.0))
         power = np.mean([abs(through(body, k)) ** 2 for k in band])
         assert 10 * np.log10(power / abs(through(body, K)) ** 2) == pytest.approx(0, abs=most_db)
+
+
+def test_two_moving_objects_in_line_hide_a_wall_once():
+    """The shadows multiply. If each object took the wall's echo away on its own, the echo would come back with the opposite sign."""
+    wall = rt.Surface(rooms.rectangle([WALL, -4, -4], np.eye(3)[1], np.eye(3)[2], (8, 8)), "metal", "wall", role="room")
+    plates = [rt.Surface(objects.box((-0.01, -0.25, -0.25), (0.01, 0.25, 0.25)), "metal", name, role="object") for name in "ab"]
+    poses = {name: traced.pose((x, 0, 0), None)[None] for name, x in (("a", 1.0), ("b", 1.7))}
+    found = BACKEND.traced(rt.Scene([wall, *plates]), RADAR, np.eye(4)[None], poses)
+    echoes = [traced.field([p.where(np.abs(p.length_m - 2 * WALL) < 0.02) for p in parts], RADAR.center_frequency_hz)
+              for parts in (found.static, [*found.static, *found.shadows])]  # fmt: skip
+    assert abs(echoes[1] / echoes[0]) < 0.02

@@ -115,33 +115,39 @@ def group_paths(
     return [Paths.concatenate(kept[0]), Paths.concatenate(over or [kept[0][0].where(slice(0))])]
 
 
-def shadows_of_mover(
-    parts: Sequence[Paths], levels: Sequence[np.ndarray], geometry: Geometry, sensor_poses: np.ndarray, poses: np.ndarray,
+def shadows_of_movers(
+    parts: Sequence[Paths], levels: Sequence[np.ndarray], bodies: Sequence[tuple[Geometry, np.ndarray]], sensor_poses: np.ndarray,
     wavenumber: float,
 ) -> list[Paths]:  # fmt: skip
-    """Return paths that add the shadow of a moving body to static paths: copies of the shaded paths, whose amplitude is the change by the
-    shadow.
+    """Return paths that add the shadows of moving bodies to static paths: copies of the shaded paths, whose amplitude is the change by the
+    product of the shadows.
 
     A change below the share `pruning.SHADED` of the strongest path of its frame is left out.
 
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
         levels: for each part, the largest amplitude (N,) of each of its N paths over the antenna elements (`pruning.level`).
-        geometry: triangles of the body in its own frame. All of them block, also those of a material that transmits.
-        sensor_poses, poses: (F, 4, 4) of sensor and body to the world.
-        wavenumber: rad/m.
+        bodies: for each body, its triangles in its own frame, all of which block, also those of a material that transmits, and its poses
+            (F, 4, 4) to the world, or one pose for all frames.
+        sensor_poses: (F, 4, 4) of the sensor to the world. wavenumber: rad/m.
     """
-    body = _skin(geometry)
-    inverse, frames = poses_module.inverse(poses), len(poses)
-    sensor = np.einsum("fij,fj->fi", inverse[:, :3, :3], np.broadcast_to(sensor_poses[:frames, :3, 3], (frames, 3))) + inverse[:, :3, 3]
+    frames = max(len(poses) for _, poses in bodies)
+    sensor_poses = np.broadcast_to(sensor_poses[:frames], (frames, 4, 4))
+    seen = []  # for each body, its outline's triangles, the poses from the world to the body, and the sensor in the body's frame
+    for geometry, poses in bodies:
+        inverse = np.broadcast_to(poses_module.inverse(poses), (frames, 4, 4))
+        seen.append((_skin(geometry), inverse, np.einsum("fij,fj->fi", inverse[:, :3, :3], sensor_poses[:, :3, 3]) + inverse[:, :3, 3]))
     most, out = strongest(parts, levels, frames), []
     for part, loudness in zip(parts, levels, strict=True):
         if part.points is None:
             continue
         kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
         for frame, row in visibility.pairs(part, frames):
-            points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
-            change = shadows.factors(body, sensor[frame], points, part.mirror is not None, wavenumber) - 1
+            factor = np.ones(len(row), complex)
+            for body, inverse, sensor in seen:
+                points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
+                factor *= shadows.factors(body, sensor[frame], points, part.mirror is not None, wavenumber)
+            change = factor - 1
             shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
             kept.append((frame[shaded], row[shaded], change[shaded]))
         frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))

@@ -41,19 +41,19 @@ class Traced:
     Attributes:
         static: paths of the static surfaces. The paths of a flat room include their points (`Paths.points`).
         groups: paths of each group of surfaces that move together, by the names of these surfaces.
-        shadows: for each group, the changes of the static paths in its shadow.
+        shadows: the changes of the static paths in the shadows of all groups.
         diffuse: diffuse paths of all rough surfaces.
     """
 
     static: list[Paths]
     groups: dict[tuple[str, ...], list[Paths]]
-    shadows: list[list[Paths]]
+    shadows: list[Paths]
     diffuse: list[Paths]
 
     def parts(self) -> list[Paths]:
         """Return all paths as the list that `Backend.paths` returns, without points."""
-        moving = [part for group, shadow in zip(self.groups.values(), self.shadows, strict=True) for part in (*group, *shadow)]
-        return [replace(part, points=None) for part in (*self.static, *moving, *self.diffuse) if len(part)]
+        moving = [part for group in self.groups.values() for part in group]
+        return [replace(part, points=None) for part in (*self.static, *moving, *self.shadows, *self.diffuse) if len(part)]
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class MitsubaBackend:
         key = id(static), radar, track.tobytes(), self.settings, id(searched)
         along = _tracks.get(key, 1, lambda: Track(static or [], radar, track, self.settings, searched=searched))
         sensor = sensor_poses[:1] if along.still else sensor_poses
-        still, movers, found = None, [], Traced([], {}, [], [])
+        still, movers, bodies, found = None, [], [], Traced([], {}, [], [])
         if static is not None:
             found.static.extend(along.static(sensor)[0])
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
@@ -113,8 +113,9 @@ class MitsubaBackend:
             members = [s for s in scene.surfaces if s.name in names]
             group = target(members, radar)
             found.groups[tuple(names)] = along.group(group, sensor_poses[frames], poses[frames])
-            found.shadows.append(along.shadows(group.geometry, sensor, poses[frames]))
+            bodies.append((group.geometry, poses[frames]))
             movers.append(diffuse.Body(members, group.geometry, poses))
+        found.shadows.extend(along.shadows(bodies, sensor))
         if self.settings.diffuse and any(surface.roughness_m > 0 for surface in scene.surfaces):
             found.diffuse.extend(diffuse.of_scene(still, movers, radar, sensor_poses))
         return found

@@ -138,7 +138,10 @@ def ask(function: Callable[..., Any], *arguments: Any) -> Any:
         close()
         raise BackendError("simulator sionna: its process died, perhaps because memory ran out; run the same command again") from None
     except (BackendError, MemoryError) as error:
-        raise BackendError(f"simulator sionna: {error}") from error
+        raise BackendError(f"simulator sionna: {error or 'its memory ran out'}") from error
+    except KeyboardInterrupt:  # the end of the program would wait for the worker
+        close()
+        raise
 
 
 def process_ids() -> list[int]:

@@ -21,7 +21,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
-from radartwin.simulation.backends.coupling import group_paths, shadows_of_mover
+from radartwin.simulation.backends.coupling import group_paths, shadows_of_movers
 from radartwin.simulation.backends.static_scene import StaticScene, static_scene, target
 from radartwin.simulation.backends.trace_settings import SPACING_M, TraceSettings
 from radartwin.simulation.flat.room import FlatRoom, Searched
@@ -340,14 +340,18 @@ class Track:
         """Return the paths that add the shadow of an object to the paths of the room; arguments as in `moving`."""
         if self._room is None:
             return []
-        return self.shadows(geometry.build([s.mesh for s in surfaces]), sensor, poses_module.repeated(poses, len(sensor)))
+        return self.shadows([(geometry.build([s.mesh for s in surfaces]), poses_module.repeated(poses, len(sensor)))], sensor)
 
-    def shadows(self, body: geometry.Geometry, sensor: np.ndarray, poses: np.ndarray) -> list[Paths]:
-        """Return the paths that add the shadow of a body at poses (F, 4, 4) to the paths of the room from sensor poses `sensor`."""
-        if self._room is None:
+    def shadows(self, bodies: Sequence[tuple[geometry.Geometry, np.ndarray]], sensor: np.ndarray) -> list[Paths]:
+        """Return the paths that add the shadows of bodies to the paths of the room from sensor poses `sensor`.
+
+        Args:
+            bodies: as in `coupling.shadows_of_movers`.
+        """
+        if self._room is None or not bodies:
             return []
         parts, levels = self.static(sensor)
-        return shadows_of_mover(parts, levels, body, sensor, poses, self._room.room.wavenumber)
+        return shadows_of_movers(parts, levels, bodies, sensor, self._room.room.wavenumber)
 
     def at_rest(self, surfaces: Sequence[Surface], sensor: np.ndarray, coupled: bool) -> list[Paths]:
         """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the RESTING objects that were used last

@@ -10,6 +10,7 @@ import numpy as np
 
 from radartwin.compiled import compiled
 
+POINTS_AT_ONCE = 1 << 20  # number of points of a target in the views of `near`; it limits the memory
 MARGIN = 1  # number of grid cells added on each side of a facet's bounding box
 # Smallest ratio of a facet corner's depth (its distance along the viewing axis in front of the source) to its distance from the source.
 MIN_DEPTH = 1e-3
@@ -96,7 +97,9 @@ def towards(
 
 def near(points: np.ndarray, source: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return a mask (F,) of the sources that are inside the target or too close to it for one planar grid; arguments as in `towards`."""
-    return _view(points, source, centre, False)[5]
+    rows = max(1, POINTS_AT_ONCE // max(len(points), 1))
+    blocks = [slice(k, k + rows) for k in range(0, len(source), rows)]
+    return np.concatenate([np.zeros(0, bool), *(_view(points, source[rows], centre, False)[5] for rows in blocks)])
 
 
 def _view(points: np.ndarray, source: np.ndarray, centre: np.ndarray, plane: bool) -> tuple[np.ndarray, ...]:

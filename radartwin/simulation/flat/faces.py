@@ -10,7 +10,7 @@ open sector is one wedge. A free edge is a wedge of 360 degrees. A straight side
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -135,7 +135,9 @@ def _close_gaps(regions: list[_Region]) -> None:
     thin = [region for region in regions if not region.outward]
     boxes = [region.to_space(shapely.get_coordinates(region.polygon)) for region in thin]
     low, high = (np.array([bound(box, axis=0) for box in boxes]).reshape(-1, 3) for bound in (np.min, np.max))
-    for i, j in combinations(range(len(thin)), 2):
+    wide = shapely.box(*(low[:, :2] - GAP_M).T, *(high[:, :2] + GAP_M).T)
+    near = shapely.STRtree(wide).query(shapely.box(*low[:, :2].T, *high[:, :2].T))
+    for i, j in sorted({(min(pair), max(pair)) for pair in near.T.tolist() if pair[0] != pair[1]}):
         along = np.cross(thin[i].normal, thin[j].normal)
         if (low[i] > high[j] + GAP_M).any() or (low[j] > high[i] + GAP_M).any() or along @ along < 0.25:
             continue

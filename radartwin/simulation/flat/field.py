@@ -424,14 +424,19 @@ def doubled_matrix(
 ) -> tuple[complex, complex, complex, complex]:
     """Return the elements ss, sh, hs and hh of the matrix of the reflection at both faces of the inner corner `e`, as in `face_matrix`.
 
-    Where a doubly reflected wave begins or ends, it meets each face at the angle of that end of the ray which is nearer to the face.
+    The angles are those of the doubly reflected wave that begins or ends at the edge: the ray meets its first face at the angle of the
+    source, and its second face at the angle of the observer.
     """
-    at_0, at_n = min(phi, phi0), faces.opening[e] * math.pi - max(phi, phi0)
-    ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, math.pi - at_0, at_0, sine, cosine)
-    ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, math.pi - at_n, at_n, sine, -cosine)
-    if phi < phi0:  # the wave meets face n first
-        return ss0 * ssn - sh0 * shn, ss0 * shn + sh0 * hhn, -sh0 * ssn - hh0 * shn, hh0 * hhn - sh0 * shn
-    return ssn * ss0 - shn * sh0, ssn * sh0 + shn * hh0, -shn * ss0 - hhn * sh0, hhn * hh0 - shn * sh0
+    over, surface_0, surface_n = faces.opening[e] * math.pi, faces.surface[faces.sides[e, 0]], faces.surface[faces.sides[e, 1]]
+    if (phi > phi0) == (faces.opening[e] > 0.5):  # face 0 is the first face
+        at, left = phi0, over - phi
+        ss0, sh0, hh0 = face_matrix(te, tm, surface_0, q, math.pi - at, at, sine, cosine)
+        ssn, shn, hhn = face_matrix(te, tm, surface_n, q, left, math.pi - left, sine, -cosine)
+        return ssn * ss0 - shn * sh0, ssn * sh0 + shn * hh0, -shn * ss0 - hhn * sh0, hhn * hh0 - shn * sh0
+    at, left = over - phi0, phi
+    ssn, shn, hhn = face_matrix(te, tm, surface_n, q, math.pi - at, at, sine, -cosine)
+    ss0, sh0, hh0 = face_matrix(te, tm, surface_0, q, left, math.pi - left, sine, cosine)
+    return ss0 * ssn - sh0 * shn, ss0 * shn + sh0 * hhn, -sh0 * ssn - hh0 * shn, hh0 * hhn - sh0 * shn
 
 
 @innermost
@@ -458,11 +463,9 @@ def edge_terms(
     n = faces.opening[e]
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
     te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
-    if n < 1:
-        lost = doubled_matrix(faces, te, tm, e, q, phi, phi0, sine, cosine)
-    else:
-        ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
-        lost = 1 - ss, -sh, -hs, 1 - hh
+    ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
+    lost = 1 - ss, -sh, -hs, 1 - hh
+    jump = doubled_matrix(faces, te, tm, e, q, phi, phi0, sine, cosine) if n < 1 else lost
     ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
     ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
     weight = weights[0]
@@ -471,16 +474,16 @@ def edge_terms(
     dark_0, bright_0 = face_terms(phi, phi0, kl)
     dark_n, bright_n = face_terms(n * math.pi - phi, n * math.pi - phi0, kl)
     scale = -_TURN.conjugate() / (2 * math.sqrt(2 * math.pi * wavenumber) * sine)
-    shadow = weight * shadow - scale * (weights[1] * dark_0 + weights[2] * dark_n)
+    shadow, dark = weight * shadow, scale * (weights[1] * dark_0 + weights[2] * dark_n)
     mirror_0 = weight * mirror_0 - scale * weights[1] * bright_0
     mirror_n = weight * mirror_n - scale * weights[2] * bright_n
     turned = sh0 * mirror_0 + shn * mirror_n
-    out[0, 0, 0] = shadow * lost[0] + ss0 * mirror_0 + ssn * mirror_n
-    out[0, 0, 1] = shadow * lost[1] + turned
-    out[0, 1, 0] = shadow * lost[2] - turned
-    out[0, 1, 1] = shadow * lost[3] + hh0 * mirror_0 + hhn * mirror_n
-    out[1, 0, 0], out[1, 1, 1] = weight * (slope * lost[0] - bend), weight * (slope * lost[3] + bend)
-    out[2, 0, 0], out[2, 1, 1] = weight * (-slope * lost[0] - bend), weight * (-slope * lost[3] + bend)
+    out[0, 0, 0] = shadow * jump[0] - dark * lost[0] + ss0 * mirror_0 + ssn * mirror_n
+    out[0, 0, 1] = shadow * jump[1] - dark * lost[1] + turned
+    out[0, 1, 0] = shadow * jump[2] - dark * lost[2] - turned
+    out[0, 1, 1] = shadow * jump[3] - dark * lost[3] + hh0 * mirror_0 + hhn * mirror_n
+    out[1, 0, 0], out[1, 1, 1] = weight * (slope * jump[0] - bend), weight * (slope * jump[3] + bend)
+    out[2, 0, 0], out[2, 1, 1] = weight * (-slope * jump[0] - bend), weight * (-slope * jump[3] + bend)
 
 
 @innermost

@@ -164,7 +164,7 @@ def find(
     length = np.linalg.norm(np.einsum("nij,nj->ni", mirror[g], sensor[u]) + shift[g] - centre[u], axis=1)
     bound = np.zeros(len(codes))
     np.maximum.at(bound, code, room.loudness_of(chains)[which])
-    wanted = bound * direct[u] >= EARLY * least * np.maximum(length - radius, 1e-9)
+    wanted = (bound * direct[u] >= EARLY * least * np.maximum(length - radius, 1e-9)) | (g == DIRECT)
     carried: dict[tuple[int, int], np.ndarray] = {}
     fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
     for side in (2, fine):
