@@ -90,7 +90,7 @@ _fill | range(ways) | range(1) | an echo crosses a pane once, not there and back
 delayed | 2j * np.pi * at_hz | 0j * at_hz | the delay of a pane turns the phase twice
 
 simulation/flat/field: physics/test_crossing
-edge_terms | shadow * lost[0] | shadow | the edge of a pane casts the shadow of an opaque sheet
+edge_terms | shadow * jump[0] | shadow | the edge of a pane casts the shadow of an opaque sheet
 travelled | max(crossed(tree, at, to, opaque, found), 0) | 0 | panes do not weaken the paths of rooms
 
 simulation/diffuse: physics/test_diffuse
