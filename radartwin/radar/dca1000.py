@@ -164,7 +164,9 @@ class SampleFile:
         counters = [self.read(n * packet, _COUNTERS) for n in range(3)]
         numbers = [int.from_bytes(data[:4], "little") for data in counters]
         counts = [int.from_bytes(data[4:], "little") for data in counters]
-        if self.size > 2 * packet + _COUNTERS and np.all(np.diff(numbers) == 1) and np.all(np.diff(counts) == PACKET_BYTES):
+        # The byte count of a packet follows from its number, also if packets are lost or arrive in another order.
+        before = {count - PACKET_BYTES * number for number, count in zip(numbers, counts, strict=True)}
+        if self.size > 2 * packet + _COUNTERS and len(set(numbers)) == len(numbers) and len(before) == 1:
             raise RecordingError(
                 f"{self.path}: it holds the packet headers of the DCA1000 ({_COUNTERS} bytes before each {PACKET_BYTES} bytes of samples); "
                 "remove the packet headers, or record without sequence numbers"
@@ -191,6 +193,11 @@ class SampleFile:
             raise RecordingError(
                 f"{self.path}: its headers are {distance} bytes apart, which leaves no space for a chirp of {chirp_bytes} bytes; give the "
                 "radar description of this capture"
+            )
+        if places[0] > 0:
+            raise RecordingError(
+                f"{self.path}: it begins with {places[0]} bytes without a header, so that the transmitter of its first chirp is unknown; "
+                "record again"
             )
         if np.any((distances[:-1] > distance) & (distances[:-1] % distance != 0)):
             raise RecordingError(

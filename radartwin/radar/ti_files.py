@@ -96,6 +96,7 @@ _REQUIRED = "?"
 #   detection layer tuning guide, TI Radar Toolbox).
 # - antGeometryCfg: row and column of each virtual antenna, then the spacing of columns and rows in wavelengths (MMWAVE-MCUPLUS SDK).
 _LISTS = ("antGeometry0", "antGeometry1", "antPhaseRot", "antGeometryCfg")
+_PHASES_OF_CHIRPS = ("rlBpmChirps", "rlRfPhaseShiftCfgs")  # of a .mmwave.json: binary phases and phase shifts (rlBpmChirpCfg_t)
 _PARTS = {"profileCfg": ("rlProfiles", "rlProfileCfg_t"), "chirpCfg": ("rlChirps", "rlChirpCfg_t")}  # commands that a file repeats
 # Commands with two forms: the number of arguments of the rarer form, and the conversion to the other form. The frameCfg of AWR294x has the
 # number of samples before the period (MMWAVE-MCUPLUS SDK). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK).
@@ -188,7 +189,7 @@ def parse_cfg(text: str) -> Setup:
             out[field.name] = _checked(field, values[field.position] if len(values) > field.position else field.default, place)
         return out
 
-    platforms = re.findall(r"%\s*Platform\s*:\s*(\S+)", text)
+    platforms = re.findall(r"(?i)%\s*Platform\s*:\s*(\S+)", text)
     return Setup(
         numbers([field for field in FIELDS if field.cfg and field.command not in _PARTS]),
         *([numbers(_fields_of(part), n) for n in range(len(commands[part]))] for part in _PARTS),
@@ -208,6 +209,12 @@ def parse_studio(values: Mapping[str, Any]) -> Setup:
     def numbers(mapping: Any, fields: Sequence[Field]) -> Numbers:
         return {field.name: _checked(field, _get(mapping, *field.studio.split("."), default=field.default)) for field in fields}
 
+    for listed in _PHASES_OF_CHIRPS:
+        for structure in (
+            s for entry in _get(device, _RF, listed, default=[]) for s in (entry.values() if isinstance(entry, dict) else ())
+        ):
+            if any(_number(value, f"{listed}.{key}") for key, value in structure.items() if not key.endswith("Idx")):
+                raise RecordingError(f"{listed} changes the phases of single chirps, which is not supported; set its values to 0")
     parts = []
     for part, (listed, structure) in _PARTS.items():
         if not isinstance(entries := _get(device, _RF, listed), list):

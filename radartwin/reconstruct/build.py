@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ from radartwin.scene.scene import Scene
 from radartwin.scene.storage import GEOMETRY, MANIFEST, is_scene
 
 MESH_FILE, FACE_SURFACES_FILE = "scan.ply", "scan_surfaces.npy"
+SAID_M2 = 0.1  # smallest area that the report names
 PHOTOS = 40  # largest number of colour pictures saved in the scene folder
 TURN_M = 1.5  # when pictures are selected by camera pose, a shift of this length counts as much as a rotation by one radian
 
@@ -122,14 +123,25 @@ def reconstruct(
     cameras = None if scan.frames is None else _cameras(scan.frames)
     flat = flattened(scan.mesh, segments, cameras, lambda planes: progress.over(planes, "outlining planes"))
     surfaces, surface_of_face, statistics = assembled(scan.mesh, flat, material)
-    if statistics["closed_m2"] or statistics["panes"]:
-        panes = f"{plural(statistics['panes'], 'framed gap')} became panes of glass"
-        progress.say(f"closed {statistics['closed_m2']:.1f} m2 of gaps in which the scan shows nothing; {panes}")
+    for line in _changes(statistics):
+        progress.say(line)
     provenance = {"source": Path(path).name, "scan_of": scan.scan_of, "scan": scan.report, "flattened": True, **statistics}
     scene = Scene(surfaces, provenance | ({"offset_m": scan.offset_m.tolist()} if scan.offset_m.any() else {}))
     if out is not None:
         _save(scene, Path(out), scan, surface_of_face, progress)
     return scene
+
+
+def _changes(statistics: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line for each way in which the surfaces cover more or less than the scan."""
+    closed, hidden = statistics["closed_m2"], statistics["filled_m2"] - statistics["closed_m2"]
+    if closed or statistics["panes"]:
+        panes = f"{plural(statistics['panes'], 'framed gap')} became panes of glass"
+        yield f"closed {closed:.1f} m2 of gaps in which the scan shows nothing; {panes}"
+    if hidden > SAID_M2:
+        yield f"filled {hidden:.1f} m2 of surfaces behind other surfaces; an opening behind an object is closed, too"
+    if statistics["left_out_m2"] > SAID_M2:
+        yield f"left out {statistics['left_out_m2']:.1f} m2 of the scan, which no surface covers"
 
 
 def _check_out(out: Path, scan: Path) -> None:

@@ -6,7 +6,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -228,16 +228,33 @@ def card(mode: str = "raw", **settings: int) -> dict[str, object]:
     return {"DCA1000Config": {"dataLoggingMode": mode, "dataFormatConfig": settings}}
 
 
-def packets(data: bytes) -> bytes:
+def packets(data: bytes, order: Sequence[int] = range(5)) -> bytes:
     """Put the sequence number and the byte count of the capture card before each 1456 bytes."""
-    return b"".join(
-        (n + 5).to_bytes(4, "little") + (n * 1456).to_bytes(6, "little") + data[n * 1456 : (n + 1) * 1456] for n in range(len(data) // 1456)
-    )
+    return b"".join((n + 5).to_bytes(4, "little") + (n * 1456).to_bytes(6, "little") + data[n * 1456 : (n + 1) * 1456] for n in order)
+
+
+def with_phases(listed: str, **values: object) -> dict[str, object]:
+    """Return a mmWave Studio file that changes the phase of one chirp."""
+    content = json.loads(studio())
+    content["mmWaveDevices"][0]["rfConfig"][listed] = [{"structure": {"chirpStartIdx": 1, "chirpEndIdx": 1, **values}}]
+    return content
 
 
 # For each refusal: the files, the options of `radartwin process a.bin --radar a.cfg`, and words of the message.
 REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
     "packet headers": ({"a.bin": packets(PLAIN)}, [], "packet headers of the DCA1000"),
+    "packets in another order": ({"a.bin": packets(PLAIN, (0, 2, 1, 4))}, [], "packet headers of the DCA1000"),
+    "no header at the first chirp": ({"a.bin": HEADED[100:]}, ["--cut"], "bytes without a header"),
+    "binary phases of a chirp": (
+        {"a.mmwave.json": with_phases("rlBpmChirps", constBpmVal="0x3")},
+        ["--radar", "a.mmwave.json"],
+        "rlBpmChirps changes the phases",
+    ),
+    "phase shifts of a chirp": (
+        {"a.mmwave.json": with_phases("rlRfPhaseShiftCfgs", tx0PhaseShift=32)},
+        ["--radar", "a.mmwave.json"],
+        "rlRfPhaseShiftCfgs changes the phases",
+    ),
     "pointer to samples": ({"a.bin": LFS}, [], "a.bin: it is a Git LFS pointer"),
     "pointer to a part": ({"p_Raw_0.bin": PLAIN, "p_Raw_1.bin": LFS}, ["p_Raw_0.bin"], "p_Raw_1.bin: it is a Git LFS pointer"),
     "cut last frame": ({"a.bin": PLAIN[:-1000]}, [], "after 2 frames, 14360 are left over; .* --cut"),

@@ -80,6 +80,13 @@ def test_doorway_of_a_mesh_stays_open_and_a_window_closes_with_a_line(tmp_path, 
     assert "closed 0.0 m2 of gaps in which the scan shows nothing; 1 framed gap became panes of glass" in capsys.readouterr().err
 
 
+def test_doorway_behind_a_cabinet_is_filled_with_a_line(tmp_path, capsys):
+    pieces = [rectangle(*side, openings=[DOOR] if k == 3 else []) for k, side in enumerate(inner_sides(SIZE))]
+    cabinet = block((0.4, 1.2, 1.8), [L - 1.0, DOOR[0] + DOOR[2] / 2, 0.9])
+    reconstruct(saved(scan([*pieces, cabinet]), tmp_path), options=ScanOptions(up="z"), progress=Progress())
+    assert "m2 of surfaces behind other surfaces; an opening behind an object is closed, too" in capsys.readouterr().err
+
+
 def test_tracer_finds_flat_faces_in_a_reconstructed_room(tmp_path):
     """Flat faces cover the large surfaces of a reconstructed room, and there are few of them."""
     box = block((0.6, 0.5, 0.8), [1.5, 1.2, 0.4])
