@@ -55,6 +55,14 @@ def test_perpendicular_plates_with_a_gap_between_them_share_an_edge(first, secon
     assert found(one, two.apply_translation([0, 0, 5])).length.sum() == pytest.approx(8 - 2 * first + 9 - 2 * second)
 
 
+def test_gap_is_filled_only_beside_both_plates():
+    """The first plate has a notch, so that two of its sides run along the gap. The second plate stands beside one of them."""
+    one, two = sheet(box(0.003, 0, 2, 2).difference(box(0, 0.8, 0.5, 1.2)), np.eye(4)), sheet(box(0.003, 1.3, 2, 3), np.eye(4))
+    two.vertices = two.vertices[:, [2, 1, 0]]
+    notched = 2 * 1.997 - 0.4 * 0.497
+    assert sorted(areas(found(one, two))) == pytest.approx(sorted([notched + 0.7 * 0.003, 1.7 * 1.997 + 0.7 * 0.003]))
+
+
 def test_equal_planes_count_once():
     wall = trimesh.Trimesh([[2, -1, -1], [2, 1, -1], [2, 1, 1], [2, -1, 1]], [[0, 1, 2], [0, 2, 3]])
     patch = wall.copy().apply_scale([1, 0.2, 0.2])

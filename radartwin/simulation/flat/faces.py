@@ -181,12 +181,14 @@ def _extend(region: _Region, start: np.ndarray, along: np.ndarray, strip: list[t
     away = np.array([-way[1], way[0]])
     for first, last, one, two in strip:
         for part in shapely.get_parts(shapely.intersection(common, LineString([(first, 0), (last, 0)]))):
-            if max(abs(one), abs(two)) < SAME_M or not isinstance(part, LineString):
+            if max(abs(one), abs(two)) < SAME_M or part.length < SHORTEST_M:  # they meet already, or have at most a point in common
                 continue
             t = np.array(part.coords)[[0, -1], 0]
             gap = np.interp(t, (first, last), (one, two))
             ring = [*(origin + t[:, None] * way), *(origin + t[::-1, None] * way + gap[::-1, None] * away)]
-            region.polygon = shapely.union(region.polygon, Polygon(ring), grid_size=1e-7)
+            filled = shapely.union(region.polygon, Polygon(ring), grid_size=1e-7)
+            if isinstance(filled, Polygon):
+                region.polygon = filled
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
