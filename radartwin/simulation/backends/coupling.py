@@ -89,6 +89,8 @@ def group_paths(
     most = np.zeros(frames)
     np.maximum.at(most, hits.pose, level if body is not None else level * (cell_m / direct_cell_m) ** 2)
     per_pose = np.bincount(hits.pose, minlength=frames) * (1.0 if body is not None else (direct_cell_m / coupled_cell_m) ** 2)
+    # Pruned at STRONGEST, a pose has about 20 times fewer hits than a pair. A pose without a direct hit can have many over the room.
+    per_pose = np.full(frames, per_pose.max(initial=0) * (20 if estimated else 1))
     some = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
     floor = prune * most
     for block in pairs.blocks(per_pose):
