@@ -193,7 +193,7 @@ _place | turn[r, i, 1] * direction[n, 1] | -turn[r, i, 1] * direction[n, 1] | di
 _Pairs.weighed | legs.weigh(amplitude, self.place[row], leg[row], point) | legs | legs have no amplitudes
 _chosen | [place, share] | [place, 0 * share + share.min()] | pairs of legs have the smallest share of all poses
 group_paths | hits.where(keep) | hits.where(np.arange(min(1, len(keep)))) | only one hit of each block of pairs is kept
-group_paths | alone.near(group)[pairs.frame] | alone.near(group).any() | one pose close to an object uncouples all poses
+group_paths | close[pairs.frame] | close.any() | one pose close to an object uncouples all poses
 
 simulation/flat/legs: physics/test_coupling
 _lines | level.conjugate() | level | a leg is not conjugated

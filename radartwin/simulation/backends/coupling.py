@@ -69,7 +69,12 @@ def group_paths(
     free = Legs.of_free_space(1, group.table.frequencies_hz)
     alone = _Pairs.of(free, np.arange(frames), np.zeros((3, frames), int), sensor_poses, object_poses, radar)
     estimated = not direct and least is None
-    hits = _traced(group, body, alone, direct_cell_m, settings.max_bounces, None, STRONGEST if estimated else max(TRACED, EARLY * prune))
+    close = np.zeros(frames, bool) if body is not None else alone.near(group)
+    seen = np.flatnonzero(~close | direct)  # a pose that is too close for paths over the room needs no level
+    hits = _traced(
+        group, body, alone.where(seen), direct_cell_m, settings.max_bounces, None, STRONGEST if estimated else max(TRACED, EARLY * prune)
+    )
+    hits = replace(hits, pose=seen[hits.pose])
     share = np.full(frames, LEGS)
     if least is not None and room is not None:
         echo = BISTATIC * _loudest(alone.weighed(hits, group.table.frequencies_hz, object_poses), radar)
@@ -80,7 +85,7 @@ def group_paths(
     legs, place = _legs(room, group, sensor_poses, object_poses, ball, settings.max_bounces - 1 if coupled else 0, float(share.min()))
     pairs = _Pairs.of(legs, *_chosen(legs, place, settings.max_bounces, share), sensor_poses, object_poses, radar)
     if body is None:
-        pairs = pairs.where(~(alone.near(group)[pairs.frame] | pairs.near(group)))
+        pairs = pairs.where(~(close[pairs.frame] | pairs.near(group)))
 
     # 3. Trace: a path counts if its field is not too weak beside the strongest one of its pose.
     straight = replace(alone, legs=legs, place=place)
@@ -88,12 +93,12 @@ def group_paths(
     # The amplitude of a tube grows with its cross-section.
     most = np.zeros(frames)
     np.maximum.at(most, hits.pose, level if body is not None else level * (cell_m / direct_cell_m) ** 2)
-    per_pose = np.bincount(hits.pose, minlength=frames) * (1.0 if body is not None else (direct_cell_m / coupled_cell_m) ** 2)
-    # Pruned at STRONGEST, a pose has about 20 times fewer hits than a pair. A pose without a direct hit can have many over the room.
-    per_pose = np.full(frames, per_pose.max(initial=0) * (20 if estimated else 1))
+    # A pair has about as many hits as the pose with most direct hits. Pruned at STRONGEST, there are about 20 times fewer.
+    per_pair = np.bincount(hits.pose, minlength=1).max() * (20 if estimated else 1)
+    per_pair *= 1 if body is not None else (direct_cell_m / coupled_cell_m) ** 2
     some = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
     floor = prune * most
-    for block in pairs.blocks(per_pose):
+    for block in pairs.blocks(per_pair):
         weakest = floor[block.frame] / np.maximum(block.strength, 1e-30)  # the ray tracer multiplies this by EARLY
         hits = _traced(group, body, block, coupled_cell_m, settings.max_bounces, weakest, max(TRACED, EARLY * prune))
         level = largest(hits.amplitude) * block.strength[hits.pose] * (hits.bounce + block.reflections[hits.pose] <= settings.max_bounces)
@@ -283,12 +288,11 @@ class _Pairs:
         frame, place, out_leg, back_leg = (values[keep] for values in (self.frame, self.place, self.out_leg, self.back_leg))
         return _Pairs(self.legs, frame, place, out_leg, back_leg, self.out.where(keep), self.back.where(keep))
 
-    def blocks(self, hits: np.ndarray) -> Iterator["_Pairs"]:
-        """Divide the pairs into blocks of about AT_ONCE hits, if a pair of each pose has `hits` (F,) hits."""
-        before = np.cumsum(hits[self.frame]) // AT_ONCE
-        for rows in np.split(np.arange(len(self.frame)), np.flatnonzero(np.diff(before)) + 1):
-            if len(rows):
-                yield self.where(rows)
+    def blocks(self, per_pair: float) -> Iterator["_Pairs"]:
+        """Divide the pairs into blocks of about AT_ONCE hits, if a pair has `per_pair` hits."""
+        rows = max(1, int(AT_ONCE / max(per_pair, 1)))
+        for first in range(0, len(self.frame), rows):
+            yield self.where(np.arange(first, min(first + rows, len(self.frame))))
 
     def weighed(self, hits: Hits, nodes: np.ndarray, objects: np.ndarray) -> Paths:
         """Return the paths of hits at the frequencies `nodes` (Q,), with the field of their two legs, for object poses (F, 4, 4).

@@ -126,9 +126,12 @@ def grids(geometry: Geometry, place: np.ndarray, rotation: np.ndarray, cell_m: f
         grid = tube_grid.towards(points, place[~close], geometry.centre, cell_m, geometry.grid_shift)
         assert grid is not None
         yield np.flatnonzero(~close), grid
-    for row in np.flatnonzero(close):
-        reach = max(NEAREST_M, float(np.linalg.norm(points - place[row], axis=1).max()))
-        for grid in tube_grid.all_around(place[[row]], rotation[[row]], _limited(int(6 * (2 * reach / cell_m) ** 2))):
+    rows = np.flatnonzero(close)
+    reach = np.array([np.linalg.norm(points - place[row], axis=1).max() for row in rows])
+    wanted = 6 * (2 * np.maximum(reach, NEAREST_M) / cell_m) ** 2
+    most = _limited(int(wanted.max(initial=0)))  # one warning for all places
+    for row, tubes_around in zip(rows, wanted, strict=True):
+        for grid in tube_grid.all_around(place[[row]], rotation[[row]], min(int(tubes_around), most)):
             yield np.array([row]), grid
 
 
