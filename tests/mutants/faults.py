@@ -137,7 +137,7 @@ _nearest | KDTree(places).query(points)[1] | np.zeros(len(points), int) | all po
 simulation/flat/field: physics/test_flat_rooms
 keller | z_s * h_r + z_r * h_s | z_s * h_s + z_r * h_r | the point of diffraction is not Keller's
 doubled_matrix | faces.opening[e] > 0.5 | faces.opening[e] > 0.7 | a wave meets the faces of a corner in the wrong order
-doubled_matrix | hhn * hh0 - shn * sh0 | hhn * hh0 + shn * sh0 | the faces of a corner turn the field wrongly
+doubled_matrix | hh2 * hh1 - sh2 * sh1 | hh2 * hh1 + sh2 * sh1 | the faces of a corner turn the field wrongly
 edge_terms | n < 1 | n < 0 | an inner corner continues the incident wave instead of the doubly reflected one
 
 simulation/flat/field: physics/test_three_dimensions

@@ -39,7 +39,7 @@ ROWS = {
 def field(shared_data: Path) -> Path:
     """Return the folder with captures of the kinds that other people have, beside the real captures."""
     if not (folder := shared_data.parent / "field").is_dir():
-        pytest.skip(f"{folder} is not here: captures of other people's kinds are not part of the repository")
+        pytest.skip(f"{folder} is absent: only the captures that this file writes itself are tested, which are of the same kinds")
     return folder
 
 

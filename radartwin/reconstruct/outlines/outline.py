@@ -30,9 +30,7 @@ REACH_CELLS = 4  # a border moves onto an intersection line if it is at most thi
 CORNER_CELLS = 6.0  # and its ends move to a corner with another line at most this number of cells away
 SHORTEST_CELLS = 3  # shorter stretches keep their traced shape
 SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most 12 degrees
-STRAIGHT_CELLS = (
-    0.2  # the border of faces is straight, as in a model, if its standard deviation from a line is at most this number of cells
-)
+STRAIGHT_CELLS = 0.2  # largest standard deviation from a line, in cells, of a border of faces that counts as straight, as in a model
 STRAIGHT_M = 0.1  # shorter edges away from other planes keep their traced shape
 SMALLEST_M2 = 0.004
 RAGGED = 0.1  # largest area in which the cells and the fitted rectangle differ, relative to the area of the rectangle

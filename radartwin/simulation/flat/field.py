@@ -427,16 +427,12 @@ def doubled_matrix(
     The angles are those of the doubly reflected wave that begins or ends at the edge: the ray meets its first face at the angle of the
     source, and its second face at the angle of the observer.
     """
-    over, surface_0, surface_n = faces.opening[e] * math.pi, faces.surface[faces.sides[e, 0]], faces.surface[faces.sides[e, 1]]
-    if (phi > phi0) == (faces.opening[e] > 0.5):  # face 0 is the first face
-        at, left = phi0, over - phi
-        ss0, sh0, hh0 = face_matrix(te, tm, surface_0, q, math.pi - at, at, sine, cosine)
-        ssn, shn, hhn = face_matrix(te, tm, surface_n, q, left, math.pi - left, sine, -cosine)
-        return ssn * ss0 - shn * sh0, ssn * sh0 + shn * hh0, -shn * ss0 - hhn * sh0, hhn * hh0 - shn * sh0
-    at, left = over - phi0, phi
-    ssn, shn, hhn = face_matrix(te, tm, surface_n, q, math.pi - at, at, sine, -cosine)
-    ss0, sh0, hh0 = face_matrix(te, tm, surface_0, q, left, math.pi - left, sine, cosine)
-    return ss0 * ssn - sh0 * shn, ss0 * shn + sh0 * hhn, -sh0 * ssn - hh0 * shn, hh0 * hhn - sh0 * shn
+    over, forward = faces.opening[e] * math.pi, (phi > phi0) == (faces.opening[e] > 0.5)  # forward: face 0 is the first face
+    first, second, along = (0, 1, cosine) if forward else (1, 0, -cosine)
+    at, left = (phi0, over - phi) if forward else (over - phi0, phi)
+    ss1, sh1, hh1 = face_matrix(te, tm, faces.surface[faces.sides[e, first]], q, math.pi - at, at, sine, along)
+    ss2, sh2, hh2 = face_matrix(te, tm, faces.surface[faces.sides[e, second]], q, left, math.pi - left, sine, -along)
+    return ss2 * ss1 - sh2 * sh1, ss2 * sh1 + sh2 * hh1, -sh2 * ss1 - hh2 * sh1, hh2 * hh1 - sh2 * sh1
 
 
 @innermost
