@@ -14,7 +14,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.simulation import variant
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.reflection_table import chebyshev_nodes
-from radartwin.simulation.signal import gridding
+from radartwin.simulation.signal import gridding, synthesis
 from radartwin.simulation.signal.synthesis import synthesize, thermal_noise
 
 C = 299_792_458.0
@@ -134,6 +134,13 @@ def test_frames_with_many_and_with_no_paths_match(monkeypatch):
 
 
 @pytest.mark.usefixtures("spreading")
+def test_many_paths_are_added_in_pieces(monkeypatch):
+    parts, radar = [random_paths(300, 3, 1.0, nodes=5), random_paths(50, 3, 0.0, seed=1)], Radar.iwr1843()
+    whole = synthesize(parts, radar)
+    monkeypatch.setattr(synthesis, "MOST_PATHS", 70)
+    assert np.abs(synthesize(parts, radar) - whole).max() < 1e-5 * np.abs(whole).max()
+
+
 def test_bytes_do_not_depend_on_the_number_of_cores(monkeypatch):
     paths, radar = random_paths(20_000, 5, 1.0), Radar.iwr1843()
     several = synthesize(paths, radar).tobytes()

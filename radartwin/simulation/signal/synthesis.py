@@ -40,6 +40,7 @@ from radartwin.simulation.signal import gridding
 ELEMENTS = ("exact", "planar")
 _SHAPE = 2.30 * gridding.TAPS
 _BESSEL_TAIL = 1e-5
+MOST_PATHS = 1_000_000  # largest number of paths that are added to the samples at once; limits memory
 FRAMES_PER_BLOCK = 256  # number of frames for which noise is computed at once; it limits the memory of the noise arrays
 # Relative width of a band of echo delays that get the same phase noise. The resulting error is at most a twentieth of the phase noise.
 DELAY_BAND = 0.1
@@ -134,6 +135,11 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
         raise InputError(f"out must have shape {shape}, not {iq.shape}")
     parts = [part for part in parts if len(part)]
     if not parts:
+        return iq
+    if sum(map(len, parts)) > MOST_PATHS:  # the work arrays of all paths together would take too much memory
+        for part in parts:
+            for first in range(0, len(part), MOST_PATHS):
+                synthesize(part.where(slice(first, first + MOST_PATHS)), radar, elements=elements, out=iq)
         return iq
     samples, channels = radar.num_samples, radar.num_tx * radar.num_rx
     cells = max(16, 1 << (2 * samples - 1).bit_length())
