@@ -15,6 +15,7 @@ from radartwin.reconstruct.distance import Nearest, covered
 from radartwin.reconstruct.frames.frames import Frames
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import look_at
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.simulate import simulate
 from radartwin.testbed.scanner.scan import ScanTruth
 
@@ -84,7 +85,7 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.ndarray) -> float:
     """Return the rms difference in dB between the range profiles of a reconstructed and of the true room.
 
-    All surfaces of both rooms are metal, so that the difference is due to geometry alone.
+    All surfaces of both rooms are metal, so that the difference is due to geometry alone. The paths have at most one diffraction.
 
     Args:
         move: rigid motion (4, 4) from the coordinates of the reconstruction to those of the true room.
@@ -92,11 +93,9 @@ def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.n
     """
     radar = Radar.iwr1843()
     poses = [look_at(cameras[k, :3, 3], cameras[k, :3, 3] + cameras[k, :3, 2]) for k in distinct_views(cameras, PLACES)]
-    pairs = []
-    for pose in poses:
-        rooms = (_bare(scene, move), _bare(truth, np.eye(4)))
-        pairs.append(tuple(simulate(room, radar, pose[None]).iq for room in rooms))
-    return compare(pairs, radar).profile_db
+    rooms, tracer = (_bare(scene, move), _bare(truth, np.eye(4))), MitsubaBackend(TraceSettings(diffractions=1))
+    made, right = ([simulate(room, radar, pose[None], simulator=tracer).iq for pose in poses] for room in rooms)
+    return compare(list(zip(made, right, strict=True)), radar).profile_db
 
 
 def _bare(scene: Scene, move: np.ndarray) -> Scene:
