@@ -27,7 +27,7 @@ def read_description(path: Path, board: str | None = None) -> Description:
         RecordingError: the file is malformed or unsupported, or its radar does not send equal chirps with one transmitter at a time (time
             division).
     """
-    match path.suffix:
+    match path.suffix.lower():
         case ".cfg":
             source: str | dict[str, Any] = read_text(path, comment="%")
         case ".json":

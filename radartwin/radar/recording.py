@@ -232,10 +232,11 @@ def recording_files(path: str | Path) -> tuple[Path, Path]:
         RecordingError: `path` has no file name.
     """
     path = Path(path)
-    name = path.name[: -len(path.suffix)] if path.suffix in (".bin", ".json") else path.name
+    given = {path.suffix.lower(): path} if path.suffix.lower() in (".bin", ".json") else {}
+    name = path.name[: -len(path.suffix)] if given else path.name
     if not name.strip("."):
         raise RecordingError(f"'{path}' names no recording; give FOLDER/NAME")
-    return path.with_name(name + ".bin"), path.with_name(name + ".json")
+    return given.get(".bin", path.with_name(name + ".bin")), given.get(".json", path.with_name(name + ".json"))
 
 
 def gathered(

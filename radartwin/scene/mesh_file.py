@@ -355,6 +355,10 @@ def _plain_glb(content: bytes, left_out: list[str]) -> bytes:
     if "KHR_texture_transform" in document.get("extensionsUsed", []):
         left_out.append("the shifts of its pictures (KHR_texture_transform)")
     left_out += [f"its {key}" for key in ("skins", "animations") if document.get(key)]
+    if any("targets" in part for part in parts):
+        left_out.append("its morph targets: the surface has its undeformed shape")
+    if "KHR_node_visibility" in document.get("extensionsUsed", []):
+        left_out.append("the visibility of its nodes (KHR_node_visibility): hidden nodes are read too")
     accessors, views = document.get("accessors", []), document.setdefault("bufferViews", [])
 
     def replace(index: int, values: np.ndarray) -> None:
