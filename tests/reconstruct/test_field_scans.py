@@ -256,6 +256,8 @@ def test_deformed_and_hidden_parts_are_named(tmp_path):
     write_glb(tmp_path / "a.glb", HALL, {"targets": [{"POSITION": 0}]}, extensionsUsed=["KHR_node_visibility"])
     with pytest.warns(MeshWarning, match=r"morph targets.*KHR_node_visibility"):
         read_meshes(tmp_path / "a.glb")
+
+
 REFUSED = {  # for each file of ../shared/field, or of a writer, the message
     **{f"mesh/lfs.{kind}": (None, "lfs.*: it is a Git LFS pointer") for kind in ("glb", "ply", "obj")},
     "mesh/meshopt.glb": (None, "needs the glTF extension EXT_meshopt_compression, which RadarTwin does not read; export it without"),
