@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from shapely import Polygon, box, union_all
+from shapely import Polygon, box, from_wkt, union_all
 
 from radartwin.scene import objects
 from radartwin.simulation import geometry
@@ -53,6 +53,25 @@ def test_perpendicular_plates_with_a_gap_between_them_share_an_edge(first, secon
     of = found(one.apply_transform(TURNED), two.apply_transform(TURNED))
     assert sorted(areas(of)) == pytest.approx(sorted([2 * (2 - first) + 1.5 * first, 2.5 * (2 - second) + 1.5 * max(second, 0)]))
     assert found(one, two.apply_translation([0, 0, 5])).length.sum() == pytest.approx(8 - 2 * first + 9 - 2 * second)
+
+
+def test_face_remains_whose_overlap_leaves_a_line_too():
+    """Two overlapping faces of a scanned floor: their difference is a polygon and a line of 0.1 um, which shapely cannot subtract again."""
+    floor = (
+        "-.467272 -.7087844, -.5142893 -.6617671, -.5028552 -.6617665, -.5028705 -.3877608, -.5142899 -.3877608, -.4662787 -.3397495, "
+        "-.4662787 -.0376196, -.5142899 .0103917, -.4662787 .1544255, -.4662787 .1544256, -.4662786 .1544257, -.5142898 .2024369, "
+        "-.5142899 .202437, -.5142898 .202437, -.5028655 .202437, -.5028665 .4764426, -.5142899 .4764426, -.4662787 .5865274, "
+        "-.5382143 .7303987, -.5287786 .7303987, -.5287786 1.3081241, 2.4073546 1.3081241, 2.4143801 -.8538311, 2.3473544 -.920857, "
+        "-.4232391 -.920857, -.4892908 -.8548051, -.4782814 -.8548051, -.4782814 -.7087844, -.467272 -.7087844"
+    )
+    strip = (
+        "-.5028466264648641 -1.0119078850290733, -.514287826464864 -1.0119057850290731, -.4232390264648608 -.9208570850290803, "
+        "2.407129973535099 -1.2449331850290235, -.5028877264648746 -1.2449331850290537, -.5028466264648641 -1.0119078850290733"
+    )
+    shapes = [from_wkt(f"POLYGON (({ring}))") for ring in (floor, strip)]
+    regions = [faces._Region(shape, np.zeros(3), np.eye(3)[:2], np.eye(3)[2], 0, False) for shape in [*shapes, box(-1, -2, 3, 2)]]
+    parts = [part for region in faces._without_overlaps(regions, 0.01) for part in faces._parts(region, 0.01)]
+    assert sum(part.polygon.area for part in parts) == pytest.approx(16)
 
 
 def test_gap_is_filled_only_beside_both_plates():

@@ -237,7 +237,8 @@ def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region
             if abs(one.normal @ other.normal) < 1 - 1e-6 or np.abs((corners - other.origin) @ other.normal).max() > SAME_M:
                 continue
             cover = shapely.transform(other.polygon, lambda ring, here=one, there=other: here.to_plane(there.to_space(ring)))
-            one.polygon = shapely.difference(one.polygon, cover, grid_size=1e-7)
+            rest = shapely.difference(one.polygon, cover, grid_size=1e-7)  # areas, and lines where two sides coincide
+            one.polygon = shapely.multipolygons([part for part in shapely.get_parts(rest) if part.geom_type == "Polygon"])
         if one.polygon.area > smallest_m**2:
             kept[i] = one
     return list(kept.values())
