@@ -74,6 +74,13 @@ def test_face_remains_whose_overlap_leaves_a_line_too():
     assert sum(part.polygon.area for part in parts) == pytest.approx(16)
 
 
+def test_gap_closes_beside_a_side_that_crosses_the_line_at_a_small_angle():
+    """The side of the first plate is 6 mm from the line at one end, and 0.1 um beyond it at the other end."""
+    one, two = sheet(Polygon([(0.006, 0), (-1e-7, 2), (2, 2), (2, 0)]), np.eye(4)), sheet(box(0, 0, 2, 2), np.eye(4))
+    two.vertices = two.vertices[:, [2, 1, 0]]
+    assert sorted(areas(found(one, two))) == pytest.approx([4, 4])
+
+
 def test_gap_is_filled_only_beside_both_plates():
     """The first plate has a notch, so that two of its sides run along the gap. The second plate stands beside one of them."""
     one, two = sheet(box(0.003, 0, 2, 2).difference(box(0, 0.8, 0.5, 1.2)), np.eye(4)), sheet(box(0.003, 1.3, 2, 3), np.eye(4))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 import trimesh
-from shapely.geometry import LineString, MultiPolygon, Polygon
+from shapely.geometry import LineString, Polygon
 
 from radartwin.simulation.geometry import Geometry
 
@@ -186,9 +186,15 @@ def _extend(region: _Region, start: np.ndarray, along: np.ndarray, strip: list[t
             t = np.array(part.coords)[[0, -1], 0]
             gap = np.interp(t, (first, last), (one, two))
             ring = [*(origin + t[:, None] * way), *(origin + t[::-1, None] * way + gap[::-1, None] * away)]
-            filled = shapely.union(region.polygon, Polygon(ring), grid_size=1e-7)
-            if isinstance(filled, Polygon):
-                region.polygon = filled
+            # The ring crosses itself if the side crosses the line.
+            filled = _areas(shapely.union(region.polygon, shapely.make_valid(Polygon(ring)), grid_size=1e-7))
+            if len(filled) == 1:
+                region.polygon = filled[0]
+
+
+def _areas(shape: Any) -> list[Any]:
+    """Return the polygons of a shape, without the lines that set operations leave where two sides coincide."""
+    return [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -237,8 +243,7 @@ def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region
             if abs(one.normal @ other.normal) < 1 - 1e-6 or np.abs((corners - other.origin) @ other.normal).max() > SAME_M:
                 continue
             cover = shapely.transform(other.polygon, lambda ring, here=one, there=other: here.to_plane(there.to_space(ring)))
-            rest = shapely.difference(one.polygon, cover, grid_size=1e-7)  # areas, and lines where two sides coincide
-            one.polygon = shapely.multipolygons([part for part in shapely.get_parts(rest) if part.geom_type == "Polygon"])
+            one.polygon = shapely.multipolygons(_areas(shapely.difference(one.polygon, cover, grid_size=1e-7)))
         if one.polygon.area > smallest_m**2:
             kept[i] = one
     return list(kept.values())
@@ -265,11 +270,10 @@ class _Boxes(NamedTuple):
 
 
 def _parts(region: _Region, smallest_m: float) -> list[_Region]:
-    shapes = region.polygon.geoms if isinstance(region.polygon, MultiPolygon) else [region.polygon]
     return [
         _Region(shape, region.origin, region.axes, region.normal, region.surface, region.outward)
-        for shape in shapes
-        if isinstance(shape, Polygon) and shape.area > smallest_m**2
+        for shape in _areas(region.polygon)
+        if shape.area > smallest_m**2
     ]
 
 
