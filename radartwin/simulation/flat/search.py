@@ -309,6 +309,7 @@ def _reach(
     newest, before_it = np.full(len(faces.length), -1), np.empty(len(out), np.int64)  # arrivals with few reflections, as linked lists
     place, reach = vector(cell.places, 0), cell.radius
     planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
+    exists = np.empty(len(samples) + 1, np.bool_)  # the last one is for the foot, whose index is -1
     found = np.empty(MAX_PANES, np.int64)
     used = 0
     for b in range(len(order)):
@@ -359,7 +360,9 @@ def _reach(
                 source, i = cell.places[sample // (len(samples) + 1)], sample % (len(samples) + 1) - 1
                 z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
                 x = edge_point(faces, e, z)
-                if reflect_points(faces, source, before, x, points):
+                if sample <= len(samples):  # whether a path to this point may exist anywhere in the cell
+                    exists[i] = reflect_points(faces, source, before, x, points, reach)
+                if exists[i] and reflect_points(faces, source, before, x, points):
                     lit = max(lit, _passed(tree, opaque, levels.through, source, points, m, x, found, least))
                     if lit >= passed[b]:
                         break
