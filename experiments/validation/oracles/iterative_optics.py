@@ -4,106 +4,111 @@
 
 Symbols: J -> surface current, n -> normal on the lit side, H_i -> magnetic field of the source, R -> distance. Every order is a quadrature
 over the true faces, so that the diffraction of light which misses a face is included, unlike geometric optics on the way to the last face.
-The faces must all see each other and the source, as the inner faces of a corner reflector do. Time factor exp(-j omega t).
+Time factor exp(-j omega t).
+
+Two perpendicular faces share a fold. The field of one on the other depends on the difference of the places along the fold, so that the sum
+along the fold is a convolution.
 
 Ref: F. Obelleiro-Basteiro, J. L. Rodriguez, R. J. Burkholder, IEEE Trans. AP 43 (1995) 356.
 """
 
-from collections.abc import Sequence
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
+import scipy.fft
 
-CELLS_PER_WAVELENGTH = 2.25  # along each edge of a face; every cell is two triangles
+from experiments.validation.oracles.targets import corner_faces
+from radartwin.scene import objects
 
-
-class _Face(NamedTuple):
-    """Hold the middles (N, 3) and the areas (N,) of small triangles of a face, and the face's unit normal on the lit side."""
-
-    points: np.ndarray
-    areas: np.ndarray
-    normal: np.ndarray
+CELLS_PER_WAVELENGTH = 4.5  # along each edge; the product of current and Green function has up to two cycles per wavelength
+AXIS = np.array([0.0, 0.0, 1.0])  # of the antennas
+ORDERS = {"dihedral": 2, "trihedral": 3}
 
 
-def iterative_echoes(faces: Sequence[np.ndarray], places: np.ndarray, axis: np.ndarray, wavelength: float, orders: int) -> np.ndarray:
-    """Return the received amplitudes (P,) of faces at radars, with the phase exp(+j k L), as `nearfield.panel_quadrature` does.
+def corner_echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, orders: int | None = None) -> np.ndarray:
+    """Return the amplitudes (P,) of a corner reflector at radars, with the phase exp(+j k L), as `nearfield.panel_quadrature` does.
 
     The error of the sums falls with the square of the number of cells. Two numbers of cells, 2 to 3, give the limit of small cells.
 
     Args:
-        faces: corners (n, 3) of each convex face, in metres. places: (P, 3) of the radars. axis: (3,) of their linear antennas.
-        wavelength: metres. orders: number of reflections.
+        shape: "dihedral" or "trihedral" of `objects`. size_m: its edges. places: (P, 3) metres, from which all inner faces are seen.
     """
-    coarse, fine = (_echoes([_divided(face, places[0], wavelength, n) for face in faces], places, axis, wavelength, orders) for n in (2, 3))
+    counts = int(np.ceil(size_m / wavelength * CELLS_PER_WAVELENGTH / 3)) * np.array([2, 3])
+    coarse, fine = (_echoes(shape, size_m, np.atleast_2d(places), wavelength, n, orders or ORDERS[shape]) for n in counts)
     return (9 * fine - 4 * coarse) / 5
 
 
-def _echoes(faces: Sequence[_Face], places: np.ndarray, axis: np.ndarray, wavelength: float, orders: int) -> np.ndarray:
-    """Return the received amplitudes (P,) of divided faces."""
-    wavenumber = 2 * np.pi / wavelength
-    waves = [_waves(face.points, places, axis, wavenumber) for face in faces]
-    # currents 2 n x (k x E), whose received field along the antenna's axis across the ray has the weight j/(8 pi) and the same wave
-    currents = [2 * np.cross(face.normal, np.cross(ray, field)) for face, (ray, field) in zip(faces, waves, strict=True)]
-    pairs = list(combinations(range(len(faces)), 2)) if orders > 1 else []
-    gradients = {(s, t): _gradient(faces[s].points, faces[t].points, wavenumber) for s, t in pairs}
+def _echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, n: int, orders: int) -> np.ndarray:
+    """Return the amplitudes (P,) from n x n cells on each face."""
+    apex, axes = _corner(shape, size_m)
+    if ((places - apex) @ axes.T <= 0)[:, 1 if shape == "dihedral" else 0 :].any():
+        raise ValueError(f"a {shape}'s inner faces are not all seen from every place")
+    wavenumber, cells = 2 * np.pi / wavelength, (np.arange(n) + 0.5) * size_m / n
+    pairs = [(0, 1), (0, 2)] if shape == "dihedral" else list(combinations(range(3), 2))
+    area = np.full((n, n), (size_m / n) ** 2)
+    if shape == "trihedral":  # half a cell on the longest edge
+        area *= 0.5 * (np.sign(n - 1 - np.add.outer(np.arange(n), np.arange(n))) + 1)
+    slopes = _slopes(cells, wavenumber)
+    # (axis along the current, face) -> current (cells of the face's first axis, cells of its second axis, P), and the received field
+    current, field = {}, {}
+    for i, j in pairs:
+        points = apex + cells[:, None, None] * axes[i] + cells[:, None] * axes[j]
+        ray, wave = _waves(points, places, wavenumber)
+        flow = 2 * np.cross(axes[3 - i - j], np.cross(ray, wave))
+        for axis in (i, j):
+            current[axis, i, j], field[axis, i, j] = area[..., None] * (flow @ axes[axis]), wave @ axes[axis]
     total = np.zeros(len(places), complex)
     for order in range(orders):
-        for face, (_, field), current in zip(faces, waves, currents, strict=True):
-            total += 1j / (8 * np.pi) * np.einsum("n,pni,pni->p", face.areas, current, field)
+        total += 1j / (8 * np.pi) * sum((current[key] * field[key]).sum(axis=(0, 1)) for key in current)
         if order + 1 < orders:
-            induced = [np.zeros_like(current) for current in currents]
-            for (s, t), gradient in gradients.items():
-                induced[s] += _induced(faces[t], currents[t], faces[s], gradient)
-                induced[t] += _induced(faces[s], currents[s], faces[t], gradient.T)
-            currents = induced
+            induced = {key: np.zeros_like(value) for key, value in current.items()}
+            for source in pairs:
+                for face in pairs:
+                    if source != face:
+                        _induce(source, face, current, cells, slopes, induced)
+            current = {key: area[..., None] * value for key, value in induced.items()}
     return total
 
 
-def _divided(face: np.ndarray, place: np.ndarray, wavelength: float, share: int) -> _Face:
-    """Return a convex face in small triangles, `share` thirds of CELLS_PER_WAVELENGTH along its edges."""
-    corners = np.asarray(face, float)
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    points, areas = [], []
-    for b, c in zip(corners[1:-1], corners[2:], strict=True):
-        a = corners[0]
-        longest = max(np.linalg.norm(b - a), np.linalg.norm(c - a))
-        count = share * int(np.ceil(longest / wavelength * CELLS_PER_WAVELENGTH / 3))
-        for upper in (0, 1):
-            i, j = np.nonzero(np.add.outer(np.arange(count), np.arange(count)) < count - upper)
-            u, v = ((index + (1 + upper) / 3) / count for index in (i, j))
-            points.append(a + u[:, None] * (b - a) + v[:, None] * (c - a))
-            areas.append(np.full(len(u), np.linalg.norm(np.cross(b - a, c - a)) / 2 / count**2))
-    return _Face(np.concatenate(points), np.concatenate(areas), normal * np.sign((place - corners[0]) @ normal) / np.linalg.norm(normal))
+def _corner(shape: str, size_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corner (3,) of a reflector's inner faces and the unit vectors (3, 3) along its edges; the first is a dihedral's fold."""
+    faces = [face.round(9).tolist() for face in corner_faces(getattr(objects, shape)(*[size_m] * (2 if shape == "dihedral" else 1)))]
+    shared = np.array([corner for corner in faces[0] if all(corner in face for face in faces)])
+    apex = shared[shared[:, 2].argmin()]
+    ends = np.unique([corner for face in faces for corner in face], axis=0) - apex
+    ends = ends[np.isclose(np.linalg.norm(ends, axis=1), size_m)]
+    fold = np.abs(ends @ AXIS).argsort()[::-1] if shape == "dihedral" else np.arange(3)
+    return apex, ends[fold] / size_m
 
 
-def _waves(points: np.ndarray, places: np.ndarray, axis: np.ndarray, wavenumber: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rays (P, N, 3) from places to points, and the fields (P, N, 3) of antennas: the axis across the ray over the distance."""
-    ray = points - places[:, None]
-    distance = np.linalg.norm(ray, axis=2, keepdims=True)
+def _waves(points: np.ndarray, places: np.ndarray, wavenumber: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rays (..., P, 3) from places to points, and the fields (..., P, 3) of antennas: the axis across the ray over the distance."""
+    ray = points[..., None, :] - places
+    distance = np.linalg.norm(ray, axis=-1, keepdims=True)
     ray /= distance
-    across = axis - (ray @ axis)[..., None] * ray
-    return ray, across / np.linalg.norm(across, axis=2, keepdims=True) * np.exp(1j * wavenumber * distance) / distance
+    across = AXIS - (ray @ AXIS)[..., None] * ray
+    return ray, across / np.linalg.norm(across, axis=-1, keepdims=True) * np.exp(1j * wavenumber * distance) / distance
 
 
-def _gradient(here: np.ndarray, there: np.ndarray, wavenumber: float) -> np.ndarray:
-    """Return the slope (N, M) of the Green function along the way between points (N, 3) and (M, 3), over their distance."""
-    gradient = np.empty((len(here), len(there)), np.complex64)
-    here, there, wavenumber = here.astype(np.float32), there.astype(np.float32), np.float32(wavenumber)
-    for row, point in zip(gradient, here, strict=True):
-        distance = np.sqrt(((there - point) ** 2).sum(axis=1))
-        phase, weight = wavenumber * distance, np.float32(1 / (4 * np.pi)) / distance**3
-        cosine, sine = np.cos(phase), np.sin(phase)
-        row.real, row.imag = -weight * (cosine + phase * sine), weight * (phase * cosine - sine)
-    return gradient
+def _slopes(cells: np.ndarray, wavenumber: float) -> np.ndarray:
+    """Return the spectrum (2n, n, n) along the fold of the Green function's slope over the distance, for two perpendicular faces."""
+    n = len(cells)
+    along = np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) * (cells[1] - cells[0])
+    distance = np.sqrt(along[:, None, None] ** 2 + cells[:, None] ** 2 + cells**2)
+    slope = (1j * wavenumber - 1 / distance) * np.exp(1j * wavenumber * distance) / (4 * np.pi * distance**2)
+    return scipy.fft.fft(slope.astype(np.complex64), axis=0, overwrite_x=True)
 
 
-def _induced(source: _Face, currents: np.ndarray, face: _Face, gradient: np.ndarray) -> np.ndarray:
-    """Return the currents 2 n x H (P, M, 3) that currents (P, N, 3) of another face induce on a face.
+def _induce(source: tuple, face: tuple, current: dict, cells: np.ndarray, slopes: np.ndarray, induced: dict) -> None:
+    """Add the currents 2 n x H that the currents of one face induce on another one.
 
-    For points x and y of the faces, the sum over y of g (x - y) x J is x times the sum of g J, less the sum of g y x J.
+    The faces have the axes (x, y) and (x, z). H has the parts -z sum of g J_y along x, and x sum of g J_y - sum of g (x' J_y - y J_x) along z.
     """
-    moments = source.areas[:, None] * np.concatenate([currents, np.cross(source.points, currents)], axis=2)
-    columns = moments.transpose(1, 0, 2).reshape(len(source.points), -1).astype(np.complex64)
-    sums = (gradient @ columns).reshape(len(face.points), len(currents), 6).transpose(1, 0, 2)
-    return 2 * np.cross(face.normal, np.cross(face.points, sums[..., :3]) - sums[..., 3:])
+    (x,) = set(source) & set(face)
+    (y,), (z,) = set(source) - {x}, set(face) - {x}
+    j_x, j_y = ((one if source[0] == x else one.swapaxes(0, 1)) for one in (current[x, *source], current[y, *source]))
+    turning = cells[:, None, None] * j_y - cells[:, None] * j_x
+    spectrum = scipy.fft.fft(np.concatenate([j_y, turning], axis=2).astype(np.complex64), 2 * len(cells), axis=0)
+    first, second = np.split(scipy.fft.ifft(slopes @ spectrum, axis=0)[: len(cells)], 2, axis=2)
+    for axis, value in ((x, cells[:, None, None] * first - second), (z, cells[:, None] * first)):
+        induced[axis, *face] += 2 * (value if face[0] == x else value.swapaxes(0, 1))
