@@ -17,12 +17,14 @@ from itertools import combinations
 import numpy as np
 import scipy.fft
 
-from experiments.validation.oracles.targets import corner_faces
-from radartwin.scene import objects
+from experiments.validation.oracles.nearfield import panel_quadrature
 
 CELLS_PER_WAVELENGTH = 4.5  # along each edge; the product of current and Green function has up to two cycles per wavelength
 AXIS = np.array([0.0, 0.0, 1.0])  # of the antennas
 ORDERS = {"dihedral": 2, "trihedral": 3}
+# unit vectors along the edges that meet in the corner; the first of a dihedral is its fold
+DIHEDRAL = np.array([[0, 0, 1], [np.sqrt(0.5), np.sqrt(0.5), 0], [np.sqrt(0.5), -np.sqrt(0.5), 0]])
+TRIHEDRAL = np.sqrt(np.array([[1, 0, 2], [1, 1.5, 0.5], [1, 1.5, 0.5]]) / 3) * [[1, 1, 1], [1, 1, -1], [1, -1, -1]]
 
 
 def corner_echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, orders: int | None = None) -> np.ndarray:
@@ -31,16 +33,23 @@ def corner_echoes(shape: str, size_m: float, places: np.ndarray, wavelength: flo
     The error of the sums falls with the square of the number of cells. Two numbers of cells, 2 to 3, give the limit of small cells.
 
     Args:
-        shape: "dihedral" or "trihedral" of `objects`. size_m: its edges. places: (P, 3) metres, from which all inner faces are seen.
+        shape: "dihedral", "trihedral", or "plate", which is one face, of `radartwin.scene.objects`. size_m: its edges.
+        places: (P, 3) metres, from which all inner faces are seen.
     """
     counts = int(np.ceil(size_m / wavelength * CELLS_PER_WAVELENGTH / 3)) * np.array([2, 3])
+    if shape == "plate":
+        y, z = 0.5 * size_m * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]])
+        plate = np.stack([0 * y, y, z], axis=1)
+        return np.array([panel_quadrature(plate, place, wavelength) for place in np.atleast_2d(places)])
     coarse, fine = (_echoes(shape, size_m, np.atleast_2d(places), wavelength, n, orders or ORDERS[shape]) for n in counts)
     return (9 * fine - 4 * coarse) / 5
 
 
 def _echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, n: int, orders: int) -> np.ndarray:
     """Return the amplitudes (P,) from n x n cells on each face."""
-    apex, axes = _corner(shape, size_m)
+    apex, axes = np.zeros(3), TRIHEDRAL
+    if shape == "dihedral":
+        apex, axes = -size_m / 2 * AXIS, DIHEDRAL
     if ((places - apex) @ axes.T <= 0)[:, 1 if shape == "dihedral" else 0 :].any():
         raise ValueError(f"a {shape}'s inner faces are not all seen from every place")
     wavenumber, cells = 2 * np.pi / wavelength, (np.arange(n) + 0.5) * size_m / n
@@ -68,17 +77,6 @@ def _echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, n:
                         _induce(source, face, current, cells, slopes, induced)
             current = {key: area[..., None] * value for key, value in induced.items()}
     return total
-
-
-def _corner(shape: str, size_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corner (3,) of a reflector's inner faces and the unit vectors (3, 3) along its edges; the first is a dihedral's fold."""
-    faces = [face.round(9).tolist() for face in corner_faces(getattr(objects, shape)(*[size_m] * (2 if shape == "dihedral" else 1)))]
-    shared = np.array([corner for corner in faces[0] if all(corner in face for face in faces)])
-    apex = shared[shared[:, 2].argmin()]
-    ends = np.unique([corner for face in faces for corner in face], axis=0) - apex
-    ends = ends[np.isclose(np.linalg.norm(ends, axis=1), size_m)]
-    fold = np.abs(ends @ AXIS).argsort()[::-1] if shape == "dihedral" else np.arange(3)
-    return apex, ends[fold] / size_m
 
 
 def _waves(points: np.ndarray, places: np.ndarray, wavenumber: float) -> tuple[np.ndarray, np.ndarray]:

@@ -10,25 +10,21 @@ import trimesh
 import radartwin as rt
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.case import SPEED_OF_LIGHT, WAVELENGTH_M, Case, Finding, db, reference_rows, worst
-from experiments.validation.oracles.nearfield import chain_quadrature, corner_quadrature, panel_quadrature
-from experiments.validation.oracles.targets import AHEAD, DENSITY, corner_faces, level
+from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature
+from experiments.validation.oracles.iterative_optics import corner_echoes
+from experiments.validation.oracles.targets import AHEAD, DENSITY, level
 from radartwin.scene import objects
 
 DISTANCES_M = (0.5, 1.0, 2.0)
 RCS = "effective cross-section (dBsm)"
 
 
-def effective(amplitude: complex, distance_m: float) -> float:
+def effective(amplitude: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
     """Return the effective cross-section in dBsm.
 
     The effective cross-section is that of a far-field target at the same distance whose echo has the same received amplitude.
     """
-    return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
-
-
-def corner_level(mesh: trimesh.Trimesh, distance_m: float) -> float:
-    """Return the effective cross-section in dBsm of a plate, dihedral or trihedral on its axis, by quadrature of all its paths."""
-    return effective(corner_quadrature(corner_faces(mesh), np.array([distance_m, 0.0, 0.0]), WAVELENGTH_M), distance_m)
+    return db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2)
 
 
 MESHES = {
@@ -39,10 +35,10 @@ MESHES = {
 
 
 def curve(name: str, size_m: float, distances_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the effective cross-sections in dBsm at each distance, as (values by quadrature, values of the ray tracer)."""
+    """Return the effective cross-sections in dBsm at each distance, as (reference, values of the ray tracer)."""
     mesh = MESHES[name][1][size_m]
     ours = [level(mesh, AHEAD, DENSITY, distance=float(d)) for d in distances_m]
-    return np.array([corner_level(mesh, float(d)) for d in distances_m]), np.array(ours)
+    return effective(corner_echoes(name, size_m, distances_m[:, None] * AHEAD, WAVELENGTH_M), distances_m), np.array(ours)
 
 
 def _near(name: str, full: bool) -> Finding:
