@@ -24,7 +24,6 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import check_rows
 from radartwin.runs.run import run_key
-from radartwin.scene import objects
 from radartwin.simulation.backends.rfgenesis_signal import direct_frame
 
 FREQUENCY_HZ = 77e9

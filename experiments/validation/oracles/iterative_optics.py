@@ -80,7 +80,7 @@ def _echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, n:
 
 
 def _waves(points: np.ndarray, places: np.ndarray, wavenumber: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rays (..., P, 3) from places to points, and the fields (..., P, 3) of antennas: the axis across the ray over the distance."""
+    """Return rays (..., P, 3) from places to points, and the fields (..., P, 3) of antennas: the axis across the ray over the distance."""
     ray = points[..., None, :] - places
     distance = np.linalg.norm(ray, axis=-1, keepdims=True)
     ray /= distance
@@ -100,7 +100,7 @@ def _slopes(cells: np.ndarray, wavenumber: float) -> np.ndarray:
 def _induce(source: tuple, face: tuple, current: dict, cells: np.ndarray, slopes: np.ndarray, induced: dict) -> None:
     """Add the currents 2 n x H that the currents of one face induce on another one.
 
-    The faces have the axes (x, y) and (x, z). H has the parts -z sum of g J_y along x, and x sum of g J_y - sum of g (x' J_y - y J_x) along z.
+    The faces have the axes (x, y) and (x, z). H is -z sum of g J_y along x, and x sum of g J_y - sum of g (x' J_y - y J_x) along z.
     """
     (x,) = set(source) & set(face)
     (y,), (z,) = set(source) - {x}, set(face) - {x}

@@ -5,13 +5,12 @@ from __future__ import annotations
 from functools import cache, partial
 
 import numpy as np
-import trimesh
 
 import radartwin as rt
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.case import SPEED_OF_LIGHT, WAVELENGTH_M, Case, Finding, db, reference_rows, worst
-from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature
 from experiments.validation.oracles.iterative_optics import corner_echoes
+from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature
 from experiments.validation.oracles.targets import AHEAD, DENSITY, level
 from radartwin.scene import objects
 

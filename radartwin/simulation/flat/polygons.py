@@ -630,6 +630,8 @@ def _edge_of(faces: Faces, parts: _Parts, chain: np.ndarray, images: np.ndarray,
 
     images: (len(chain) + 1, 3) of the source.
     """
+    if len(chain) == 1:
+        return 0
     first, second = a.copy(), b.copy()
     for m in range(len(chain) - 1, -1, -1):
         n, offset = faces.normal[chain[m]], faces.offset[chain[m]]
@@ -938,22 +940,28 @@ def _cut(inside: float, outside: float, low: float, high: float) -> tuple[float,
 
 
 @compiled
-def _lit(faces: Faces, beams: _Beams, b: int, e: int, planes: np.ndarray) -> tuple[float, float]:
-    """Return the part of edge `e` in metres that lies inside a beam, in the open sector of the edge; an empty part has high <= low.
-
-    planes: (CORNERS + 1, 4) memory.
+def _lit(faces: Faces, beams: _Beams, number: int) -> np.ndarray:
+    """Return the parts (B, E, 2) of all edges in metres that lie inside each beam that may be reflected once more, in the open sector of
+    the edge; an empty part has high <= low.
     """
-    a, size, m = faces.start[e], faces.length[e], beams.order[b]
-    end, way, low, high = a + size * faces.along[e], beams.image[b] - a, 0.0, 1.0
-    if angle(faces, e, way[0], way[1], way[2]) > faces.opening[e] * math.pi:
-        return 0.0, 0.0
-    last = beams.chain[b, m - 1] if m else NO_FACE
-    if last in (faces.sides[e, 0], faces.sides[e, 1]):
-        return 0.0, 0.0
-    bounds = _planes(faces, last, vector(beams.image, b), 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
-    for i in range(bounds):
-        low, high = _cut(_level(planes, i, vector(faces.start, e)), _level(planes, i, (end[0], end[1], end[2])), low, high)
-    return size * low, size * high
+    lit, planes = np.zeros((number, len(faces.length), 2)), np.empty((CORNERS + 1, 4))
+    for b in range(number):
+        m, place = beams.order[b], vector(beams.image, b)
+        if m == beams.chain.shape[1]:
+            continue
+        last = beams.chain[b, m - 1] if m else NO_FACE
+        bounds = _planes(faces, last, place, 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
+        for e in range(len(faces.length)):
+            a, size, low, high = vector(faces.start, e), faces.length[e], 0.0, 1.0
+            if last in (faces.sides[e, 0], faces.sides[e, 1]):
+                continue
+            if angle(faces, e, place[0] - a[0], place[1] - a[1], place[2] - a[2]) > faces.opening[e] * math.pi:
+                continue
+            end = moved(a, vector(faces.along, e), size)
+            for i in range(bounds):
+                low, high = _cut(_level(planes, i, a), _level(planes, i, end), low, high)
+            lit[b, e, 0], lit[b, e, 1] = size * low, size * high
+    return lit
 
 
 @compiled
@@ -976,17 +984,14 @@ def _fringes(
 
     others: beams of the receiver.
     """
-    lit, shown, planes = np.empty((number, 2)), np.empty((received, 2)), np.empty((CORNERS + 1, 4))
+    lit = _lit(faces, beams, number)
+    shown = lit if ends.together else _lit(faces, others, received)
     for e in range(len(faces.length)):
         if faces.opening[e] <= 1:  # currents in an inner corner are those of several reflections
             continue
         for b in range(number):
-            lit[b] = _lit(faces, beams, b, e, planes)
-        for b in range(received):
-            shown[b] = _lit(faces, others, b, e, planes)
-        for b in range(number):
             for c in range(received):
-                low, high = max(lit[b, 0], shown[c, 0]), min(lit[b, 1], shown[c, 1])
+                low, high = max(lit[b, e, 0], shown[c, e, 0]), min(lit[b, e, 1], shown[c, e, 1])
                 if beams.order[b] + others.order[c] >= beams.chain.shape[1] or high - low < SHORTEST_M:
                     continue
                 if not _edge(faces, tree, te, tm, wavenumbers, ends, e, low, high, beams, b, others, c, out):
