@@ -1,4 +1,4 @@
-"""Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and quadrature of trihedrals."""
+"""Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and iterative optics of trihedrals."""
 
 from __future__ import annotations
 
