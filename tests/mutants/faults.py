@@ -162,6 +162,9 @@ edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) +
 simulation/flat/shadows: physics/test_shadows
 past_faces | side * value | -side * value | edge waves have the wrong sign
 
+simulation/flat/search: physics/test_polygons
+_planes | length < EQUAL_M | length < 0 | two equal corners bound a beam
+
 simulation/flat/polygons: physics/test_polygons
 _edge_of | a[:], b[:] = first, second | a[:], b[:] = a, b | edges of earlier faces diffract on the last face
 _fringes | beams.order[b] + others.order[c] >= beams.chain.shape[1] | beams.order[b] + others.order[c] > 0 | no edge in mirrors
