@@ -24,9 +24,8 @@ from scipy.interpolate import BarycentricInterpolator
 
 from experiments.validation.oracles import box, fullwave, furnished, furnished_motions, rooms, traced
 from experiments.validation.oracles.furnished import box as box_strips
-from experiments.validation.oracles.nearfield import corner_quadrature
+from experiments.validation.oracles.iterative_optics import corner_echoes
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
-from experiments.validation.oracles.targets import corner_faces
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.scene import objects
@@ -104,11 +103,12 @@ def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.nda
     return (np.asarray(smooth(frequencies)) * turn(frequencies))[None, None, None]
 
 
-def corner_echo(faces: Sequence[np.ndarray], pose: np.ndarray) -> np.ndarray:
+def corner_echo(shape: str, size_m: float, pose: np.ndarray) -> np.ndarray:
     """Return the reference samples of a plate or upright trihedral at a pose (4, 4), seen by an antenna at the origin."""
     here = -pose[:3, :3].T @ pose[:3, 3]
     return swept(
-        lambda f: np.array([corner_quadrature(faces, here, SPEED_OF_LIGHT / one) for one in f]), float(np.linalg.norm(pose[:3, 3]))
+        lambda f: np.concatenate([corner_echoes(shape, size_m, here, SPEED_OF_LIGHT / one) for one in f]),
+        float(np.linalg.norm(pose[:3, 3])),
     )
 
 
@@ -124,8 +124,8 @@ def canonical(frames: int, scored: int) -> Problem:
     The plate and the trihedral turn on a turntable. The echoes of the sphere and the cylinder are the same in every frame.
     """
     parts = []
-    for name, mesh, start_deg in (("plate", objects.plate(0.1, 0.1), 0.0), ("trihedral", objects.trihedral(0.1), 5.0)):
-        parts.append(_corner_part(name, mesh, turntable_poses(CANONICAL_M, frames, start_deg), scored))
+    for name, start_deg in (("plate", 0.0), ("trihedral", 5.0)):
+        parts.append(_corner_part(name, name, 0.1, turntable_poses(CANONICAL_M, frames, start_deg), scored))
     for name, mesh, echo in (
         ("sphere", objects.sphere(0.033, 4), lambda f: sphere_echo(0.033, CANONICAL_M, f)),
         ("cylinder", objects.cylinder(0.033, 0.12, 64), lambda f: cylinder_echo(0.033, 0.12, CANONICAL_M, f)),
@@ -136,27 +136,27 @@ def canonical(frames: int, scored: int) -> Problem:
             return np.repeat(swept(echo, CANONICAL_M)[None], scored, axis=0)
 
         parts.append(Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, same))
-    truth = "near-field quadrature (plate, trihedral); series (sphere, cylinder)"
+    truth = "near-field quadrature (plate), iterative physical optics (trihedral); series (sphere, cylinder)"
     return Problem("canonical", f"canonical targets at {CANONICAL_M:g} m", truth, parts, TURN, True, False)
 
 
 @cache
 def near(frames: int, scored: int) -> Problem:
     """Return the test problem of a large metal trihedral in the near field of the radar."""
-    part = _corner_part("trihedral 15 cm", objects.trihedral(0.15), turntable_poses(NEAR_M, frames, 5.0), scored)
+    part = _corner_part("trihedral 15 cm", "trihedral", 0.15, turntable_poses(NEAR_M, frames, 5.0), scored)
     title = f"15 cm reflector in the near field, {NEAR_M:g} m"
-    return Problem("near", title, "near-field quadrature", [part], TURN, True, False)
+    return Problem("near", title, "iterative physical optics", [part], TURN, True, False)
 
 
 def _alone(mesh: object) -> Scene:
     return Scene([Surface(mesh, "metal", "target", role="object")])  # type: ignore[arg-type]
 
 
-def _corner_part(name: str, mesh: object, poses: np.ndarray, scored: int) -> Part:
-    faces = corner_faces(mesh)  # type: ignore[arg-type]
+def _corner_part(name: str, shape: str, size_m: float, poses: np.ndarray, scored: int) -> Part:
+    mesh = objects.plate(size_m, size_m) if shape == "plate" else objects.trihedral(size_m)
 
     def reference() -> np.ndarray:
-        return np.stack([corner_echo(faces, pose) for pose in poses[:scored]])
+        return np.stack([corner_echo(shape, size_m, pose) for pose in poses[:scored]])
 
     return Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, reference)
 

@@ -20,9 +20,8 @@ import trimesh
 from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
 from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
-from experiments.validation.oracles.nearfield import corner_quadrature
+from experiments.validation.oracles.iterative_optics import corner_echoes
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
-from experiments.validation.oracles.targets import corner_faces
 from radartwin.benchmark.signal_error import DYNAMIC_DB, compare
 from radartwin.materials import Layered
 from radartwin.radar.chirp import Radar
@@ -98,24 +97,18 @@ def alone(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside
     return Scene([Surface(mesh, "metal", "target", role="object")]), None, {"target": pose}
 
 
-def facing(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0) -> complex:
+@cache
+def facing(shape: str, size_m: float, distance_m: float, turn_deg: float = 0.0) -> complex:
     """Return the true echo amplitude of a plate or trihedral at the centre frequency of the frequency sweep."""
-    key = mesh.vertices.tobytes(), mesh.faces.tobytes(), distance_m, turn_deg
-    if key not in _facing:
-        turn = np.radians(turn_deg)
-        here = distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0])
-        _facing[key] = corner_quadrature(corner_faces(mesh), here, WAVELENGTH_M)
-    return _facing[key]
-
-
-_facing: dict[tuple[bytes, bytes, float, float], complex] = {}  # cache, because all methods are compared with the same echoes
+    turn = np.radians(turn_deg)
+    return complex(corner_echoes(shape, size_m, distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0]), WAVELENGTH_M)[0])
 
 
 def _rays(method: Method, value: float) -> float:
     mesh, n = objects.trihedral(0.1), int(value)
     wide = {"mitsuba": {"rays": n}, "points": {"rays_per_wavelength2": n * WAVELENGTH_M**2 / 0.02}, "rfgenesis": {"grid": round(n**0.5)},
             "sionna": {"rays": n}}  # fmt: skip
-    return off(method, samples(method, *alone(mesh, 1.0, 5.0), **wide[method.backend]), facing(mesh, 1.0, 5.0))
+    return off(method, samples(method, *alone(mesh, 1.0, 5.0), **wide[method.backend]), facing("trihedral", 0.1, 1.0, 5.0))
 
 
 def _shift(method: Method, value: float) -> float:
@@ -151,7 +144,7 @@ def _damaged(method: Method, holes: float = 0.0, noise_m: float = 0.0) -> float:
             mesh.update_faces(rng.random(len(mesh.faces)) >= holes)
         if noise_m:
             mesh = trimesh.Trimesh(mesh.vertices + rng.normal(size=mesh.vertices.shape) * [noise_m, 0, 0], mesh.faces, process=False)
-        errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing(objects.plate(0.2, 0.2), 2.0)))
+        errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing("plate", 0.2, 2.0)))
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
@@ -165,7 +158,7 @@ def _noise(method: Method, value: float) -> float:
 
 def _near(method: Method, value: float) -> float:
     mesh = objects.trihedral(0.15)
-    return off(method, samples(method, *alone(mesh, value, 5.0)), facing(mesh, value, 5.0))
+    return off(method, samples(method, *alone(mesh, value, 5.0)), facing("trihedral", 0.15, value, 5.0))
 
 
 def _office(method: Method, scene: Scene, bounces: int, **settings: Any) -> float:
@@ -252,7 +245,7 @@ def _gap(method: Method, value: float) -> float:
     scene = Scene([Surface(front, "concrete", "front", role="object"), Surface(behind, "metal", "behind", role="object")])
     pose = alone(front, 2.0)[2]["target"]
     te, _ = stack.fresnel(stack.permittivity("concrete", MIDDLE_HZ), 1.0)
-    return off(method, samples(method, scene, None, {"front": pose, "behind": pose}), abs(facing(front, 2.0)) * float(abs(te)))
+    return off(method, samples(method, scene, None, {"front": pose, "behind": pose}), abs(facing("plate", 0.2, 2.0)) * float(abs(te)))
 
 
 def _snr(method: Method, value: float) -> float:

@@ -147,6 +147,7 @@ _legs | path.share[i] += 0.5 | path.share[i] += 1.0 | a ray that grazes a face c
 _kept | min(max(place, inside), length - inside) | place | an edge diffracts beyond its ends
 
 simulation/flat/faces: simulation/test_flat_faces
+_extend | max(abs(one), abs(two)) < SAME_M | True | perpendicular plates keep the gap between them
 _sectors | abs(opening * order_of_images - 1) < EXACT | False | inner corners of 90 degrees diffract
 _without_overlaps | shapely.difference(one.polygon, cover, grid_size=1e-7) | one.polygon | equal planes reflect twice
 
@@ -160,6 +161,14 @@ edge_part | z_s * math.sqrt(h_r) + z_r * math.sqrt(h_s) | z_s * math.sqrt(h_s) +
 
 simulation/flat/shadows: physics/test_shadows
 past_faces | side * value | -side * value | edge waves have the wrong sign
+
+simulation/flat/search: physics/test_polygons
+_planes | length < EQUAL_M | length < 0 | two equal corners bound a beam
+
+simulation/flat/polygons: physics/test_polygons
+_edge_of | a[:], b[:] = first, second | a[:], b[:] = a, b | edges of earlier faces diffract on the last face
+_fringes | beams.order[b] + others.order[c] >= beams.chain.shape[1] | beams.order[b] + others.order[c] > 0 | no edge in mirrors
+_arriving | reflected(faces, te, tm, out, way, chain) | 0 | antennas keep their polarisation in mirrors
 
 simulation/flat/polygons: physics/test_objects_before_walls
 _polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach) | 1.0 | the currents that form the shadow count twice

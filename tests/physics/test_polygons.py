@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from physics_helpers import FREQUENCY, WAVELENGTH, K, coherent
+from physics_helpers import FREQUENCY, WAVELENGTH, K, coherent, relative_error
 from scipy.special import hankel2
-from test_three_dimensions import amplitudes, posed, sheet
+from test_three_dimensions import SCENES, all_answers, amplitudes, few_answers, posed, score, sheet, simulated
 
 import radartwin as rt
 from experiments.validation.oracles import moments_2d, traced
-from experiments.validation.oracles.nearfield import chain_quadrature, corner_quadrature, panel_quadrature
+from experiments.validation.oracles.iterative_optics import corner_echoes
+from experiments.validation.oracles.nearfield import panel_quadrature
 from experiments.validation.oracles.targets import corner_faces
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene import objects
@@ -58,22 +59,44 @@ def test_plate_matches_quadrature_in_main_lobe_and_side_lobes(side, distance):
     assert np.abs(ours - exact).max() < 4e-3 * np.abs(exact).max()
 
 
-def dihedral(leg, gap):
+def dihedral(leg, gap=0.0):
     """Return the ends (2, 2, 2) of two perpendicular strips, symmetrical about the x axis. `gap` is the distance between their edges."""
     ways = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2)
     return np.stack([gap / np.sqrt(2) * ways, (gap / np.sqrt(2) + leg) * ways], axis=1)
 
 
-# By the method of moments, a gap of 10 mm changes the echo by -0.6 to -1.6 dB, and a gap of 1 mm by less than 0.2 dB. Wanted: 1 dB.
-@pytest.mark.parametrize(("gap", "limit"), [(1e-4, 0.1), (1e-3, 0.3), (3e-3, 0.6), (1e-2, 1.2)])
-def test_echo_of_perpendicular_plates_is_continuous_in_the_gap_between_them(gap, limit):
+def double_echo(strips, place, receiver=None):
+    """Return the two-dimensional echo of metal strips with the electric field along the edges: exact, and from tall plates."""
+    receiver = place if receiver is None else receiver
+    touching = np.allclose(strips[0, 0], strips[1, 0])
+    surfaces = [np.array([strips[0, ::-1], strips[1]])] if touching else strips[:, None]
+    at = moments_2d.nodes(surfaces, FREQUENCY)
+    plates = [[[*one, -1.5], [*two, -1.5], [*two, 1.5], [*one, 1.5]] for one, two in strips]
+    mesh = objects.joined([traced.polygon(np.array(corners)) for corners in plates])
+    return moments_2d.field(at, FREQUENCY, place[:2], receiver[None, :2])[0], along_the_edges(echo(mesh, place, receiver, fringes=True))
+
+
+@pytest.mark.parametrize("distance", [0.5, 1.0])
+def test_dihedral_matches_the_method_of_moments(distance):
+    """Geometrical optics at the first face and physical optics at the second one are wrong by 0.057 (1 m) and 0.084 (0.5 m)."""
+    exact, ours = np.array([double_echo(dihedral(0.05), around(distance, azimuth)) for azimuth in range(0, 31, 5)]).T
+    assert relative_error(np.abs(ours), np.abs(exact)) < 0.05
+    assert relative_error(ours * np.exp(0.25j * np.pi), exact) < 0.08
+
+
+def test_dihedral_to_another_place_matches_the_method_of_moments():
+    """With edges of earlier faces on the last face, the error is 0.22."""
+    places = [(8, -9), (-9, 8), (0, 8), (10, 14), (20, 25), (10, -20), (5, 30)]
+    exact, ours = np.array([double_echo(dihedral(0.1), around(1.0, one), around(1.0, two)) for one, two in places]).T
+    assert relative_error(ours * np.exp(0.25j * np.pi), exact) < 0.17
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-3, 3e-3, 1e-2])
+def test_echo_of_perpendicular_plates_is_continuous_in_the_gap_between_them(gap):
+    """By the method of moments, a gap of 10 mm changes the echo by -0.6 to -1.6 dB, and a gap of 1 mm by less than 0.2 dB."""
     for place in (around(1.0, 0.0), around(1.0, 0.3), around(1.0, 10), around(3.0, 0.0), around(3.0, 25)):
-        echoes = []
-        for width in (0.0, gap):
-            plates = [[[*a, -1.5], [*b, -1.5], [*b, 1.5], [*a, 1.5]] for a, b in dihedral(0.1, width)]
-            mesh = objects.joined([traced.polygon(np.array(corners)) for corners in plates])
-            echoes.append(coherent(echo(mesh, place, fringes=True)))
-        assert abs(decibels(echoes[1] / echoes[0])) < limit
+        (_, touching), (_, apart) = (double_echo(dihedral(0.1, width), place) for width in (0.0, gap))
+        assert abs(decibels(apart / touching)) < 1
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-2])
@@ -87,28 +110,80 @@ def test_echo_of_perpendicular_walls_is_continuous_in_the_gap_between_them(gap):
     assert np.abs(decibels(echoes[1] / echoes[0])).max() < 1
 
 
-@pytest.mark.parametrize("shape", ["dihedral", "trihedral"])
-@pytest.mark.parametrize("distance", [0.5, 1.0, 2.0])
-def test_corner_reflector_matches_quadrature(shape, distance):
-    mesh = getattr(objects, shape)(*((0.1, 0.1) if shape == "dihedral" else (0.1,)))
-    for azimuth in (0, 10, 25):
-        place = around(distance, azimuth, 0.05 * distance)
-        exact = corner_quadrature(corner_faces(mesh), place, WAVELENGTH)
-        ours = coherent(echo(mesh, place))
-        assert abs(decibels(ours / exact)) < 0.2
-        assert abs(ours / exact - 1) < 0.035
+# largest rms difference in dB over 30 dB, and largest complex error
+LIMITS = {"cube": (1.1, 0.045), "box_on_floor": (2.4, 0.19), "corner": (4.2, 0.20), "plate": (5.5, 0.31), "trihedral": (2.6, 0.28)}
 
 
-def test_double_reflection_to_another_place_matches_quadrature():
-    """Source and receiver are 0.3 m apart, so that the polarisation factor varies over the faces."""
-    mesh = objects.dihedral(0.1, 0.1)
-    faces = corner_faces(mesh)
-    source, receiver = around(1.0, 8, 0.1), around(1.1, -9, -0.05)
-    hits = echo(mesh, source, receiver)
-    for bounces in (1, 2):
-        orders = [[face] for face in faces] if bounces == 1 else [faces, faces[::-1]]
-        exact = sum(chain_quadrature(order, source, WAVELENGTH, receiver=receiver) for order in orders)
-        assert abs(coherent(hits, hits.bounce == bounces) / exact - 1) < 0.06
+def square_trihedral():
+    x, y, z = 4 * np.eye(3)
+    return [sheet((0, 0, 0), u, v) for u, v in ((x, y), (y, z), (z, x))]
+
+
+def small_body(name, known):
+    """Return the amplitudes (2, Q, P) of a body of a few wavelengths at 77 GHz."""
+    meshes = square_trihedral() if name == "trihedral" else SCENES[name]()
+    body = polygons.build(geometry.build([mesh.apply_scale(WAVELENGTH) for mesh in meshes]))
+    ours, places = np.zeros_like(known.exact), known.places * WAVELENGTH
+    for i, q in np.ndindex(ours.shape[:2]):
+        frequency = FREQUENCY * known.factors[q]
+        table = reflection_table.build([("metal", 0.0)] * len(meshes), frequency)
+        axis = known.axes[i] / np.linalg.norm(known.axes[i], axis=1, keepdims=True)
+        hits = polygons.paths(body, table, places, places, axis, axis, 4)
+        sines = [np.sqrt(1 - np.einsum("ni,ni->n", way, axis[hits.pose]) ** 2) for way in (hits.departure, hits.arrival)]
+        phase = np.exp(2j * np.pi * frequency / SPEED_OF_LIGHT * (hits.length_in_m + hits.length_out_m))
+        np.add.at(ours[i, q], hits.pose, hits.amplitude[:, 0] * sines[0] * sines[1] * phase)
+    return ours
+
+
+def compare_with_full_wave(name, known):
+    level, error = score(known.exact, small_body(name, known))
+    assert level < LIMITS[name][0]
+    assert error < LIMITS[name][1]
+
+
+@pytest.mark.parametrize("name", ["cube", "box_on_floor", "corner", "plate", "trihedral"])
+def test_polygons_match_full_wave_at_some_places(name):
+    """The square trihedral of 4 wavelengths was computed as the other bodies (`../shared/reference/fullwave_3d`), with cells of 0.2
+    wavelengths. Without edges seen through reflections, its errors are 3.1 dB and 0.34.
+    """
+    compare_with_full_wave(name, few_answers(name))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_polygons_and_edges_of_rooms_agree(name):
+    """A body just above the size of an object belongs to the room. The aim is 0.15; before, the difference was up to 0.40."""
+    known = few_answers(name)
+    assert relative_error(small_body(name, known), simulated(name, known)) < 0.22
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_polygons_match_full_wave(name):
+    compare_with_full_wave(name, all_answers(name))
+
+
+# relative rms errors, of which the aim is 0.035; geometrical optics up to the last face, and physical optics there: 0.18, 0.15, 0.09 and
+# 0.37, 0.11, 0.06. At 0.5 m, the echo of the trihedral has a minimum.
+CORNERS = {
+    ("dihedral", 0.5): 0.12, ("dihedral", 1.0): 0.10, ("dihedral", 2.0): 0.07, ("trihedral", 0.5): 0.17, ("trihedral", 1.0): 0.035,
+    ("trihedral", 2.0): 0.038,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("shape", "distance"), CORNERS)
+def test_corner_reflector_matches_iterative_optics(shape, distance):
+    """Like iterative optics, the polygons are compared without fringe currents, at 11 azimuths from 0 to 25 degrees."""
+    mesh = objects.trihedral(0.1) if shape == "trihedral" else objects.dihedral(0.1, 0.1)
+    places = np.array([around(distance, azimuth) for azimuth in np.arange(0, 26, 2.5)])
+    exact = corner_echoes(shape, 0.1, places, WAVELENGTH)
+    assert relative_error(np.array([coherent(echo(mesh, place)) for place in places]), exact) < CORNERS[shape, distance]
+
+
+def test_turning_trihedral_has_no_gaps():
+    """Rounding errors removed single orders of reflections at some angles: at 7.001 degrees, the echo was 18 % too weak."""
+    mesh = objects.trihedral(0.1)
+    echoes = np.array([coherent(echo(mesh, around(1.5, azimuth))) for azimuth in (6.999, 7.0, 7.001)])
+    assert np.abs(echoes / echoes[0] - 1).max() < 0.001
 
 
 def test_strong_echo_depends_smoothly_on_the_place():
@@ -195,13 +270,17 @@ def strip(width, angle, distance, soft):
 
 
 def tall_strip(width, angle, distance, axis, fringes):
-    """Return the two-dimensional field of a strip from the paths of a plate of 3 m height.
+    """Return the two-dimensional field of a strip from the paths of a plate of 3 m height."""
+    along = np.array([-np.sin(angle), np.cos(angle), 0]) * width / 2
+    corners = [np.array([distance, 0, z]) + sign * along for sign, z in ((-1, -1.5), (1, -1.5), (1, 1.5), (-1, 1.5))]
+    return along_the_edges(echo(traced.polygon(np.array(corners)), np.zeros(3), fringes=fringes, axis=np.array(axis, float)))
+
+
+def along_the_edges(hits):
+    """Return the two-dimensional field from the paths of plates of 3 m height.
 
     A path of length L has sqrt(wavelength/L) times its two-dimensional value. Paths near the upper and lower end fade out.
     """
-    along = np.array([-np.sin(angle), np.cos(angle), 0]) * width / 2
-    corners = [np.array([distance, 0, z]) + sign * along for sign, z in ((-1, -1.5), (1, -1.5), (1, 1.5), (-1, 1.5))]
-    hits = echo(traced.polygon(np.array(corners)), np.zeros(3), fringes=fringes, axis=np.array(axis, float))
     fade = np.clip((1.1 - np.abs(hits.arrival[:, 2] * hits.length_out_m)) / 0.7, 0, 1)
     length = hits.length_in_m + hits.length_out_m
     return coherent(replace(hits, amplitude=hits.amplitude * (fade**2 * (3 - 2 * fade) * np.sqrt(length / WAVELENGTH))[:, None]))

@@ -1,34 +1,29 @@
-"""Validation cases of targets and panels at close range (physical-optics quadrature), and of the range law at large distance."""
+"""Validation cases of targets and panels at close range (quadrature, iterative physical optics), and of the range law at large distance."""
 
 from __future__ import annotations
 
 from functools import cache, partial
 
 import numpy as np
-import trimesh
 
 import radartwin as rt
 from experiments.validation.oracles import traced
 from experiments.validation.oracles.case import SPEED_OF_LIGHT, WAVELENGTH_M, Case, Finding, db, reference_rows, worst
-from experiments.validation.oracles.nearfield import chain_quadrature, corner_quadrature, panel_quadrature
-from experiments.validation.oracles.targets import AHEAD, DENSITY, corner_faces, level
+from experiments.validation.oracles.iterative_optics import corner_echoes
+from experiments.validation.oracles.nearfield import chain_quadrature, panel_quadrature
+from experiments.validation.oracles.targets import AHEAD, DENSITY, level
 from radartwin.scene import objects
 
 DISTANCES_M = (0.5, 1.0, 2.0)
 RCS = "effective cross-section (dBsm)"
 
 
-def effective(amplitude: complex, distance_m: float) -> float:
+def effective(amplitude: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
     """Return the effective cross-section in dBsm.
 
     The effective cross-section is that of a far-field target at the same distance whose echo has the same received amplitude.
     """
-    return float(db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2))
-
-
-def corner_level(mesh: trimesh.Trimesh, distance_m: float) -> float:
-    """Return the effective cross-section in dBsm of a plate, dihedral or trihedral on its axis, by quadrature of all its paths."""
-    return effective(corner_quadrature(corner_faces(mesh), np.array([distance_m, 0.0, 0.0]), WAVELENGTH_M), distance_m)
+    return db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2)
 
 
 MESHES = {
@@ -39,10 +34,10 @@ MESHES = {
 
 
 def curve(name: str, size_m: float, distances_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the effective cross-sections in dBsm at each distance, as (values by quadrature, values of the ray tracer)."""
+    """Return the effective cross-sections in dBsm at each distance, as (reference, values of the ray tracer)."""
     mesh = MESHES[name][1][size_m]
     ours = [level(mesh, AHEAD, DENSITY, distance=float(d)) for d in distances_m]
-    return np.array([corner_level(mesh, float(d)) for d in distances_m]), np.array(ours)
+    return effective(corner_echoes(name, size_m, distances_m[:, None] * AHEAD, WAVELENGTH_M), distances_m), np.array(ours)
 
 
 def _near(name: str, full: bool) -> Finding:
@@ -129,7 +124,7 @@ def _panels(method: str, full: bool) -> Finding:
     return Finding(0.0, float(errors.max()), float(errors.max()), len(errors))
 
 
-def _two_panels(method: str, full: bool) -> Finding:
+def _two_panels(full: bool) -> Finding:
     """Compare the double bounces of two 0.5 m panels at a right angle, which are 1 mm apart at the fold.
 
     The errors of the double bounces are relative to the amplitude of the double image of infinite panels.
@@ -138,12 +133,11 @@ def _two_panels(method: str, full: bool) -> Finding:
     wavelength = SPEED_OF_LIGHT / frequency
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])
     second = first[:, [1, 0, 2]]
-    role = "object" if method == "tubes" else "room"
-    scene = rt.Scene([rt.Surface(traced.polygon(one), "metal", name, role=role) for one, name in ((first, "a"), (second, "b"))])
+    scene = rt.Scene([rt.Surface(traced.polygon(one), "metal", name, role="room") for one, name in ((first, "a"), (second, "b"))])
     errors = []
     for sensor in ([1.0, 0.8, 0.02], [0.4, 1.5, 0.1], [1.2, 1.2, -0.2]) if full else ([1.0, 0.8, 0.02],):
         place = np.array(sensor)
-        parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings(method, max_bounces=2, rays_per_wavelength2=4.0))
+        parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings("panels", max_bounces=2))
         ours = traced.field([part.where(part.bounces == 2) for part in parts], frequency)
         exact = sum(chain_quadrature(order, place, wavelength) for order in ((first, second), (second, first)))
         errors.append(abs(ours - exact) / (wavelength / (8 * np.pi * np.hypot(*place[:2]))))
@@ -153,7 +147,8 @@ def _two_panels(method: str, full: bool) -> Finding:
 QUADRATURE = "near-field physical-optics quadrature, geometric-optics illumination"
 CASES = [
     *(
-        Case(f"near-{name}", "near field", f"{words} at 0.5, 1 and 2 m, 4 rays", QUADRATURE, RCS, 0.2, "dB", partial(_near, name))
+        Case(f"near-{name}", "near field", f"{words} at 0.5, 1 and 2 m, 4 rays",
+             QUADRATURE if name == "plate" else "iterative physical optics", RCS, 0.2, "dB", partial(_near, name))
         for name, (words, _) in MESHES.items()
     ),
     Case("near-table", "near field", "plate, trihedrals and can at 0.5, 1 and 2 m", "reference/near_over_far_field_dB.csv", RCS, 0.3,
@@ -167,8 +162,8 @@ CASES = [
                  "received over transmitted power (dB)", 0.25, "dB", partial(_friis, method)),
             Case(f"panel-{method}", "near field", f"0.1 to 1 m panels at 0.5 to 4 m to a width beyond the edge, {words}, worst", QUADRATURE,
                  "complex error over the image", 0.01, "", partial(_panels, method), "full" if method == "tubes" else "quick"),
-            Case(f"two-panels-{method}", "near field", f"two 0.5 m panels at a right angle, double bounce, {words}", QUADRATURE,
-                 "complex error over the image", 0.03, "", partial(_two_panels, method)),
         )
     ),
+    Case("two-panels-panels", "near field", f"two 0.5 m panels at a right angle, double bounce, {traced.METHODS['panels']}", QUADRATURE,
+         "complex error over the image", 0.03, "", _two_panels),
 ]  # fmt: skip

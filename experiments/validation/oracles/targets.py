@@ -1,4 +1,4 @@
-"""Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and quadrature of trihedrals."""
+"""Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and iterative optics of trihedrals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import trimesh
 import radartwin as rt
 from experiments.validation.oracles.case import OBJECTS, WAVELENGTH_M, WAVENUMBER, Case, Finding, Untestable, db, reference_rows, rms, worst
 from experiments.validation.oracles.cylinder import conductor_width
-from experiments.validation.oracles.nearfield import corner_quadrature
+from experiments.validation.oracles.iterative_optics import corner_echoes
 from radartwin.scene import objects
 
 FAR_M = 2e4  # distance for the quadrature of corners: the wavefront is flat to 1e-3 wavelengths, and double precision resolves the phase
@@ -58,10 +58,10 @@ def corner_faces(mesh: trimesh.Trimesh) -> list[np.ndarray]:
 
 @cache
 def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
-    """Return the far-field cross-section in m^2 of a trihedral with all bounces, by geometric optics and physical-optics quadrature."""
+    """Return the far-field cross-section in m^2 of a trihedral with all bounces, by iterative physical optics."""
     azimuth = np.radians(azimuth_deg)
     sensor = FAR_M * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    amplitude = corner_quadrature(corner_faces(objects.trihedral(leg_m)), sensor, WAVELENGTH_M)
+    amplitude = corner_echoes("trihedral", leg_m, sensor, WAVELENGTH_M)[0]
     return (4 * np.pi) ** 3 * FAR_M**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2
 
 
@@ -112,7 +112,7 @@ TARGETS = (
     Target(
         "trihedral",
         "triangular trihedral, leg 5, 10, 15 cm",
-        "geometric optics and far-field quadrature of all 15 paths",
+        "iterative physical optics in the far field",
         tuple(partial(_trihedral, s) for s in (0.05, 0.1, 0.15)),
     ),
     Target("sphere", "sphere r 2, 3.3, 5 cm", "Mie series (miepython)", tuple(partial(_sphere, r) for r in (0.02, 0.033, 0.05))),

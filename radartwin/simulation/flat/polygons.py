@@ -16,6 +16,8 @@ polygon radiate to the receiver
 The integral is the boundary form of Kirchhoff's surface integral. The boundary form is exact for an image source if k|r| and k|s| are
 large, so that the polygon may have any size in Fresnel zones. rho varies over the polygon because polarisation and reflection depend on
 direction. The boundary form is then correct to first order in the ratio of the wavelength to the distance along which rho varies.
+Where a polygon ends because the light misses an earlier face of the sequence, the integral runs along the edge of that face. There, the
+source is mirrored at the faces before it, and the receiver at the faces after it.
 
 Physical optics has the wrong currents near edges. The difference radiates like a line source along the edge, of strength
 
@@ -23,7 +25,8 @@ Physical optics has the wrong currents near edges. The difference radiates like 
 
 for each of four angles x. The first part is the coefficient of a wedge of opening n pi. The second part is the same coefficient of the
 currents of physical optics on a lit face. Both have the same pole at a shadow or reflection boundary, so that the difference is smooth.
-Only edges that source and receiver see directly have fringe currents. The currents of a ray that grazes a face end with the face.
+An edge has fringe currents in every beam of the source, direct or over faces, and radiates into every beam of the receiver. The currents of
+a ray that grazes a face end with the face.
 
 The currents of the incident field form the shadow of the object. The shadow (`silhouette`) contains their field near the line from source
 to receiver, so that polygons leave it out there and keep the reflected field.
@@ -34,7 +37,8 @@ the contribution of a side to one path at the polygon's point nearest to the mir
 weight.
 
 Errors: diffraction at several edges, for example the coupling of opposite edges of a small plate, is left out. Shadows have sharp geometric
-borders.
+borders. The part of an earlier face's edge that counts is the part whose mirrored rays meet the next faces; for a receiver far from the
+mirror direction, other parts count.
 Ref: K. Miyamoto, E. Wolf, J. Opt. Soc. Am. 52 (1962) 615, for the boundary form; P. Ya. Ufimtsev, Fundamentals of the Physical Theory of
 Diffraction (2007), and A. Michaeli, IEEE Trans. AP 32 (1984) 252, for fringe currents along edges.
 """
@@ -53,11 +57,12 @@ from radartwin.simulation.curved.hits import Hits
 from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles
 from radartwin.simulation.flat.convex import clip, twice_area
-from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import Tables, angle, face_matrix, keller, looked_up, soft_and_hard, transverse
+from radartwin.simulation.flat.faces import SHORTEST_M, Faces
+from radartwin.simulation.flat.field import Tables, angle, face_matrix, image, keller, polarised, reflected, soft_and_hard, transverse
 from radartwin.simulation.flat.kirchhoff import edge_share, reach_around
-from radartwin.simulation.flat.obstacles import Hierarchy
-from radartwin.simulation.flat.vectors import distance, dot
+from radartwin.simulation.flat.obstacles import Hierarchy, Vector
+from radartwin.simulation.flat.search import _level, _planes
+from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
 from radartwin.simulation.flat.wedge import scaled_tail
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.reflection_table import ReflectionTable, chebyshev_nodes, lagrange_basis
@@ -83,7 +88,8 @@ NUDGE_M = 1e-6 * np.array([0.74, 0.53, 0.41])
 CLOSEST_M = 1e-12  # smallest distance between the mirror point and a side for which the integral along the side is computed
 ABOVE = 0.999  # only the part of a face below this share of the height of the source or receiver casts a shadow
 _built: "weakref.WeakKeyDictionary[Geometry, Polyhedron | None]" = weakref.WeakKeyDictionary()
-NO_FACE, ONE_BOUNCE = np.int64(-1), np.int64(1)  # Numba would compile a second version of a function for a literal argument
+ALL_AROUND = np.zeros(4)  # the beam of a place itself has no bounds
+NO_FACE = np.int64(-1)  # Numba would compile a second version of a function for a literal argument
 _GAUSS, _WEIGHT = np.polynomial.legendre.leggauss(6)
 
 
@@ -96,6 +102,21 @@ class _Parts(NamedTuple):
     corner: np.ndarray
     count: np.ndarray
     solid: np.ndarray
+
+
+class _Beams(NamedTuple):
+    """Hold B beams, which start at one place. Beam 0 has no reflection.
+
+    Attributes:
+        chain: (B, C) faces that reflect the beam. order: (B,) their number. image: (B, 3) the place, mirrored at these faces.
+        polygon: (B, CORNERS, 3) part of the last face that the beam lights, count: (B,) its number of corners.
+    """
+
+    chain: np.ndarray
+    order: np.ndarray
+    image: np.ndarray
+    polygon: np.ndarray
+    count: np.ndarray
 
 
 class _Ends(NamedTuple):
@@ -242,16 +263,29 @@ def _all(
 ) -> bool:  # fmt: skip
     """Write the paths of pairs `begin` to `stop` - 1; returns False if `out` is too short."""
     first = 0
+    beams, others = _beams(len(out.bounces) // PER_BEAM, most), _beams(len(out.bounces) // PER_BEAM, most)
+    pieces, counts = np.empty((len(out.bounces) // PER_PIECE, CORNERS, 3)), np.empty(len(out.bounces) // PER_PIECE, np.int64)
     for n in range(begin, stop):
         reach = reach_around(centre, radius, source[n], receiver[n], wavenumbers[len(wavenumbers) // 2])
         ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n], reach)
-        if not _reflections(faces, parts, te, tm, wavenumbers, ends, most, out):
+        number = _follow(faces, parts, ends.source, beams, pieces, counts)
+        if number < 0 or not _reflections(faces, parts, te, tm, wavenumbers, ends, beams, number, pieces, counts, out):
             return False
-        if fringes and not _fringes(faces, tree, te, tm, wavenumbers, ends, out):
-            return False
+        if fringes:
+            back, received = beams, number
+            if not together[n]:
+                back, received = others, _follow(faces, parts, ends.receiver, others, pieces, counts)
+            if received < 0 or not _fringes(faces, tree, te, tm, wavenumbers, ends, beams, number, back, received, out):
+                return False
         pair[first : out.used[0]] = n
         first = out.used[0]
     return True
+
+
+@compiled
+def _beams(room: int, most: int) -> _Beams:
+    chain, polygon = np.empty((room, most), np.int64), np.empty((room, CORNERS, 3))
+    return _Beams(chain, np.empty(room, np.int64), np.empty((room, 3)), polygon, np.empty(room, np.int64))
 
 
 @innermost
@@ -361,137 +395,128 @@ def _subtract(
 
 
 @compiled
-def _reflections(
-    faces: Faces, parts: _Parts, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, most: int, out: _Out
-) -> bool:
-    """Write the paths over all sequences of at most `most` faces; returns False if `out` is too short."""
-    beams, most_pieces = len(out.bounces) // PER_BEAM, len(out.bounces) // PER_PIECE
-    polygon, count = np.empty((beams, CORNERS, 3)), np.empty(beams, np.int64)
-    chain, order = np.empty((beams, most), np.int64), np.zeros(beams, np.int64)
-    at = np.empty((beams, 3))
-    at[0] = ends.source
-    waiting = 1
-    pieces, counts = np.empty((most_pieces, CORNERS, 3)), np.empty(most_pieces, np.int64)
-    seen, sizes = np.empty((most_pieces, CORNERS, 3)), np.empty(most_pieces, np.int64)
-    spare = np.empty((4, CORNERS, 3))
-    while waiting:
-        waiting -= 1
-        apex, m, lit = at[waiting].copy(), order[waiting], count[waiting]
-        beam, before = polygon[waiting].copy(), chain[waiting].copy()
-        last, facing = -1, 1.0
-        if m:
-            last = before[m - 1]
-            facing = -1.0 if dot(apex, faces.normal[last]) > faces.offset[last] else 1.0
+def _follow(faces: Faces, parts: _Parts, place: np.ndarray, beams: _Beams, pieces: np.ndarray, counts: np.ndarray) -> int:
+    """Write the beams of a place over all sequences of faces that are shorter than a chain; returns their number, or -1 if there is no room
+    for all of them.
+    """
+    spare, planes = np.empty((4, CORNERS, 3)), np.empty((CORNERS + 1, 4))
+    used, beams.image[0], beams.order[0], beams.count[0] = 1, place, 0, 0
+    b = 0
+    while b < used:
+        apex, m = beams.image[b], beams.order[b]
+        last = beams.chain[b, m - 1] if m else NO_FACE
+        facing = 1.0
+        if m and dot(apex, faces.normal[last]) > faces.offset[last]:
+            facing = -1.0
+        bounds = _planes(faces, last, vector(beams.image, b), 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
         for k in range(len(parts.face)):
             p = parts.face[k]
             height = dot(apex, faces.normal[p]) - faces.offset[p]
-            if p == last or abs(height) < PLANE_M or (parts.solid[p] and height < 0):
+            if m == beams.chain.shape[1] or p == last or abs(height) < PLANE_M or (parts.solid[p] and height < 0):
                 continue
             size = parts.count[k]
             _copy(parts.corner[k], size, spare[0])
-            if m:
-                n = facing * faces.normal[last]
-                size = clip(spare[0], size, n[0], n[1], n[2], facing * faces.offset[last], spare[1])
-                middle = _middle(beam, lit)
-                for i in range(lit):
-                    if size == 0:
-                        break
-                    n = _side(apex, beam[i], beam[(i + 1) % lit], middle)
-                    size = clip(spare[1], size, n[0], n[1], n[2], dot(n, apex), spare[0])
-                    _copy(spare[0], size, spare[1])
+            for i in range(bounds):
+                size = clip(spare[0], size, planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3], spare[1]) if size else 0
                 _copy(spare[1], size, spare[0])
             if size == 0 or twice_area(spare[0], size) < SLIVER_M2:
                 continue
             _copy(spare[0], size, pieces[0])
             counts[0] = size
             number = _subtract(faces, parts, p, apex, last, facing, pieces, counts, spare)
-            if number < 0:
-                return False
-            before[m] = p
-            mirrored = apex - 2 * height * faces.normal[p]
-            other = dot(ends.receiver, faces.normal[p]) - faces.offset[p]
+            if number < 0 or used + number > len(beams.order):
+                return -1
             for j in range(number):
-                if m + 1 < most:
-                    if waiting == beams:
-                        return False
-                    _copy(pieces[j], counts[j], polygon[waiting])
-                    count[waiting], order[waiting], at[waiting] = counts[j], m + 1, mirrored
-                    chain[waiting] = before
-                    waiting += 1
-                if other * height <= 0 or abs(other) < PLANE_M:
-                    continue
-                _copy(pieces[j], counts[j], seen[0])
-                sizes[0] = counts[j]
-                shown = 1
-                if m or not ends.together:
-                    shown = _subtract(faces, parts, p, ends.receiver, NO_FACE, 1.0, seen, sizes, spare)
-                    if shown < 0:
-                        return False
-                for i in range(shown):
-                    if not _polygon(faces, te, tm, wavenumbers, ends, before[: m + 1], apex, mirrored, seen[i], sizes[i], out):
-                        return False
+                _copy(pieces[j], counts[j], beams.polygon[used])
+                beams.count[used], beams.order[used] = counts[j], m + 1
+                beams.image[used] = apex - 2 * height * faces.normal[p]
+                beams.chain[used, :m], beams.chain[used, m] = beams.chain[b, :m], p
+                used += 1
+        b += 1
+    return used
+
+
+@compiled
+def _reflections(
+    faces: Faces, parts: _Parts, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, beams: _Beams, number: int,
+    pieces: np.ndarray, counts: np.ndarray, out: _Out,
+) -> bool:  # fmt: skip
+    """Write the paths over the faces of all beams; returns False if `out` is too short."""
+    spare = np.empty((4, CORNERS, 3))
+    for b in range(1, number):
+        m, mirrored = beams.order[b], beams.image[b]
+        p = beams.chain[b, m - 1]
+        below, other = dot(mirrored, faces.normal[p]) - faces.offset[p], dot(ends.receiver, faces.normal[p]) - faces.offset[p]
+        if other * below >= 0 or abs(other) < PLANE_M:
+            continue
+        apex = mirrored - 2 * below * faces.normal[p]
+        _copy(beams.polygon[b], beams.count[b], pieces[0])
+        counts[0], shown = beams.count[b], 1
+        if m > 1 or not ends.together:
+            shown = _subtract(faces, parts, p, ends.receiver, NO_FACE, 1.0, pieces, counts, spare)
+            if shown < 0:
+                return False
+        for i in range(shown):
+            if not _polygon(faces, te, tm, wavenumbers, ends, beams.chain[b, :m], apex, mirrored, parts, pieces[i], counts[i], out):
+                return False
     return True
+
+
+@innermost
+def _leaving(faces: Faces, chain: np.ndarray, image: np.ndarray, x: np.ndarray) -> tuple[Vector, float]:
+    """Return the direction in which a path to x leaves a place whose image in a chain is `image`, and the length of the path."""
+    length = distance(image, x)
+    way = toward(image, x, length)
+    for i in range(len(chain) - 1, -1, -1):
+        normal = vector(faces.normal, chain[i])
+        way = moved(way, normal, -2 * dot(way, normal))
+    return way, length
+
+
+@compiled
+def _arriving(
+    faces: Faces, te: np.ndarray, tm: np.ndarray, antenna: np.ndarray, chain: np.ndarray, image: np.ndarray, x: np.ndarray, out: np.ndarray
+) -> None:  # fmt: skip
+    """Write the field (Q, 3) of an antenna at x after the reflections of a chain, without spreading and phase."""
+    way, _ = _leaving(faces, chain, image, x)
+    polarised(out, transverse(antenna, way))
+    reflected(faces, te, tm, out, way, chain)
 
 
 @compiled
 def _factor(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray, x: np.ndarray, shade: float,
-    out: np.ndarray,
+    faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, there: np.ndarray, apex: np.ndarray, back: np.ndarray,
+    receiver: np.ndarray, x: np.ndarray, shade: float, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write rho (Q,) at a point of the last face of a chain.
+    """Write rho (Q,) at a point of the last face of the chain `there`.
 
-    apex: source, mirrored at all faces but the last. shade: factor of the currents of the incident field, which form the shadow.
+    apex: source, mirrored at all faces of `there` but the last. receiver: mirrored at the faces of `back`.
+    shade: factor of the currents of the incident field, which form the shadow.
     """
-    ki = x - apex
-    ki /= math.sqrt(dot(ki, ki))
-    s = ends.receiver - x
-    s /= math.sqrt(dot(s, s))
-    m = len(chain)
-    direction = ki.copy()
-    for i in range(m - 2, -1, -1):
-        direction -= 2 * dot(direction, faces.normal[chain[i]]) * faces.normal[chain[i]]
-    antenna = transverse(ends.receive, s)
-    te_part, tm_part = np.empty(3), np.empty(3)
-    re, im = np.empty((te.shape[2], 3)), np.zeros((te.shape[2], 3))
-    re[:] = np.array(transverse(ends.transmit, direction))
-    for i in range(m):
-        p = chain[i]
-        normal = faces.normal[p]
-        along = dot(direction, normal)
-        after = direction - 2 * along * normal
-        across = np.cross(direction, normal)
-        size = math.sqrt(dot(across, across))
-        if size < 1e-7:
-            across = np.cross(normal, np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0]))
-            size = math.sqrt(dot(across, across))
-        across /= size
-        te_part, tm_part, tm_after = across, np.cross(direction, across), np.cross(after, across)
-        if i == m - 1:
-            lit = normal if along < 0 else -normal
-            sight = abs(along) + dot(lit, s)
-            # both components of the incident and of the reflected field radiate n x (k x E) + (E x n) x s
-            gains = np.empty(4)
-            gains[0] = dot(antenna, _radiated(lit, direction, te_part, s))
-            gains[1] = dot(antenna, _radiated(lit, direction, tm_part, s))
-            gains[2] = dot(antenna, _radiated(lit, after, te_part, s))
-            gains[3] = dot(antenna, _radiated(lit, after, tm_after, s))
-        for q in range(te.shape[2]):
-            a = complex(dot(re[q], te_part), dot(im[q], te_part))
-            b = complex(dot(re[q], tm_part), dot(im[q], tm_part))
-            ra = a * looked_up(te, faces.surface[p], abs(along), q)
-            rb = b * looked_up(tm, faces.surface[p], abs(along), q)
-            if i == m - 1:
-                out[q] = -(shade * (a * gains[0] + b * gains[1]) + ra * gains[2] + rb * gains[3]) / sight
-            else:
-                for k in range(3):
-                    re[q, k] = ra.real * te_part[k] + rb.real * tm_after[k]
-                    im[q, k] = ra.imag * te_part[k] + rb.imag * tm_after[k]
-        direction = after
+    k, s = toward(apex, x, distance(apex, x)), toward(x, receiver, distance(x, receiver))
+    n = vector(faces.normal, there[len(there) - 1])
+    if dot(k, n) > 0:
+        n = -n[0], -n[1], -n[2]
+    mirrored = moved(k, n, -2 * dot(k, n))
+    field, got = np.empty((len(out), 3), np.complex128), np.empty((len(out), 3), np.complex128)
+    _arriving(faces, te, tm, ends.transmit, there[: len(there) - 1], apex, x, field)
+    _arriving(faces, te, tm, ends.receive, back, receiver, x, got)
+    sight = dot(n, s) - dot(n, k)
+    for q in range(len(out)):
+        out[q] = -shade * _radiated(n, k, field, got, s, q) / sight if shade else 0j
+    reflected(faces, te, tm, field, k, there[len(there) - 1 :])
+    for q in range(len(out)):
+        out[q] -= _radiated(n, mirrored, field, got, s, q) / sight
 
 
-@compiled
-def _radiated(normal: np.ndarray, direction: np.ndarray, field: np.ndarray, outgoing: np.ndarray) -> np.ndarray:
-    return np.cross(normal, np.cross(direction, field)) + np.cross(np.cross(field, normal), outgoing)
+@innermost
+def _radiated(n: Vector, k: Vector, field: np.ndarray, got: np.ndarray, s: Vector, q: int) -> complex:
+    """Return g . [n x (k x E) + (E x n) x s], what the currents of a field E of direction k radiate in direction s to an antenna g."""
+    n_e, s_e, n_g, k_g, e_g = 0j, 0j, 0j, 0j, 0j
+    for i in range(3):
+        e, g = field[q, i], got[q, i]
+        n_e, s_e, n_g, k_g, e_g = n_e + n[i] * e, s_e + s[i] * e, n_g + n[i] * g, k_g + k[i] * g, e_g + e * g
+    return k_g * n_e + n_g * s_e - e_g * (dot(n, k) + dot(n, s))
 
 
 @innermost
@@ -574,39 +599,73 @@ def _divisions(a: np.ndarray, b: np.ndarray, source: np.ndarray, receiver: np.nd
 
 @compiled
 def _add(
-    faces: Faces, ends: _Ends, chain: np.ndarray, apex: np.ndarray, x: np.ndarray, amplitude: np.ndarray, bounces: int, out: _Out
-) -> bool:
-    """Append a path that meets the last face at x; returns False if `out` is too short."""
+    faces: Faces, ends: _Ends, there: np.ndarray, image: np.ndarray, back: np.ndarray, other: np.ndarray, x: np.ndarray,
+    amplitude: np.ndarray, out: _Out,
+) -> bool:  # fmt: skip
+    """Append a path with one hit at x between the chains `there` and `back`; returns False if `out` is too short.
+
+    image, other: source and receiver, mirrored at the faces of their chain.
+    """
     n = out.used[0]
     if n == len(out.bounces):
         return False
-    there = x - apex
-    out.length[n, 0] = math.sqrt(dot(there, there))
-    there /= out.length[n, 0]
-    back = x - ends.receiver
-    out.length[n, 1] = math.sqrt(dot(back, back))
-    out.arrival[n] = back / out.length[n, 1]
-    for i in range(len(chain) - 2, -1, -1):
-        there -= 2 * dot(there, faces.normal[chain[i]]) * faces.normal[chain[i]]
-    out.departure[n] = there
+    way, out.length[n, 0] = _leaving(faces, there, image, x)
+    arrival, out.length[n, 1] = _leaving(faces, back, other, x)
     out.length[n, 2] = out.length[n, 0]
-    if len(chain) > 1:
-        normal = faces.normal[chain[0]]
-        out.length[n, 2] = (faces.offset[chain[0]] - dot(normal, ends.source)) / dot(normal, there)
+    if len(there):
+        normal = vector(faces.normal, there[0])
+        out.length[n, 2] = (faces.offset[there[0]] - dot(normal, ends.source)) / dot(normal, way)
+    for k in range(3):
+        out.departure[n, k], out.arrival[n, k] = way[k], arrival[k]
     out.amplitude[n] = amplitude
-    out.bounces[n] = bounces
+    out.bounces[n] = 1 + len(there) + len(back)
     out.used[0] += 1
     return True
 
 
 @compiled
+def _edge_of(faces: Faces, parts: _Parts, chain: np.ndarray, images: np.ndarray, a: np.ndarray, b: np.ndarray) -> int:
+    """Move a side of a lit polygon, with the ends a and b, back along its rays to the edge that bounds the light there, and return the
+    place in the chain of the face that this edge belongs to. The shadows of other faces stay on the last face.
+
+    images: (len(chain) + 1, 3) of the source.
+    """
+    if len(chain) == 1:
+        return 0
+    first, second = a.copy(), b.copy()
+    for m in range(len(chain) - 1, -1, -1):
+        n, offset = faces.normal[chain[m]], faces.offset[chain[m]]
+        if m < len(chain) - 1:
+            for x in (first, second):
+                below, above = dot(images[m + 1], n) - offset, dot(x, n) - offset
+                x += above / (above - below) * (images[m + 1] - x)
+        middle = 0.5 * (first + second)
+        for k in range(len(parts.face)):
+            if parts.face[k] != chain[m]:
+                continue
+            for i in range(parts.count[k]):
+                corner = parts.corner[k, i]
+                along = parts.corner[k, (i + 1) % parts.count[k]] - corner
+                square = dot(along, along)
+                aside = np.cross(middle - corner, along)
+                if dot(aside, aside) < PLANE_M * PLANE_M * square and 0 < dot(middle - corner, along) < square:
+                    a[:], b[:] = first, second
+                    return m
+    return len(chain) - 1
+
+
+@compiled
 def _polygon(
     faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray,
-    mirrored: np.ndarray, polygon: np.ndarray, count: int, out: _Out,
+    mirrored: np.ndarray, parts: _Parts, polygon: np.ndarray, count: int, out: _Out,
 ) -> bool:  # fmt: skip
     """Write the paths of one convex polygon on the last face of a chain; returns False if `out` is too short."""
-    p = chain[len(chain) - 1]
+    p, before, none = chain[len(chain) - 1], chain[: len(chain) - 1], chain[:0]
     receiver, nodes = ends.receiver, len(wavenumbers)
+    images = np.empty((len(chain) + 1, 3))
+    images[0] = ends.source
+    for i in range(len(chain)):
+        images[i + 1] = np.array(image(faces, images[i], chain[i : i + 1], 1.0))
     wavenumber = wavenumbers[nodes // 2]
     normal = faces.normal[p]
     above, below = dot(receiver, normal) - faces.offset[p], dot(mirrored, normal) - faces.offset[p]
@@ -642,12 +701,15 @@ def _polygon(
     for q in range(nodes):
         scale[q] = 0.5 / wavenumbers[q]  # wavelength/(4 pi)
     if inside:
-        _factor(faces, te, tm, ends, chain, apex, mirror, 0.0, rho)
+        _factor(faces, te, tm, ends, chain, apex, none, receiver, mirror, 0.0, rho)
         for q in range(nodes):
             together[q] = scale[q] / straight * rho[q].conjugate()
     own = np.empty(nodes, np.complex128)
     for i in range(count):
-        a, b = polygon[i], polygon[(i + 1) % count]
+        a, b = polygon[i].copy(), polygon[(i + 1) % count].copy()
+        m = _edge_of(faces, parts, chain, images, a, b)
+        there, back = chain[: m + 1], chain[m + 1 :][::-1].copy()
+        apex, mirrored, receiver = images[m], images[m + 1], np.array(image(faces, ends.receiver, back, 1.0))
         size = distance(a, b)
         if size < 1e-9:
             continue
@@ -657,20 +719,23 @@ def _polygon(
         known = np.empty((2 * smooth + 1, nodes), np.complex128)
         shade = 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach)
         for j in range(2 * smooth + 1):
-            _factor(faces, te, tm, ends, chain, apex, a + (j / (2 * smooth)) * (b - a), shade, rho)
+            _factor(faces, te, tm, ends, there, apex, back, receiver, a + (j / (2 * smooth)) * (b - a), shade, rho)
             for q in range(nodes):
                 known[j, q] = rho[q].conjugate()
         foot = keller(a, along, mirrored, receiver)
         least = _over(mirrored, receiver, a[0] + foot * along[0], a[1] + foot * along[1], a[2] + foot * along[2]) - straight
         close = wavenumber * least < FAR
+        joined = joined or close
         # |r x s|^2 = |across|^2 (width^2 + (t - centre)^2), so that t = centre + width sinh(u) removes the pole of b at the mirror point.
         # `within` decides both W and the sign of b. Otherwise, rounding errors near a side would change the sum of both.
         across = np.cross(along, mirrored - receiver)
         square = max(dot(across, across), 1e-12 * straight * straight)
         centre = -dot(np.cross(a - mirrored, a - receiver), across) / square
-        width = max(abs(within[i]) * straight / square, CLOSEST_M)
+        volume = dot(np.cross(a - mirrored, a - receiver), along)
+        width = max(abs(volume) * straight / square, CLOSEST_M)
         around = (-1.0 if within[i] >= 0 else 1.0) / (16 * math.pi * straight)
         half = 0.5 * size / pieces
+        turned = sense if (len(chain) - m) % 2 else -sense  # every mirror reverses the sides
         for j in range(pieces):
             t1 = (2 * j + 1) * half
             t0, t2 = t1 - half, t1 + half
@@ -688,9 +753,9 @@ def _polygon(
                         u = u0 + (panel + 0.5 + 0.5 * _GAUSS[g]) * step
                         t = centre + width * math.sinh(u)
                         px, py, pz = a[0] + t * along[0], a[1] + t * along[1], a[2] + t * along[2]
-                        there, back = _length(mirrored, px, py, pz), _length(receiver, px, py, pz)
-                        density = around * _WEIGHT[g] * step * (straight * straight - (there - back) ** 2) / (there * back * math.cosh(u))
-                        length = there + back
+                        r, s = _length(mirrored, px, py, pz), _length(receiver, px, py, pz)
+                        density = around * _WEIGHT[g] * step * (straight * straight - (r - s) ** 2) / (r * s * math.cosh(u))
+                        length = r + s
                         w = _weight(wavenumber * (length - straight))
                         for q in range(nodes):
                             value = density * scale[q] * _parabola(known, smooth, t / size, q)
@@ -701,11 +766,11 @@ def _polygon(
                                 phase = wavenumbers[q] * (length - reference)
                                 own[q] += w * value * complex(math.cos(phase), math.sin(phase))
             else:
-                b0 = sense * half * _boundary(
+                b0 = turned * half * _boundary(
                     mirrored, receiver, a[0] + t0 * along[0], a[1] + t0 * along[1], a[2] + t0 * along[2], along[0], along[1], along[2]
                 )  # fmt: skip
-                b1 = sense * half * _boundary(mirrored, receiver, x1[0], x1[1], x1[2], along[0], along[1], along[2])
-                b2 = sense * half * _boundary(
+                b1 = turned * half * _boundary(mirrored, receiver, x1[0], x1[1], x1[2], along[0], along[1], along[2])
+                b2 = turned * half * _boundary(
                     mirrored, receiver, a[0] + t2 * along[0], a[1] + t2 * along[1], a[2] + t2 * along[2], along[0], along[1], along[2]
                 )  # fmt: skip
                 e0 = _over(mirrored, receiver, a[0] + t0 * along[0], a[1] + t0 * along[1], a[2] + t0 * along[2]) - reference
@@ -715,14 +780,14 @@ def _polygon(
                         b0 * _parabola(known, smooth, t0 / size, q), b1 * _parabola(known, smooth, t1 / size, q),
                         b2 * _parabola(known, smooth, t2 / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
                     )  # fmt: skip
-            if np.abs(own).max() > 0 and not _add(faces, ends, chain, apex, x1, own, len(chain), out):
+            if np.abs(own).max() > 0 and not _add(faces, ends, there[:m], apex, back, receiver, x1, own, out):
                 return False
     if not joined:
         return True
     for q in range(nodes):
         phase = wavenumbers[q] * (straight - rest_m)
         together[q] *= complex(math.cos(phase), math.sin(phase))
-    return _add(faces, ends, chain, apex, nearest, together, len(chain), out)
+    return _add(faces, ends, before, images[len(before)], none, ends.receiver, nearest, together, out)
 
 
 @innermost
@@ -807,14 +872,16 @@ def _width(faces: Faces, p: int, x: np.ndarray, way: np.ndarray) -> float:
 
 @compiled
 def _fringe(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumber: float, ends: _Ends, e: int, x: np.ndarray, shaded: float, out: np.ndarray
-) -> None:
+    faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumber: float, source: np.ndarray, receiver: np.ndarray, sent: np.ndarray,
+    got: np.ndarray, e: int, x: np.ndarray, shaded: float, out: np.ndarray,
+) -> None:  # fmt: skip
     """Write the received strength (Q,) of the fringe currents of edge `e` at x, per metre of the edge, without spreading and phase.
 
+    source, receiver: (3,) the antennas' images. sent, got: (Q, 3) fields of the antennas at x.
     shaded: share of the edge's wave that the shadow of the object contains.
     """
     out[:] = 0
-    before, after = x - ends.source, ends.receiver - x
+    before, after = x - source, receiver - x
     before /= math.sqrt(dot(before, before))
     after /= math.sqrt(dot(after, after))
     along, n = faces.along[e], faces.opening[e]
@@ -846,8 +913,6 @@ def _fringe(
     mirror0 = _excess(math.pi - (phi + phi0), n, mirrored0 + (short0 + begun0) * (1 - mirrored0))
     mirrorn = _excess(math.pi + (phi + phi0) - 2 * n * math.pi, n, mirroredn + (shortn + begunn) * (1 - mirroredn))
     enters, leaves = soft_and_hard(along, before), soft_and_hard(along, after)
-    sent, got = transverse(ends.transmit, before), transverse(ends.receive, after)
-    s_in, h_in, s_out, h_out = dot(sent, enters[0]), dot(sent, enters[1]), dot(got, leaves[0]), dot(got, leaves[1])
     for q in range(len(out)):
         ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
         ssn, shn, hhn = face_matrix(
@@ -856,53 +921,128 @@ def _fringe(
         soft = shadow + ss0 * mirror0 + ssn * mirrorn
         hard = shadow + hh0 * mirror0 + hhn * mirrorn
         mixed = sh0 * mirror0 + shn * mirrorn
+        s_in, h_in, s_out, h_out = 0j, 0j, 0j, 0j
+        for k in range(3):
+            s_in, h_in = s_in + sent[q, k] * enters[0][k], h_in + sent[q, k] * enters[1][k]
+            s_out, h_out = s_out + got[q, k] * leaves[0][k], h_out + got[q, k] * leaves[1][k]
         total = s_out * (soft * s_in + mixed * h_in) + h_out * (hard * h_in - mixed * s_in)
         out[q] = -total.conjugate() / (4 * math.pi)
 
 
+@innermost
+def _cut(inside: float, outside: float, low: float, high: float) -> tuple[float, float]:
+    """Return the part of an interval of t in which (1 - t) inside + t outside is positive."""
+    if inside < 0 and outside < 0:
+        return 1.0, 0.0
+    if inside < 0:
+        return max(low, inside / (inside - outside)), high
+    return low, min(high, inside / (inside - outside)) if outside < 0 else high
+
+
 @compiled
-def _fringes(faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, out: _Out) -> bool:
-    """Write the paths of fringe currents along all edges that source and receiver see; returns False if `out` is too short."""
-    nodes = len(wavenumbers)
-    wavenumber = wavenumbers[nodes // 2]
-    opaque, crossed = np.ones(1, np.bool_), np.empty(1, np.int64)
-    value, own = np.empty(nodes, np.complex128), np.empty(nodes, np.complex128)
-    none = np.zeros(1, np.int64)
+def _lit(faces: Faces, beams: _Beams, number: int) -> np.ndarray:
+    """Return the parts (B, E, 2) of all edges in metres that lie inside each beam that may be reflected once more, in the open sector of
+    the edge; an empty part has high <= low.
+    """
+    lit, planes = np.zeros((number, len(faces.length), 2)), np.empty((CORNERS + 1, 4))
+    for b in range(number):
+        m, place = beams.order[b], vector(beams.image, b)
+        if m == beams.chain.shape[1]:
+            continue
+        last = beams.chain[b, m - 1] if m else NO_FACE
+        bounds = _planes(faces, last, place, 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
+        for e in range(len(faces.length)):
+            a, size, low, high = vector(faces.start, e), faces.length[e], 0.0, 1.0
+            if last in (faces.sides[e, 0], faces.sides[e, 1]):
+                continue
+            if angle(faces, e, place[0] - a[0], place[1] - a[1], place[2] - a[2]) > faces.opening[e] * math.pi:
+                continue
+            end = moved(a, vector(faces.along, e), size)
+            for i in range(bounds):
+                low, high = _cut(_level(planes, i, a), _level(planes, i, end), low, high)
+            lit[b, e, 0], lit[b, e, 1] = size * low, size * high
+    return lit
+
+
+@compiled
+def _open(faces: Faces, tree: Hierarchy, beams: _Beams, b: int, x: np.ndarray, crossed: np.ndarray) -> bool:
+    """Return whether nothing is between a point and the last face of a beam, or the place of the beams."""
+    start = beams.image[b]
+    if beams.order[b]:
+        last = beams.chain[b, beams.order[b] - 1]
+        below, above = dot(start, faces.normal[last]) - faces.offset[last], dot(x, faces.normal[last]) - faces.offset[last]
+        start = start + below / (below - above) * (x - start)
+    return obstacles.crossed(tree, start, x, np.ones(1, np.bool_), crossed) >= 0
+
+
+@compiled
+def _fringes(
+    faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, beams: _Beams, number: int,
+    others: _Beams, received: int, out: _Out,
+) -> bool:  # fmt: skip
+    """Write the paths of fringe currents along all edges in the beams of source and receiver; returns False if `out` is too short.
+
+    others: beams of the receiver.
+    """
+    lit = _lit(faces, beams, number)
+    shown = lit if ends.together else _lit(faces, others, received)
     for e in range(len(faces.length)):
         if faces.opening[e] <= 1:  # currents in an inner corner are those of several reflections
             continue
-        a, along, size = faces.start[e], faces.along[e], faces.length[e]
-        way, back = ends.source - a, ends.receiver - a
-        limit = faces.opening[e] * math.pi
-        if angle(faces, e, way[0], way[1], way[2]) > limit or angle(faces, e, back[0], back[1], back[2]) > limit:
+        for b in range(number):
+            for c in range(received):
+                low, high = max(lit[b, e, 0], shown[c, e, 0]), min(lit[b, e, 1], shown[c, e, 1])
+                if beams.order[b] + others.order[c] >= beams.chain.shape[1] or high - low < SHORTEST_M:
+                    continue
+                if not _edge(faces, tree, te, tm, wavenumbers, ends, e, low, high, beams, b, others, c, out):
+                    return False
+    return True
+
+
+@compiled
+def _edge(
+    faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, e: int, low: float, high: float,
+    beams: _Beams, b: int, others: _Beams, c: int, out: _Out,
+) -> bool:  # fmt: skip
+    """Write the paths of fringe currents along a part of an edge, out over beam `b` and back over beam `c` of the others."""
+    nodes = len(wavenumbers)
+    wavenumber = wavenumbers[nodes // 2]
+    crossed = np.empty(1, np.int64)
+    value, own = np.empty(nodes, np.complex128), np.empty(nodes, np.complex128)
+    sent, got = np.empty((nodes, 3), np.complex128), np.empty((nodes, 3), np.complex128)
+    there, back, source = beams.chain[b, : beams.order[b]], others.chain[c, : others.order[c]], beams.image[b]
+    receiver = np.array(image(faces, ends.receiver, back, 1.0))
+    along, size = faces.along[e], high - low
+    a = faces.start[e] + low * along
+    pieces, smooth = _divisions(a, a + size * along, source, receiver, wavenumber)
+    pieces, smooth = max(pieces, 1), max(smooth, 1)
+    known = np.empty((2 * smooth + 1, nodes), np.complex128)
+    shaded = edge_share(a, along, source, receiver, wavenumber, ends.reach)
+    for j in range(2 * smooth + 1):
+        x = a + j / (2 * smooth) * size * along
+        _arriving(faces, te, tm, ends.transmit, there, source, x, sent)
+        _arriving(faces, te, tm, ends.receive, back, receiver, x, got)
+        _fringe(faces, te, tm, wavenumber, source, receiver, sent, got, e, x, shaded, value)
+        known[j] = value
+    half = 0.5 * size / pieces
+    middle = 0.5 * faces.opening[e] * math.pi
+    aside = 2 * obstacles.CLEAR_M * (math.cos(middle) * faces.into[e] + math.sin(middle) * faces.up[e])
+    for j in range(pieces):
+        t1 = (2 * j + 1) * half
+        x0, x1, x2 = a + (t1 - half) * along, a + t1 * along, a + (t1 + half) * along
+        if not _open(faces, tree, beams, b, x1 + aside, crossed):
             continue
-        b = a + size * along
-        pieces, smooth = _divisions(a, b, ends.source, ends.receiver, wavenumber)
-        pieces, smooth = max(pieces, 1), max(smooth, 1)
-        known = np.empty((2 * smooth + 1, nodes), np.complex128)
-        shaded = edge_share(a, along, ends.source, ends.receiver, wavenumber, ends.reach)
-        for j in range(2 * smooth + 1):
-            _fringe(faces, te, tm, wavenumber, ends, e, a + (j / (2 * smooth)) * (b - a), shaded, value)
-            known[j] = value
-        half = 0.5 * size / pieces
-        middle = 0.5 * limit
-        aside = 2 * obstacles.CLEAR_M * (math.cos(middle) * faces.into[e] + math.sin(middle) * faces.up[e])
-        for j in range(pieces):
-            t1 = (2 * j + 1) * half
-            x0, x1, x2 = a + (t1 - half) * along, a + t1 * along, a + (t1 + half) * along
-            if obstacles.crossed(tree, ends.source, x1 + aside, opaque, crossed) < 0:
-                continue
-            if not ends.together and obstacles.crossed(tree, ends.receiver, x1 + aside, opaque, crossed) < 0:
-                continue
-            reference = distance(ends.source, x1) + distance(x1, ends.receiver)
-            e0 = distance(ends.source, x0) + distance(x0, ends.receiver) - reference
-            e2 = distance(ends.source, x2) + distance(x2, ends.receiver) - reference
-            spread = half / (distance(ends.source, x1) * distance(x1, ends.receiver))
-            for q in range(nodes):
-                own[q] = spread * 0.5 / wavenumbers[q] * _piece(
-                    _parabola(known, smooth, (t1 - half) / size, q), _parabola(known, smooth, t1 / size, q),
-                    _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
-                )  # fmt: skip
-            if np.abs(own).max() > 0 and not _add(faces, ends, none, ends.source, x1, own, ONE_BOUNCE, out):
-                return False
+        if not (ends.together and b == c) and not _open(faces, tree, others, c, x1 + aside, crossed):
+            continue
+        reference = distance(source, x1) + distance(x1, receiver)
+        e0 = distance(source, x0) + distance(x0, receiver) - reference
+        e2 = distance(source, x2) + distance(x2, receiver) - reference
+        spread = half / (distance(source, x1) * distance(x1, receiver))
+        for q in range(nodes):
+            own[q] = spread * 0.5 / wavenumbers[q] * _piece(
+                _parabola(known, smooth, (t1 - half) / size, q), _parabola(known, smooth, t1 / size, q),
+                _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
+            )  # fmt: skip
+        if np.abs(own).max() > 0 and not _add(faces, ends, there, source, back, receiver, x1, own, out):
+            return False
     return True

@@ -33,6 +33,7 @@ FEW = 3  # number of steps to estimate the two points of a double diffraction
 # 1.1e-3.
 BOUND_OF_DOUBLES = 16.0
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
+EQUAL_M = 1e-9  # corners of a lit polygon that are closer than this are one corner, whose side gives no plane
 BOTH = 2.25  # an edge changes a field by a factor of at most 1.5, and a path has at most two edges
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
 
@@ -97,9 +98,12 @@ def _planes(faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndar
         return 0
     side = -1.0 if height > 0 else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
-    middle = _middle(polygon, count)
+    middle, used = _middle(polygon, count), 1
     for i in range(count):
         one, two = vector(polygon, i), vector(polygon, (i + 1) % count)
+        length = distance(one, two)
+        if length < EQUAL_M:
+            continue
         ax, ay, az, bx, by, bz = one[0] - at[0], one[1] - at[1], one[2] - at[2], two[0] - at[0], two[1] - at[1], two[2] - at[2]
         normal = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         side = 1 / max(math.sqrt(dot(normal, normal)), 1e-30)
@@ -107,17 +111,17 @@ def _planes(faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndar
             side = -side
         inwards = side * normal[0], side * normal[1], side * normal[2]
         # turn the plane about the side of the polygon until it touches the ball: by the angle under which the side sees the radius
-        length = distance(one, two)
-        way = toward(one, two, max(length, 1e-30))
+        way = toward(one, two, length)
         foot = moved(one, way, dot((at[0] - one[0], at[1] - one[1], at[2] - one[2]), way))
         away = distance(at, foot)
         sine = min(radius / max(away, 1e-30), 1.0)
         cosine = math.sqrt(1 - sine * sine)
         back = toward(foot, at, max(away, 1e-30))
         for k in range(3):
-            out[1 + i, k] = cosine * inwards[k] - sine * back[k]
-        out[1 + i, 3] = out[1 + i, 0] * one[0] + out[1 + i, 1] * one[1] + out[1 + i, 2] * one[2]
-    return 1 + count
+            out[used, k] = cosine * inwards[k] - sine * back[k]
+        out[used, 3] = out[used, 0] * one[0] + out[used, 1] * one[1] + out[used, 2] * one[2]
+        used += 1
+    return used
 
 
 @innermost
