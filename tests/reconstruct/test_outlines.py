@@ -79,6 +79,17 @@ def test_walls_of_a_convex_room_share_the_corners_of_the_room(tmp_path, name, de
     assert sum(s.mesh.area for s in scene) == pytest.approx(room.area, rel=1e-5)
 
 
+def test_faces_of_a_narrow_pilaster_end_at_each_other_and_at_the_wall(tmp_path):
+    deep, wide, front = 0.08, 0.3, W - 0.08
+    sides = [((2, front, 0), X, (wide, H)), ((2, W, 0), -Y, (deep, H)), ((2 + wide, front, 0), Y, (deep, H))]
+    pieces = [*(rectangle(*side) for side in inner_sides(SIZE)), *(rectangle(corner, along, Z, size) for corner, along, size in sides)]
+    scene = reconstruct(saved(scan(pieces), tmp_path), options=ScanOptions(up="z"))
+    corners = np.array(list(itertools.product((2, 2 + wide), (front, W), (0, H))))
+    vertices = np.vstack([s.mesh.vertices for s in scene if s.kind != "room" or s.mesh.area < 2])
+    assert np.linalg.norm(vertices[:, None] - corners, axis=2).min(axis=1).max() < 1e-5
+    assert sum(s.mesh.area for s in scene) == pytest.approx(2 * (L * W + L * H + W * H) + (wide + 2 * deep) * H, abs=1e-3)
+
+
 @pytest.mark.slow
 def test_box_and_its_reconstruction_have_the_same_range_profiles(tmp_path):
     box = trimesh.creation.box((4, 3, 2.5)).apply_transform(trimesh.transformations.rotation_matrix(np.radians(17), Z))

@@ -28,6 +28,7 @@ from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, th
 from radartwin.reconstruct.segmentation.grid import Grid
 
 CELL_M = 0.02
+NARROW_CELLS = 5  # a narrow plane has at least this number of cells across, so that its two borders are not mistaken for each other
 CLOSING_M = 0.06  # gaps in a segment narrower than twice this length count as noise and are closed
 SEAM_M = 0.1  # segments with a shorter common edge do not count as touching
 COPLANAR = np.cos(np.radians(4.0))
@@ -243,7 +244,8 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
     assert root.normal is not None
     together = np.concatenate([room.segments[k].faces for k in group])
     edge = float(np.sqrt(2 * np.median(faces.area[together])))
-    cell = float(np.clip(0.8 * edge, CELL_M, 0.05))
+    width = faces.area[together].sum() / np.linalg.norm(np.ptp(faces.corners[together].reshape(-1, 3), axis=0))
+    cell = float(np.clip(min(0.8 * edge, width / NARROW_CELLS), CELL_M, 0.05))
     samples = {k: covered(faces.corners[room.segments[k].faces], 0.7 * cell)[0] for k in group}
     points = np.vstack(list(samples.values()))
     grid = Grid.around(points, root.normal, root.offset_m, cell)
