@@ -353,5 +353,5 @@ reconstruct/outlines/complete: reconstruct/test_outlines
 spanned | np.minimum(np.median(counts[counts > 0]), most) | np.median(counts[counts > 0]) | the tip of an acute corner is cut off
 
 reconstruct/segmentation/bodies: reconstruct/test_outlines
-room_bounds | last or (segment.normal[2] < -LEVEL and np.median(z) > high - 0.3) | np.median(z) > high - 0.3 | a wall does not end at the slopes of a roof
+room_bounds | segment.normal[2] < 0 | segment.normal[2] < -LEVEL | a wall does not end at the slopes of a roof
 """

@@ -254,11 +254,10 @@ def _cornered(stretch: _Stretch, others: Sequence[_Stretch], grid: Grid) -> tupl
         corner, into, extended, deepest = t, stretch.left, 0.0, np.inf
         nearest = reach
         for other in others:
-            turn = _cross(stretch, other)
+            turn = _cross(stretch.along, other.along)
             if abs(turn) < SHALLOW:
                 continue
-            step = other.point - stretch.point
-            at = (step[0] * other.along[1] - step[1] * other.along[0]) / turn
+            at = _cross(other.point - stretch.point, other.along) / turn
             along_other = (stretch.at(at) - other.point) @ other.along
             away, near = abs((at - t) * turn), reach / abs(turn)  # lines of a shallow corner are near each other over a longer distance
             if away < nearest and other.start - near < along_other < other.stop + near:
@@ -277,5 +276,5 @@ def _cornered(stretch: _Stretch, others: Sequence[_Stretch], grid: Grid) -> tupl
     return Polygon(cut).buffer(0), Polygon(fill).buffer(0)
 
 
-def _cross(first: _Stretch, second: _Stretch) -> float:
-    return float(first.along[0] * second.along[1] - first.along[1] * second.along[0])
+def _cross(first: np.ndarray, second: np.ndarray) -> float:
+    return float(first[0] * second[1] - first[1] * second[0])
