@@ -207,7 +207,7 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
     parts = _cells_of_each(grid, samples)
     whole = masks.closed(np.any([masks.closed(grid.counts(p) > 0, radius) for p in samples.values()], axis=0), radius)
     walls = [(s.normal, s.offset_m) for k, s in enumerate(room.segments) if room.bounds[k] and k not in group and s.normal is not None]
-    possible = within(grid, whole, walls if limits else [])
+    possible = within(grid, whole, walls) if limits else np.ones_like(whole)
     frame = spanned(whole, possible, MIN_ROOM_SHARE if limits else MIN_OBJECT_SHARE)
     if limits and frame is not None:
         whole &= frame
