@@ -43,15 +43,51 @@ def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
     assert all((inside - s.mesh.triangles_center[0]) @ s.mesh.face_normals[0] > 0 for s in scene)
 
 
+def polar(count, radius):
+    return [(radius * np.cos(t), radius * np.sin(t)) for t in 2 * np.pi * np.arange(count) / count]
+
+
+UPRIGHT = trimesh.transformations.euler_matrix(np.pi / 2, 0, np.pi / 2)  # lays a profile of y and z along x
+SHAPES = {  # corners of the floor, or of the end wall of a gable
+    "box": [(0, 0), (4, 0), (4, 3), (0, 3)],
+    "60 degrees": [(0, 0), (4, 0), (2, 12**0.5)],
+    "45 degrees": [(0, 0), (4, 0), (2, 2)],
+    "30 and 150 degrees": [(0, 0), (5, 0), (5 + 75**0.5 / 2, 2.5), (75**0.5 / 2, 2.5)],
+    "120 degrees": polar(6, 2.5),
+    "twelve walls": polar(12, 3.0),
+    "seven walls": polar(7, 1.9),
+    "slanted wall": [(0, 0), (5, 0), (3.5, 2), (1, 2)],
+    "89 degrees": [(0, 0), (4, 0.07), (3.9, 3), (0, 3)],
+    "roof of 27 degrees": [(0, 0), (4, 0), (4, 2), (2, 3), (0, 2)],
+    "roof of 15 degrees": [(0, 0), (4, 0), (4, 2), (2, 2.536), (0, 2)],
+    "attic": [(0, 0), (5, 0), (5, 0.6), (2.5, 2.9), (0, 0.6)],
+    "one slope": [(0, 0), (4, 0), (4, 4.3), (0, 2)],
+}
+
+
 @pytest.mark.parametrize("degrees", [0, 17, 64])
-def test_perfect_box_comes_back_as_that_box(tmp_path, degrees):
-    box = trimesh.creation.box((4, 3, 2.5), trimesh.transformations.rotation_matrix(np.radians(degrees), Z, [0.3, -0.2, 0]))
-    box.apply_translation([0.13, -0.27, 1.25]).invert()
-    scene = reconstruct(saved(box, tmp_path), options=ScanOptions(up="z"))
-    assert {len(s.mesh.faces) for s in scene} == {2}
+@pytest.mark.parametrize("name", SHAPES)
+def test_walls_of_a_convex_room_share_the_corners_of_the_room(tmp_path, name, degrees):
+    room = trimesh.creation.extrude_polygon(Polygon(SHAPES[name]), 2.5)
+    room.apply_transform(UPRIGHT if "roof" in name or name in ("attic", "one slope") else np.eye(4))
+    room.apply_transform(trimesh.transformations.rotation_matrix(np.radians(degrees), Z, [0.3, -0.2, 0]))
+    room.apply_translation([0.13, -0.27, 1.25]).invert()
+    scene = reconstruct(saved(room, tmp_path), options=ScanOptions(up="z"))
     corners, uses = np.unique(np.vstack([s.mesh.vertices for s in scene]), axis=0, return_counts=True)
-    assert uses.tolist() == [3] * 8  # each corner is exactly the same point in three surfaces
-    assert np.linalg.norm(corners[:, None] - box.vertices, axis=2).min(axis=0).max() < 1e-6  # of the float32 coordinates of the file
+    assert uses.tolist() == [3] * len(room.vertices)  # each corner is exactly the same point in three surfaces
+    assert np.linalg.norm(corners[:, None] - room.vertices, axis=2).min(axis=0).max() < 1e-5
+    assert sum(s.mesh.area for s in scene) == pytest.approx(room.area, rel=1e-5)
+
+
+def test_faces_of_a_narrow_pilaster_end_at_each_other_and_at_the_wall(tmp_path):
+    deep, wide, front = 0.08, 0.3, W - 0.08
+    sides = [((2, front, 0), X, (wide, H)), ((2, W, 0), -Y, (deep, H)), ((2 + wide, front, 0), Y, (deep, H))]
+    pieces = [*(rectangle(*side) for side in inner_sides(SIZE)), *(rectangle(corner, along, Z, size) for corner, along, size in sides)]
+    scene = reconstruct(saved(scan(pieces), tmp_path), options=ScanOptions(up="z"))
+    corners = np.array(list(itertools.product((2, 2 + wide), (front, W), (0, H))))
+    vertices = np.vstack([s.mesh.vertices for s in scene if s.kind != "room" or s.mesh.area < 2])
+    assert np.linalg.norm(vertices[:, None] - corners, axis=2).min(axis=1).max() < 1e-5
+    assert sum(s.mesh.area for s in scene) == pytest.approx(2 * (L * W + L * H + W * H) + (wide + 2 * deep) * H, abs=1e-3)
 
 
 @pytest.mark.slow

@@ -76,6 +76,7 @@ def test_objects_show_their_outside_and_rooms_their_inside(tmp_path):
             loaded, report = load_scan(path, up="z")
             assert np.sign(loaded.volume) == sign
             assert report.turned == (np.sign(mesh.volume) != sign)
+            assert any("turned" in line for line in report.lines()) == report.turned
             assert report.is_object == (name == "can")
     cabinet = write_obj(tmp_path / "cabinet.obj", *(lambda m: (m.vertices, m.faces))(trimesh.creation.box((2, 1, 0.6))))
     assert load_scan(cabinet, up="z", is_object=True)[0].volume > 0

@@ -79,15 +79,6 @@ def test_every_face_is_in_exactly_one_segment_and_planes_come_first(noise_m):
     assert planar == sorted(planar, reverse=True)
 
 
-def test_walls_of_two_triangles_are_planes():
-    box = trimesh.creation.box(SIZE)
-    box.invert()
-    segments = segmented(box)
-    assert [len(s.faces) for s in segments] == [2] * 6
-    assert [round(s.area_m2, 6) for s in segments] == [30, 30, 16.8, 16.8, 14, 14]
-    assert all(s.normal is not None and np.isclose(np.abs(s.normal).max(), 1) for s in segments)
-
-
 def test_sphere_is_not_a_plane():
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.15)
     segments = segmented(ball)

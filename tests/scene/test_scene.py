@@ -87,42 +87,31 @@ def test_a_plain_mesh_needs_one_material(tmp_path, suffix):
     assert np.allclose(surface.mesh.bounds, [[-1, -1, -1], [1, 1, 1]])
 
 
-def test_missing_damaged_and_unsupported_files_are_refused(tmp_path):
-    with pytest.raises(MissingError, match=r"gone\.ply"):
-        Scene.load(tmp_path / "gone.ply", material="metal")
-    broken = tmp_path / "broken.glb"
-    broken.write_bytes(b"glTF but not really")
-    with pytest.raises(MeshError, match=r"broken\.glb cannot be read"):
-        Scene.load(broken, material="metal")
-    foreign = tmp_path / "room.dwg"
-    foreign.write_bytes(b"AC1032")
-    with pytest.raises(MeshError, match=r"room\.dwg"):
-        Scene.load(foreign, material="metal")
-    for error in (MissingError, MeshError):
-        assert issubclass(error, ValueError | OSError)
+NAN = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n"
+)
+UNUSABLE = {  # {file: (content, message)}
+    "broken.glb": ("glTF but not really", r"broken\.glb cannot be read"),
+    "room.dwg": ("AC1032", r"room\.dwg"),
+    "nan.ply": (NAN, r"nan\.ply.*NaN"),
+    "points.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"points\.obj"),
+}
 
 
-def test_nan_vertices_are_refused(tmp_path):
+@pytest.mark.parametrize("name", UNUSABLE)
+def test_missing_and_unusable_meshes_are_refused(tmp_path, name):
+    content, message = UNUSABLE[name]
+    with pytest.raises(MissingError, match=name):
+        Scene.load(tmp_path / name, material="metal")
+    (tmp_path / name).write_text(content)
+    with pytest.raises(MeshError, match=message):
+        Scene.load(tmp_path / name, material="metal")
     mesh = box()
     mesh.vertices[3, 1] = np.nan
-    with pytest.raises(MeshError, match=r"'lid'.*1 of 8 vertices are NaN"):
-        Surface(mesh, "metal", "lid")
-    path = tmp_path / "nan.ply"
-    path.write_text(
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n"
-    )
-    with pytest.raises(MeshError, match=r"nan\.ply.*NaN"):
-        Scene.load(path)
-
-
-def test_empty_meshes_are_refused(tmp_path):
-    with pytest.raises(MeshError, match="empty"):
-        Surface(trimesh.Trimesh(), "metal")
-    path = tmp_path / "points.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
-    with pytest.raises(MeshError, match=r"points\.obj"):
-        Scene.load(path, material="metal")
+    for wrong, words in ((mesh, r"'lid'.*1 of 8 vertices are NaN"), (trimesh.Trimesh(), "empty")):
+        with pytest.raises(MeshError, match=words):
+            Surface(wrong, "metal", "lid")
 
 
 @pytest.mark.parametrize(("size", "hint"), [(6400.0, "millimetres"), (250.0, "centimetres"), (5e7, "convert the coordinates to metres")])

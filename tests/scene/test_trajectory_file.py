@@ -68,7 +68,9 @@ def test_a_mounted_sensor_moves_with_its_body():
 
 
 LINE = "0 0 0 0.4 0 0 0 1\n"
-WRONG = {
+WRONG = {  # {case: (text, part of the message)}; a text that begins with "t," is a CSV file
+    "a picture": (bytes(range(128, 256)).decode("latin-1"), "text"),
+    "a missing column": ("t,x,y\n0,0,0\n", "lacks the column z, qx"),
     "nothing in it": ("", "0 poses"),
     "one pose": (LINE, "at least two"),
     "a word": (LINE + "1 0 0 x 0 0 0 1\n", "line 2: 8 numbers"),
@@ -86,20 +88,11 @@ WRONG = {
 
 @pytest.mark.parametrize(("text", "word"), WRONG.values(), ids=WRONG)
 def test_an_invalid_file_is_refused_with_its_line(text, word, tmp_path):
-    path = tmp_path / "run.tum"
-    path.write_text(text)
+    path = tmp_path / ("run.csv" if text.startswith("t,") else "run.tum")
+    path.write_bytes(text.encode("latin-1"))
     with pytest.raises(PoseError, match=word) as caught:
         read_track(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_missing_binary_and_incomplete_files_are_refused(tmp_path):
     with pytest.raises(MissingError, match="TUM or CSV"):
         read_track(tmp_path / "none.txt")
-    (tmp_path / "picture.txt").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(PoseError, match="text"):
-        read_track(tmp_path / "picture.txt")
-    (tmp_path / "run.csv").write_text("t,x,y\n0,0,0\n")
-    with pytest.raises(PoseError, match="lacks the column z, qx"):
-        read_track(tmp_path / "run.csv")

@@ -101,36 +101,39 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     return Completed(out, panes, filled, opened, closed)
 
 
-def spanned(mask: np.ndarray, min_share: float) -> np.ndarray | None:
-    """Return a mask of the rectangle, along the grid axes, that a plane spans.
+def spanned(mask: np.ndarray, possible: np.ndarray, min_share: float) -> np.ndarray | None:
+    """Return a mask of the `possible` cells in the rectangle, along the grid axes, that a plane spans.
 
-    The function returns None if the plane covers less than the fraction `min_share` of this rectangle.
+    The function returns None if the plane covers less than the fraction `min_share` of these cells.
 
-    Nearly empty rows and columns at the border are ignored, because their cells are noise beyond the edge of the plane.
+    Nearly empty rows and columns at the border are ignored, because their cells are noise beyond the edge of the plane. A row in the tip
+    of an acute corner is not nearly empty, because the walls leave few cells in the row.
     """
     if not mask.any():
         return None
     sides = []
     for k in range(2):
-        counts = mask.sum(axis=1 - k)
-        sides.append(np.flatnonzero(counts > MIN_ROW * np.median(counts[counts > 0])))
+        counts, most = mask.sum(axis=1 - k), possible.sum(axis=1 - k)
+        sides.append(np.flatnonzero(counts > MIN_ROW * np.minimum(np.median(counts[counts > 0]), most)))
     x, y = sides
     frame = np.zeros_like(mask)
     frame[x[0] : x[-1] + 1, y[0] : y[-1] + 1] = True
+    frame &= possible
     return frame if (mask & frame).sum() >= min_share * frame.sum() else None
 
 
-def within(grid: Grid, frame: np.ndarray, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
-    """Remove the cells behind walls (normal, offset in metres) from the mask `frame`.
+def within(grid: Grid, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float]]) -> np.ndarray:
+    """Return a mask of the cells that are not behind a wall (normal, offset in metres).
 
-    A wall is ignored if more than a small part of the scanned plane lies behind it.
+    A wall is ignored if more than a small part of the scanned plane, the cells of `mask`, lies more than a cell behind it.
     """
     x, y = np.indices(mask.shape)
     places = grid.to_space(grid.low + (np.stack([x, y], axis=-1) + 0.5) * grid.cell_m)
+    frame = np.ones_like(mask)
     for normal, offset in walls:
-        behind = places @ normal < offset
-        if (mask & behind).sum() < MIN_ROW / 10 * mask.sum():
-            frame = frame & ~behind
+        before = places @ normal - offset
+        if (mask & (before < -grid.cell_m)).sum() < MIN_ROW / 10 * mask.sum():
+            frame &= before >= 0
     return frame
 
 

@@ -17,7 +17,9 @@ from radartwin.reconstruct.segmentation.faces import Segment
 
 # a plane is rotated to a regular direction (upright, level or along the walls) if its normal is within this angle of the direction
 NEARLY = np.radians(1.5)
-SLACK_M = 0.003  # and if the rotation increases the mean square distance between plane and faces by at most the square of this length
+# and if the rotation increases the root mean square distance between plane and faces by at most NOISES times the noise, or SLACK_M if that
+# is less; the faces of a model have no noise, so that its walls keep their directions within EXACT_M
+NOISES, SLACK_M, EXACT_M = 2.0, 0.003, 1e-4
 
 
 def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Segment], float]:
@@ -39,16 +41,20 @@ def regular(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> tuple[list[Se
         offset = float(weight @ (at @ normal))
         before = weight @ (at @ segment.normal - segment.offset_m) ** 2
         after = weight @ (at @ normal - offset) ** 2
-        keep = after <= before + SLACK_M**2
+        keep = after <= before + min(NOISES**2 * before + EXACT_M**2, SLACK_M**2)
         out.append(replace(segment, normal=normal, offset_m=offset) if keep else segment)
     return out, main
 
 
 def _main_direction(segments: Sequence[Segment]) -> float:
-    """Return the area-weighted mean heading of the normals of all walls in radians, modulo 90 degrees; 0 without walls."""
+    """Return the heading of the normals of most of the wall area in radians, modulo 90 degrees; 0 without walls."""
     upright = [s for s in segments if s.normal is not None and abs(s.normal[2]) < np.sin(np.radians(5.0))]
-    total = sum(s.area_m2 * np.exp(4j * np.arctan2(s.normal[1], s.normal[0])) for s in upright if s.normal is not None)
-    return float(np.angle(total)) / 4 if upright else 0.0
+    if not upright:
+        return 0.0
+    turned = np.array([(s.normal[0] + 1j * s.normal[1]) ** 4 for s in upright if s.normal is not None])  # equal for walls at right angles
+    area = np.array([s.area_m2 for s in upright])
+    near = np.abs(np.angle(turned[:, None] / turned)) < 4 * NEARLY
+    return float(np.angle(area * near[(near @ area).argmax()] @ turned)) / 4
 
 
 def _nearest_regular(normal: np.ndarray, main: float) -> np.ndarray | None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 from scipy.ndimage import binary_dilation, median_filter
-from shapely import Polygon, box, make_valid, unary_union
+from shapely import Polygon, box, coverage_simplify, make_valid, unary_union
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
@@ -28,11 +28,13 @@ from radartwin.reconstruct.segmentation.grid import Grid
 
 REACH_CELLS = 4  # a border moves onto an intersection line if it is at most this number of cells away from the line
 CORNER_CELLS = 6.0  # and its ends move to a corner with another line at most this number of cells away
+SHALLOW = np.sin(np.radians(17.0))  # two planes, or two lines in a plane, form no corner at a smaller angle
 SHORTEST_CELLS = 3  # shorter stretches keep their traced shape
 SQUARE = np.cos(np.radians(12.0))  # an edge turns into a main direction if its angle to this direction is at most 12 degrees
 STRAIGHT_CELLS = 0.2  # largest standard deviation from a line, in cells, of a border of faces that counts as straight, as in a model
 STRAIGHT_M = 0.1  # shorter edges away from other planes keep their traced shape
 SMALLEST_M2 = 0.004
+WELD_M = 1e-4  # polygon vertices nearer than this are equal except for rounding errors of the polygon operations
 RAGGED = 0.1  # largest area in which the cells and the fitted rectangle differ, relative to the area of the rectangle
 
 
@@ -91,7 +93,9 @@ def polygon(grid: Grid, mask: np.ndarray, cuts: Sequence[Cut], border: np.ndarra
     out = unary_union(pieces)
     cornered = [_cornered(stretch, stretches, grid) for stretch in stretches]
     out = out.difference(unary_union([beyond for beyond, _ in cornered])).union(unary_union([inside for _, inside in cornered]))
-    return out.simplify(0.3 * grid.cell_m)
+    c = grid.cell_m
+    out = out.buffer(0.1 * c, join_style="mitre").buffer(-0.1 * c, join_style="mitre")  # without the slits between the parts
+    return coverage_simplify(out, 0.02 * c).simplify(0.3 * c)  # first without the points on straight edges
 
 
 def rectangle(grid: Grid, mask: np.ndarray) -> BaseGeometry | None:
@@ -138,7 +142,7 @@ def meeting_line(grid: Grid, normal: np.ndarray, offset: float, places: np.ndarr
     """
     inside = grid.axes @ normal
     length = float(np.linalg.norm(inside))
-    if length < 0.5:
+    if length < SHALLOW:
         return None
     # A point of the grid's plane is x = u axes + offset_m normal, so inside . u = offset - offset_m normal . other.
     point = inside * (offset - grid.offset_m * float(grid.normal @ normal)) / length**2
@@ -243,34 +247,34 @@ def _free(a: np.ndarray, b: np.ndarray, ended: Sequence[_Stretch], border: np.nd
 def _cornered(stretch: _Stretch, others: Sequence[_Stretch], grid: Grid) -> tuple[BaseGeometry, BaseGeometry]:
     """Let a stretch end at its corners with other stretches. Return the parts beyond the line, to be cut off, and inside, to be filled."""
     reach = CORNER_CELLS * grid.cell_m
-    over, short = stretch.over + grid.cell_m, stretch.short + grid.cell_m
+    off = (1.2 + 0.5) * grid.cell_m  # largest distance of the traced polygon from the border of the cells
+    over, short = stretch.over + off, stretch.short + off
     beyond, inside = [], []
     for t, outwards in ((stretch.start, -1), (stretch.stop, 1)):
-        corner, into, extended = t, stretch.left, 0.0
+        corner, into, extended, deepest = t, stretch.left, 0.0, np.inf
         nearest = reach
         for other in others:
-            turn = _cross(stretch, other)
-            if abs(turn) < 0.3:
+            turn = _cross(stretch.along, other.along)
+            if abs(turn) < SHALLOW:
                 continue
-            step = other.point - stretch.point
-            at = (step[0] * other.along[1] - step[1] * other.along[0]) / turn
+            at = _cross(other.point - stretch.point, other.along) / turn
             along_other = (stretch.at(at) - other.point) @ other.along
-            if abs(at - t) < nearest and other.start - reach < along_other < other.stop + reach:
-                nearest, corner = abs(at - t), at
+            away, near = abs((at - t) * turn), reach / abs(turn)  # lines of a shallow corner are near each other over a longer distance
+            if away < nearest and other.start - near < along_other < other.stop + near:
+                nearest, corner = away, at
                 into = other.along / (other.along @ stretch.left)  # along the other line to a depth of one metre inside
                 convex = (stretch.at((stretch.start + stretch.stop) / 2) - other.point) @ other.left > 0
                 extended = reach if convex else 0.0
-        short = max(short, min(abs(corner - t), reach) + grid.cell_m) if corner != t else short
-        beyond.append((corner + outwards * extended, stretch.left))
-        inside.append((corner, into))
+                deepest = (other.stop - other.start) * abs(turn)
+        short = max(short, min(abs(corner - t), reach) + off) if corner != t else short
+        beyond.append(corner + outwards * extended)
+        inside.append((corner, into, deepest))
     if inside[0][0] >= inside[1][0]:
         return Polygon(), Polygon()
-    quads = []
-    for ends, depth in ((beyond, -over), (inside, short)):
-        near, far = [stretch.at(t) for t, _ in ends], [stretch.at(t) + depth * into for t, into in ends]
-        quads.append(Polygon([*near, *far[::-1]]).buffer(0))
-    return quads[0], quads[1]
+    cut = [stretch.at(t) for t in beyond] + [stretch.at(t) - over * stretch.left for t in beyond[::-1]]
+    fill = [stretch.at(t) for t, *_ in inside] + [stretch.at(t) + min(short, deepest) * into for t, into, deepest in inside[::-1]]
+    return Polygon(cut).buffer(0), Polygon(fill).buffer(0)
 
 
-def _cross(first: _Stretch, second: _Stretch) -> float:
-    return float(first.along[0] * second.along[1] - first.along[1] * second.along[0])
+def _cross(first: np.ndarray, second: np.ndarray) -> float:
+    return float(first[0] * second[1] - first[1] * second[0])

@@ -28,7 +28,7 @@ from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, th
 from radartwin.reconstruct.segmentation.grid import Grid
 
 CELL_M = 0.02
-WELD_M = 1e-6  # polygon vertices nearer than this are equal except for rounding errors
+NARROW_CELLS = 5  # a narrow plane has at least this number of cells across, so that its two borders are not mistaken for each other
 CLOSING_M = 0.06  # gaps in a segment narrower than twice this length count as noise and are closed
 SEAM_M = 0.1  # segments with a shorter common edge do not count as touching
 COPLANAR = np.cos(np.radians(4.0))
@@ -152,7 +152,7 @@ def _weld(flats: Sequence[Flat]) -> None:
     if not flats:
         return
     vertices = np.vstack([flat.mesh.vertices for flat in flats])
-    _, part = connected_components(KDTree(vertices).sparse_distance_matrix(KDTree(vertices), WELD_M), directed=False)
+    _, part = connected_components(KDTree(vertices).sparse_distance_matrix(KDTree(vertices), outline.WELD_M), directed=False)
     first = np.unique(part, return_index=True)[1]
     welded = np.split(vertices[first[part]], np.cumsum([len(flat.mesh.vertices) for flat in flats])[:-1])
     for flat, corners in zip(flats, welded, strict=True):
@@ -206,10 +206,10 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
     radius = max(CLOSING_M, 1.5 * grid.cell_m) / grid.cell_m
     parts = _cells_of_each(grid, samples)
     whole = masks.closed(np.any([masks.closed(grid.counts(p) > 0, radius) for p in samples.values()], axis=0), radius)
-    frame = spanned(whole, MIN_ROOM_SHARE if limits else MIN_OBJECT_SHARE)
+    walls = [(s.normal, s.offset_m) for k, s in enumerate(room.segments) if room.bounds[k] and k not in group and s.normal is not None]
+    possible = within(grid, whole, walls) if limits else np.ones_like(whole)
+    frame = spanned(whole, possible, MIN_ROOM_SHARE if limits else MIN_OBJECT_SHARE)
     if limits and frame is not None:
-        walls = [(s.normal, s.offset_m) for k, s in enumerate(room.segments) if room.bounds[k] and k not in group and s.normal is not None]
-        frame = within(grid, frame, whole, walls)
         whole &= frame
     done = complete(grid, whole, room.points, frame, room.sight if limits and root.normal[2] < 0.5 else None)
 
@@ -244,7 +244,8 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
     assert root.normal is not None
     together = np.concatenate([room.segments[k].faces for k in group])
     edge = float(np.sqrt(2 * np.median(faces.area[together])))
-    cell = float(np.clip(0.8 * edge, CELL_M, 0.05))
+    width = faces.area[together].sum() / np.linalg.norm(np.ptp(faces.corners[together].reshape(-1, 3), axis=0))
+    cell = float(np.clip(min(0.8 * edge, width / NARROW_CELLS), CELL_M, 0.05))
     samples = {k: covered(faces.corners[room.segments[k].faces], 0.7 * cell)[0] for k in group}
     points = np.vstack(list(samples.values()))
     grid = Grid.around(points, root.normal, root.offset_m, cell)
@@ -297,6 +298,6 @@ def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> floa
 
 def _without_slivers(shape: BaseGeometry, cell: float) -> BaseGeometry:
     """Remove the parts of a polygon that are narrower than a grid cell, without rounding the corners of the polygon."""
-    shape = shape.simplify(WELD_M, preserve_topology=False)  # without the holes of rounding errors that differences leave
+    shape = shape.simplify(outline.WELD_M, preserve_topology=False)  # without the holes of rounding errors that differences leave
     opened = shape.buffer(-cell / 2, join_style="mitre").buffer(cell / 2, join_style="mitre")
     return opened if not opened.is_empty else shape

@@ -31,10 +31,10 @@ APART_M = 0.06  # segments with a smaller distance count as touching, because sc
 
 
 def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
-    """Return a mask (S,) of the segments that bound the room: floor, ceiling, and walls.
+    """Return a mask (S,) of the segments that bound the room: floor, ceiling, roof slopes, and walls.
 
-    A wall is an upright plane that spans most of the scan's height. A lower upright plane also counts as a wall if the scan has almost no
-    points behind the plane.
+    A wall is an upright plane that spans most of the scan's height. A lower upright plane, or a roof slope, counts if the scan has almost
+    no points behind the plane.
     """
     points, face = faces.samples
     samples = members(owners(faces, segments)[face])
@@ -45,15 +45,15 @@ def room_bounds(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
         if segment.normal is None or segment.area_m2 < WALL_AREA_M2:
             continue
         z = points[samples[k], 2]
+        last = bool((places @ segment.normal < segment.offset_m - BEHIND_M).mean() < NOTHING)
         if abs(segment.normal[2]) < UPRIGHT:
             height = (np.quantile(z, 0.99) - np.quantile(z, 0.01)) / (high - low)
-            outer = height > OUTER_HEIGHT and (places @ segment.normal < segment.offset_m - BEHIND_M).mean() < NOTHING
             width = np.ptp(np.quantile(points[samples[k]] @ in_plane(segment.normal)[0], [0.01, 0.99]))
-            out[k] = outer or (height > INNER_HEIGHT and width > INNER_WIDTH_M)
+            out[k] = (last and height > OUTER_HEIGHT) or (height > INNER_HEIGHT and width > INNER_WIDTH_M)
         elif segment.normal[2] > LEVEL:
             out[k] = np.median(z) < low + 0.15
-        elif segment.normal[2] < -LEVEL:
-            out[k] = np.median(z) > high - 0.3
+        elif segment.normal[2] < 0:
+            out[k] = last or (segment.normal[2] < -LEVEL and np.median(z) > high - 0.3)
     return out
 
 
