@@ -1,0 +1,58 @@
+"""The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
+
+A turntable recording has the features of the set `rotation`, the range-Doppler signature of a revolution (N, R), and `localised`: whether
+the strongest echo over all ranges lies in the target gate. A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
+the tracked range of each tracker. A drive has the features of its motion and the series along the drive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.campaign.cases import RAIL, Case
+from radartwin.features import sets, track
+from radartwin.features.log import Log, angles, distances
+from radartwin.features.processed import Processed
+from radartwin.features.profile import FAR_M, NEAR_M, gate
+from radartwin.features.signature import signature
+
+Columns = Mapping[str, Any]  # name: number, text, or array
+TRACKERS = ("continuous", "brightest")  # track without jumps, and strongest bin of each frame
+
+
+def read(case: Case, processed: Processed, log: Log) -> Columns:
+    """Return the columns of one recording."""
+    return READERS[case.motion](case, processed, log)
+
+
+def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
+    target_m = float(distances(log, processed.num_frames)[0])
+    inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
+    strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
+    return {
+        **_features(processed, log, "rotation"),
+        "signature": signature(processed, angles(log, processed.num_frames), target_m),
+        "localised": bool(gate(processed.range_m, target_m)[strongest]),
+    }
+
+
+def _rail(case: Case, processed: Processed, log: Log) -> Columns:
+    nominal = distances(log, processed.num_frames)
+    low, high = nominal.min() - track.SEARCH_M, nominal.max() + track.SEARCH_M
+    return {
+        "frame_rate_hz": log.frame_rate_hz,
+        "nominal_m": nominal,
+        "continuous": track.track(processed, low, high, log.frame_rate_hz),
+        "brightest": track.brightest(processed, low, high),
+    }
+
+
+def _features(processed: Processed, log: Log, name: str) -> Columns:
+    names, values = sets.vector(processed, log, name)
+    return dict(zip(names, map(float, values), strict=True))
+
+
+READERS: dict[str, Callable[[Case, Processed, Log], Columns]] = {"turntable": _turntable, **dict.fromkeys(RAIL, _rail)}

@@ -1,0 +1,115 @@
+"""The frame: one long table (pandas) with everything that the result tables read from the recordings of a campaign.
+
+A row is one recording. The columns CONDITIONS, `domain`, `twin` and `key` (of the stored recording) say which; `material_class` and `shape`
+come from the catalogue of objects; the other columns are read from the recording (experiments.campaign.columns). The column `twin` is
+empty for measurements and for the simulation under test, and names a simulation that knows less or more than that. Rows are sorted by
+domain and by object in the order of the catalogue. The store keeps the frame under the keys of its recordings and the code that reads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.campaign import columns
+from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, Case
+from experiments.campaign.source import RecordingSource
+from radartwin.errors import ConfigError
+from radartwin.io.progress import Progress
+from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
+from radartwin.store.products import save_arrays
+
+if TYPE_CHECKING:
+    from experiments.campaign.campaign import Campaign
+
+Frame = Any  # a pandas.DataFrame; the types that pandas declares are too wide for the type checker
+Column = Any  # a pandas.Series
+CONDITIONS = tuple(field.name for field in fields(Case))
+KINDS = ("material_class", "shape")  # columns from the catalogue
+PLACE = ("object", "room", "motion", "distance_m")  # a measured and a simulated recording of one place are compared
+Wanted = Sequence[tuple[str, Case]]  # domain, case
+
+
+def shared(source: RecordingSource, motions: Sequence[str]) -> Wanted:
+    """Return the recordings with these motions whose place is both measured and simulated. Raises ConfigError if there are none."""
+    cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion)]
+    places = [{_place(case) for of, case in cases if of == domain} for domain in COMPARED]
+    if not (common := set.intersection(*places)):
+        raise ConfigError(
+            f"the campaign has no {' or '.join(motions)} recordings of one object and place, both measured and simulated; "
+            "add objects or distances to profile.campaign or to the recording set"
+        )
+    objects = list(catalogue())
+    wanted = [(domain, case) for domain, case in cases if _place(case) in common]
+    return sorted(
+        wanted,
+        key=lambda one: (DOMAINS.index(one[0]), objects.index(one[1].object), one[1].room, motions.index(one[1].motion), one[1].distance_m),
+    )
+
+
+def _place(case: Case) -> tuple[Any, ...]:
+    return tuple(getattr(case, name) for name in PLACE)
+
+
+def read(source: RecordingSource, motions: Sequence[str], progress: Progress) -> Frame:
+    """Read the frame of all recordings with these motions that are both measured and simulated (see `shared`)."""
+    return _read(source, shared(source, motions), progress)
+
+
+def stored(campaign: Campaign, motions: Sequence[str], progress: Progress, twin: str = "") -> Frame:
+    """Return the frame of `read` from the store; a frame that the store lacks is read first. With a `twin`, the frame has the simulated
+    recordings alone, and `twin` in that column.
+    """
+    wanted = [(domain, case) for domain, case in shared(campaign, motions) if domain != MEASURED or not twin]
+    campaign.prepare(wanted)
+    keys = [[domain, astuple(case), campaign.process(domain, case).key] for domain, case in wanted]
+
+    def build(folder: Path) -> None:
+        save(_read(campaign, wanted, progress), folder)
+
+    return load(campaign.store.fetch("frame", {"recordings": keys}, [__name__], build).arrays()).assign(twin=twin)
+
+
+def _read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
+    import pandas as pd
+
+    source.prepare(wanted)
+    rows, known = [], with_other_reflectors()
+    for domain, case in progress.over(list(wanted), "recordings read"):
+        key, processed = source.processed(domain, case)
+        conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, "twin": "", "key": key}
+        kind = {name: getattr(known[case.object], name) for name in KINDS}
+        rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
+    return pd.DataFrame(rows)
+
+
+def save(frame: Frame, folder: Path) -> None:
+    """Save a frame as arrays. A column of arrays becomes one array of all their values and one array of their shapes."""
+    arrays: dict[str, np.ndarray] = {}
+    for name, column in frame.items():
+        if isinstance(column.iloc[0], np.ndarray):
+            arrays[f"{name}/values"] = np.concatenate([value.ravel() for value in column])
+            arrays[f"{name}/shapes"] = np.array([value.shape for value in column])
+        else:
+            arrays[str(name)] = np.array(column.tolist())
+    save_arrays(folder, arrays)
+
+
+def load(arrays: dict[str, np.ndarray]) -> Frame:
+    """Return the frame that `save` has written."""
+    import pandas as pd
+
+    found: dict[str, Any] = {}
+    for name, values in arrays.items():
+        column, _, part = name.partition("/")
+        if part == "values":
+            shapes = arrays[f"{column}/shapes"]
+            pieces = np.split(values, np.cumsum(shapes.prod(axis=1))[:-1])
+            found[column] = [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
+        elif not part:
+            found[column] = values.tolist()
+    return pd.DataFrame(found)
