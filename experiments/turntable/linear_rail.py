@@ -8,22 +8,23 @@ expected diagonal excursion is that of the logged motion, 0.49 m.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws, statistics
-from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN, Case
-from experiments.campaign.source import RecordingSource, read_both
-from experiments.claims import NONE, Claim, RowList
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
+from experiments.campaign.columns import TRACKERS
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, first_draw, keys, mean
+from experiments.cells import rows as cell_rows
+from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from radartwin.config.config import Config
 from radartwin.features import track
 from radartwin.features.align import overlap
-from radartwin.features.log import Log, distances
-from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.runs.experiment import Result, Table
@@ -40,7 +41,6 @@ TABLE = Table(
     "track without jumps; 'brightest' takes the strongest bin of each frame.",
 )
 
-TRACKERS = ("continuous", "brightest")
 WITHIN_M = 0.02
 SHORTER_M = 0.1  # smallest difference of excursions that counts as an effect; the paper has 0.20 m
 PAPER = {
@@ -51,79 +51,58 @@ SHAPE = Claim("the trajectory has the measured one's shape", "0.78", above=0.3)
 SHORT = Claim("the measured diagonal excursion is smaller than the rail's", "0.22 to 0.42", below=-SHORTER_M)
 
 
-@dataclass(frozen=True, eq=False)
-class RailTrack:
-    """Ranges in metres of one recording over time_s (F,): the logged range (F,), and the tracked range (F,) of each tracker."""
-
-    key: str
-    time_s: NDArray
-    nominal_m: NDArray
-    tracks_m: dict[str, NDArray]
-
-
-Tracks = dict[tuple[str, str], dict[str, list[RailTrack]]]  # [object, motion][domain]
-
-
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
+    return score(config, draws.frame(config, store, progress, RAIL))
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows for each object, motion and tracker. Raises ConfigError if a domain has no rail recordings."""
-    found = read_both(source, RAIL, lambda case: (case.object, RAIL.index(case.motion)), _tracked, progress)
-    tracks = {(name, RAIL[k]): {domain: found[domain][name, k] for domain in COMPARED} for name, k in found[TWIN]}
-    rows = RowList(config)
-    for (name, motion), by_domain in tracks.items():
-        for tracker in TRACKERS:
-            _add_rows(rows, {"object": name, "motion": motion, "tracker": tracker}, by_domain)
+def score(config: Config, frame: Frame) -> Result:
+    """Build the table of the tracked ranges of all rail recordings."""
+    rows = cell_rows(config, frame, cells)
     metrics = {
         f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"]
         for r in rows
         if r["tracker"] == "continuous" and r["metric"] in ("excursion (m)", "shape correlation")
     }
-    every = [one.key for by_domain in tracks.values() for some in by_domain.values() for one in some]
-    return Result("linear_rail", rows, {"linear_rail": lambda: _figure(tracks)}, metrics, every)
+    return Result(TABLE.name, rows, {"linear_rail": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
 
 
-def _tracked(case: Case, key: str, processed: Processed, log: Log) -> RailTrack:
-    nominal = distances(log, processed.num_frames)
-    low, high = nominal.min() - track.SEARCH_M, nominal.max() + track.SEARCH_M
-    tracks = {"continuous": track.track(processed, low, high, log.frame_rate_hz), "brightest": track.brightest(processed, low, high)}
-    return RailTrack(key, np.arange(len(nominal)) / log.frame_rate_hz, nominal, tracks)
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the excursions of each object, motion and tracker, and the agreement of the tracks of both domains."""
+    for (name, motion), both in frame.groupby(["object", "motion"], sort=False):
+        for tracker in TRACKERS:
+            case = {"object": name, "motion": motion, "tracker": tracker}
+            for domain in COMPARED:
+                of, at = both[both.domain == domain], {**case, "of": LABELS[domain]}
+                claim = AS_FAR if motion == "radial" else SHORT if domain == MEASURED else NONE
+                moved, expected = of[tracker].map(track.excursion), of.nominal_m.map(track.excursion)
+                yield Cell(at, "excursion (m)", of, mean(moved), Claim(paper=PAPER[motion, domain]))
+                yield Cell(at, "excursion less the rail's (m)", of, mean(moved - expected), claim)
+            case["of"] = "both"
+            measured, (twin, *_) = (both[tracker][both.domain == domain] for domain in COMPARED)
+            shapes = measured.map(lambda one, twin=twin: statistics.correlation(*overlap(one, twin, 0)))
+            yield Cell(case, "shape correlation", both, mean(shapes, statistics.SIGNED), SHAPE if motion == "radial" else NONE)
+            shorter = measured.map(track.excursion) - track.excursion(twin)
+            yield Cell(case, "measured less simulated excursion (m)", both, mean(shorter))
 
 
-def _add_rows(rows: RowList, case: dict[str, Any], tracks: dict[str, list[RailTrack]]) -> None:
-    motion, tracker = case["motion"], case["tracker"]
-    keys = {domain: [one.key for one in tracks[domain]] for domain in COMPARED}
-    excursions = {}
-    for domain in COMPARED:
-        excursions[domain] = np.array([track.excursion(one.tracks_m[tracker]) for one in tracks[domain]])
-        expected = np.array([track.excursion(one.nominal_m) for one in tracks[domain]])
-        of = {**case, "of": LABELS[domain]}
-        rows.add_mean(of, "excursion (m)", excursions[domain], keys[domain], Claim(paper=PAPER[motion, domain]))
-        claim = AS_FAR if motion == "radial" else SHORT if domain == MEASURED else NONE
-        rows.add_mean(of, "excursion less the rail's (m)", excursions[domain] - expected, keys[domain], claim)
-    both = {**case, "of": "both"}
-    twin = tracks[TWIN][0]
-    shapes = [statistics.correlation(*overlap(one.tracks_m[tracker], twin.tracks_m[tracker], 0)) for one in tracks[MEASURED]]
-    rows.add_mean(both, "shape correlation", shapes, [*keys[MEASURED], twin.key], SHAPE if motion == "radial" else NONE, statistics.SIGNED)
-    shorter = excursions[MEASURED] - excursions[TWIN].mean()
-    rows.add_mean(both, "measured less simulated excursion (m)", shorter, [*keys[MEASURED], *keys[TWIN]])
-
-
-def _figure(tracks: Tracks) -> Figure:
+def _figure(frame: Frame) -> Figure:
     """Draw tracked and logged range over time, with one panel per motion and tracker."""
-    shown = [(key, tracker) for key in tracks for tracker in TRACKERS]
+    groups = frame.groupby(["object", "motion"], sort=False)
+    shown = [(motion, both, tracker) for (_, motion), both in groups for tracker in TRACKERS]
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.5, sharey=True, squeeze=False)
-    for panel, (key, tracker) in zip(panels[0], shown, strict=True):
+    for panel, (motion, both, tracker) in zip(panels[0], shown, strict=True):
         for domain, (colour, _) in DOMAIN_STYLES.items():
-            for number, one in enumerate(tracks[key][domain]):
+            for number, one in enumerate(both[both.domain == domain].itertuples()):
                 label = LABELS[domain] if number == 0 else None
-                panel.plot(one.time_s, one.tracks_m[tracker], color=colour, lw=1, label=label)
-        log = tracks[key][TWIN][0]
-        panel.plot(log.time_s, log.nominal_m, color="black", lw=1, ls=":", label="log")
-        panel.set(title=f"{key[1]}, {tracker}", xlabel="time (s)")
+                panel.plot(_time_s(one), getattr(one, tracker), color=colour, lw=1, label=label)
+        log = next(both[both.domain == TWIN].itertuples())
+        panel.plot(_time_s(log), log.nominal_m, color="black", lw=1, ls=":", label="log")
+        panel.set(title=f"{motion}, {tracker}", xlabel="time (s)")
         panel.grid(color="0.9", lw=0.5)
     panels[0, 0].set_ylabel("range of the peak (m)")
     legend_above(drawing, panels[0, 0], 3)
     return drawing
+
+
+def _time_s(recording: Any) -> NDArray[np.float64]:
+    return np.arange(len(recording.nominal_m)) / recording.frame_rate_hz
