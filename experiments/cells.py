@@ -10,22 +10,22 @@ each selected recording, `per` one unit for each object, and an array is used as
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from experiments import draws, statistics
 from experiments.campaign.cases import MEASURED, TWIN
-from experiments.campaign.frame import CONDITIONS, Column, Frame
+from experiments.campaign.frame import CONDITIONS, PLACE, Column, Frame
 from experiments.claims import NONE, Claim, Row
 from experiments.statistics import ANY, Estimate
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 
-Values = str | Callable[[Frame], Any] | NDArray[np.floating]
+Values = str | Callable[[Frame], Any] | ArrayLike
 Estimator = Callable[[Frame, int, int], Estimate]  # selected rows, resamples, seed
 
 
@@ -38,10 +38,10 @@ class Cell:
         of: the rows of the frame that the estimate uses, whose recordings the row names.
     """
 
-    case: dict[str, Any]
+    case: Mapping[str, Any]
     metric: str
     of: Frame
-    estimate: Estimator
+    estimate: Estimator | Estimate
     claim: Claim = NONE
     count: int | None = None  # number that column n shows; None stands for the number of recordings
 
@@ -51,7 +51,8 @@ class Cell:
         if self.of.empty:
             raise ConfigError(f"{where} selects no recordings; add them to profile.campaign or to the recording set")
         try:
-            estimate = self.estimate(self.of, config.profile.resamples, config.seed)
+            known, seeds = self.estimate, (config.profile.resamples, config.seed)
+            estimate = known if isinstance(known, Estimate) else known(self.of, *seeds)
         except KeyError as error:
             raise ConfigError(f"{where} reads {error}, which the frame lacks; another version read the frame: delete it") from error
         return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count)
@@ -92,7 +93,13 @@ def values(rows: Frame, of: Values) -> NDArray[np.float64]:
     return np.asarray(rows[of] if isinstance(of, str) else of(rows) if callable(of) else of, float)
 
 
-def per(column: str, domain: str | None = None, unit: str = "object") -> Callable[[Frame], Column]:
+def paired(frame: Frame, on: Sequence[str] = PLACE) -> Frame:
+    """Return a row for each measured recording and each simulated recording of the same place; the columns of the latter end in `_twin`."""
+    measured, twin = (frame[frame.domain == domain] for domain in (MEASURED, TWIN))
+    return measured.merge(twin, on=list(on), suffixes=("", "_twin"))
+
+
+def per(column: str | list[str], domain: str | None = None, unit: str = "object") -> Callable[[Frame], Column]:
     """Return a function of the rows that averages a column for each unit, first over the recordings of each condition and then over the
     conditions, so that a distance with more recordings has no more weight.
     """

@@ -2,7 +2,9 @@
 
 A turntable recording has the features of the set `rotation`, the range-Doppler signature of a revolution (N, R), and `localised`: whether
 the strongest echo over all ranges lies in the target gate. A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
-the tracked range of each tracker. A drive has the features of its motion and the series along the drive.
+the tracked range of each tracker. A drive has the features of its motion, the range profiles in power (F, B) over `range_m` (B,), and in
+each frame (F,) the logged and the tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler.
+Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
 """
 
 from __future__ import annotations
@@ -12,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.campaign.cases import RAIL, Case
-from radartwin.features import sets, track
+from experiments.campaign.cases import RAIL, ROVER, Case
+from radartwin.features import cloud, doppler, envelope, sets, track
 from radartwin.features.log import Log, angles, distances
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
@@ -55,4 +57,23 @@ def _features(processed: Processed, log: Log, name: str) -> Columns:
     return dict(zip(names, map(float, values), strict=True))
 
 
-READERS: dict[str, Callable[[Case, Processed, Log], Columns]] = {"turntable": _turntable, **dict.fromkeys(RAIL, _rail)}
+def _drive(case: Case, processed: Processed, log: Log) -> Columns:
+    nominal = distances(log, processed.num_frames)
+    along = track.around(processed, nominal, log.frame_rate_hz)
+    clouds = cloud.detections(processed)
+    return {
+        **_features(processed, log, case.motion),
+        "frame_rate_hz": log.frame_rate_hz,
+        "power": processed.power,
+        "range_m": processed.range_m,
+        "nominal_m": nominal,
+        "track_m": along,
+        "energy": np.maximum(envelope.target_energy(processed, along), 0.0),
+        "velocity_mps": np.zeros(0) if processed.doppler is None else doppler.radial_velocity(processed, along),
+        "detections": np.concatenate([np.column_stack([np.full(len(one), number), one]) for number, one in enumerate(clouds)]),
+    }
+
+
+READERS: dict[str, Callable[[Case, Processed, Log], Columns]] = {
+    "turntable": _turntable, **dict.fromkeys(RAIL, _rail), **dict.fromkeys(ROVER, _drive),
+}  # fmt: skip

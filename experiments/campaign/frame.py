@@ -87,6 +87,12 @@ def _read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
     return pd.DataFrame(rows)
 
 
+def features(rows: Frame) -> list[str]:
+    """Return the names of the features that all of these rows have."""
+    numbers = rows.select_dtypes("float").drop(columns=[*CONDITIONS, "frame_rate_hz"], errors="ignore")
+    return list(numbers.columns[numbers.notna().all()])
+
+
 def save(frame: Frame, folder: Path) -> None:
     """Save a frame as arrays. A column of arrays becomes one array of all their values and one array of their shapes."""
     arrays: dict[str, np.ndarray] = {}

@@ -18,7 +18,7 @@ from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, mean
+from experiments.cells import Cell, first_draw, keys, mean, paired
 from experiments.cells import rows as cell_rows
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
@@ -78,10 +78,10 @@ def cells(frame: Frame) -> Iterator[Cell]:
                 yield Cell(at, "excursion (m)", of, mean(moved), Claim(paper=PAPER[motion, domain]))
                 yield Cell(at, "excursion less the rail's (m)", of, mean(moved - expected), claim)
             case["of"] = "both"
-            measured, (twin, *_) = (both[tracker][both.domain == domain] for domain in COMPARED)
-            shapes = measured.map(lambda one, twin=twin: statistics.correlation(*overlap(one, twin, 0)))
+            tracks = paired(both)[[tracker, f"{tracker}_twin"]].to_numpy()
+            shapes = [statistics.correlation(*overlap(measured, twin, 0)) for measured, twin in tracks]
             yield Cell(case, "shape correlation", both, mean(shapes, statistics.SIGNED), SHAPE if motion == "radial" else NONE)
-            shorter = measured.map(track.excursion) - track.excursion(twin)
+            shorter = [track.excursion(measured) - track.excursion(twin) for measured, twin in tracks]
             yield Cell(case, "measured less simulated excursion (m)", both, mean(shorter))
 
 

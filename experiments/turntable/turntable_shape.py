@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mantel, mean, per, rank_correlation, variation
+from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, variation
 from experiments.cells import rows as cell_rows
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
@@ -157,12 +157,8 @@ def is_can(name: str) -> bool:
 
 
 def similarity(frame: Frame) -> Frame:
-    """Return the SSIM of the signatures of each measured recording with each simulated recording at the same distance, as a table with the
-    columns `object` (measured), `other` (simulated object), `distance_m` and `ssim`.
-    """
-    columns = ["object", "distance_m", "signature"]
-    measured, twin = (frame.loc[frame.domain == domain, columns] for domain in COMPARED)
-    pairs = measured.merge(twin.rename(columns={"object": "other"}), on="distance_m", suffixes=("", "_twin"))
+    """Return `paired` recordings at equal distance, with the SSIM of their signatures in the column `ssim`."""
+    pairs = paired(frame[["domain", "object", "distance_m", "signature"]], ["distance_m"])
     return pairs.assign(ssim=[statistics.ssim(*both) for both in zip(pairs.signature, pairs.signature_twin, strict=True)])
 
 
@@ -170,7 +166,7 @@ def own_and_others(similar: Frame) -> tuple[Column, Frame]:
     """Return the mean SSIM of each measured object with its own simulation (objects,), and with the simulation of each other object
     (objects, objects), which is NaN for the object itself.
     """
-    means = similar.groupby(["object", "other"], sort=False).ssim.mean().unstack().reindex(similar.object.unique())
+    means = similar.groupby(["object", "object_twin"], sort=False).ssim.mean().unstack().reindex(similar.object.unique())
     itself = means.index.to_numpy()[:, None] == means.columns.to_numpy()
     return means.where(itself).max(axis=1), means.mask(itself)
 
@@ -178,7 +174,7 @@ def own_and_others(similar: Frame) -> tuple[Column, Frame]:
 def _signatures(frame: Frame) -> Iterator[Cell]:
     similar = similarity(frame)
     for name, some in frame.groupby("object", sort=False):
-        own = similar.ssim[(similar.object == name) & (similar.other == name)].to_numpy()
+        own = similar.ssim[(similar.object == name) & (similar.object_twin == name)].to_numpy()
         yield Cell(_case(catalogue()[name].label), "signature (SSIM)", some, mean(own))
     own, others = own_and_others(similar)
     yield Cell(_case("all objects"), "signatures", frame, mean(own), ALIKE)
