@@ -16,8 +16,8 @@ import numpy as np
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.campaign import joined as joined_tasks
-from experiments.campaign.cases import ROVER, Case, draws
-from experiments.campaign.frame import Frame, stored
+from experiments.campaign.cases import MEASURED, ROVER, Case, draws
+from experiments.campaign.frame import Frame, shared, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.claims import Claim, Row, corrected
 from radartwin.config.config import Config
@@ -99,12 +99,15 @@ def frame(config: Config, store: Store, progress: Progress, motions: Sequence[st
     """Return the frame of all draws that a table reads. With `unknown`, the frame also has the simulation of `unknown_contents`."""
     import pandas as pd
 
-    twins = [("", config), *((UNKNOWN, other) for other in unknown_contents(config) if unknown)]
-    read = [stored(_campaign(own, store, progress, motions[0] in ROVER), motions, progress, twin) for twin, own in twins]
+    read = []
+    for twin, own in [("", config), *((UNKNOWN, other) for other in unknown_contents(config) if unknown)]:
+        campaign = whole_campaign(own, store, progress, motions[0] in ROVER)
+        wanted = [(domain, case) for domain, case in shared(campaign, motions) if domain != MEASURED or not twin]
+        read.append(stored(campaign, wanted, progress).assign(twin=twin))
     return pd.concat(read, ignore_index=True)
 
 
-def _campaign(config: Config, store: Store, progress: Progress, rover: bool) -> Campaign:
+def whole_campaign(config: Config, store: Store, progress: Progress, rover: bool = False) -> Campaign:
     """Return the campaign of all draws that a table reads."""
     read = numbers(config, rover)
     return Campaign(config, store, progress, read[0] if len(read) == 1 else None)
@@ -123,7 +126,7 @@ def recordings(
         wanted: function that returns the (domain, case) pairs that the table reads from a campaign with these draws.
         rover: that of `scored`.
     """
-    campaigns = [_campaign(one, store, progress, rover) for one in configs]
+    campaigns = [whole_campaign(one, store, progress, rover) for one in configs]
     return joined_tasks([campaign.missing(wanted(campaign)) for campaign in campaigns])
 
 

@@ -124,7 +124,7 @@ class FakeCampaign:
 
 def frame_of(source: RecordingSource, *motions: str) -> Frame:
     """Read the frame of a campaign, without a store."""
-    return frame.read(source, motions or ("turntable",), Progress(quiet=True))
+    return frame.read(source, frame.shared(source, motions or ("turntable",)), Progress(quiet=True))
 
 
 def config(name: str, *overrides: str) -> Config:

@@ -1,10 +1,11 @@
 """The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
 
-A turntable recording has the features of the set `rotation`, the range-Doppler signature of a revolution (N, R), and `localised`: whether
-the strongest echo over all ranges lies in the target gate. A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
-the tracked range of each tracker. A drive has the features of its motion, the range profiles in power (F, B) over `range_m` (B,), and in
-each frame (F,) the logged and the tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler.
-Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
+A turntable recording has the features of the set `rotation`, the range-Doppler signature of a revolution (N, R), `localised`: whether
+the strongest echo over all ranges lies in the target gate, and the mean and the median over frames of the power (B,) in the bins `range_m`.
+A corner reflector also has the power (F, B) of its first revolution. A rail recording has ranges (F,) in metres: the logged range
+`nominal_m`, and the tracked range of each tracker. A drive has the features of its motion, the power (F, B), and in each frame (F,) the
+logged and the tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler. Its detections
+(N, 3) are the frame number, range in metres and azimuth in radians.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.campaign.cases import RAIL, ROVER, Case
+from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
 from radartwin.features import cloud, doppler, envelope, sets, track
 from radartwin.features.log import Log, angles, distances
 from radartwin.features.processed import Processed
@@ -34,10 +35,16 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     target_m = float(distances(log, processed.num_frames)[0])
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
+    angle_rad = angles(log, processed.num_frames)
+    turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
     return {
         **_features(processed, log, "rotation"),
-        "signature": signature(processed, angles(log, processed.num_frames), target_m),
+        "signature": signature(processed, angle_rad, target_m),
         "localised": bool(gate(processed.range_m, target_m)[strongest]),
+        "range_m": processed.range_m,
+        "mean_power": processed.power.mean(axis=0, dtype=float),
+        "median_power": np.median(processed.power.astype(float), axis=0),
+        "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
     }
 
 

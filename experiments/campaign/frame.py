@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.campaign import columns
-from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, Case
+from experiments.campaign.cases import COMPARED, DOMAINS, Case
 from experiments.campaign.source import RecordingSource
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
@@ -55,32 +55,24 @@ def _place(case: Case) -> tuple[Any, ...]:
     return tuple(getattr(case, name) for name in PLACE)
 
 
-def read(source: RecordingSource, motions: Sequence[str], progress: Progress) -> Frame:
-    """Read the frame of all recordings with these motions that are both measured and simulated (see `shared`)."""
-    return _read(source, shared(source, motions), progress)
-
-
-def stored(campaign: Campaign, motions: Sequence[str], progress: Progress, twin: str = "") -> Frame:
-    """Return the frame of `read` from the store; a frame that the store lacks is read first. With a `twin`, the frame has the simulated
-    recordings alone, and `twin` in that column.
-    """
-    wanted = [(domain, case) for domain, case in shared(campaign, motions) if domain != MEASURED or not twin]
-    campaign.prepare(wanted)
-    keys = [[domain, astuple(case), campaign.process(domain, case).key] for domain, case in wanted]
+def stored(campaign: Campaign, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+    """Return the frame of some recordings from the store; a frame that the store lacks is read first. Missing recordings are simulated."""
+    campaign.prepare(wanted, materials)
+    keys = [[domain, astuple(case), campaign.process(domain, case, materials).key] for domain, case in wanted]
 
     def build(folder: Path) -> None:
-        save(_read(campaign, wanted, progress), folder)
+        save(read(campaign, wanted, progress, materials), folder)
 
-    return load(campaign.store.fetch("frame", {"recordings": keys}, [__name__], build).arrays()).assign(twin=twin)
+    return load(campaign.store.fetch("frame", {"recordings": keys}, [__name__], build).arrays())
 
 
-def _read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
+def read(source: RecordingSource, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+    """Read the frame of some recordings."""
     import pandas as pd
 
-    source.prepare(wanted)
     rows, known = [], with_other_reflectors()
     for domain, case in progress.over(list(wanted), "recordings read"):
-        key, processed = source.processed(domain, case)
+        key, processed = source.processed(domain, case, materials)
         conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, "twin": "", "key": key}
         kind = {name: getattr(known[case.object], name) for name in KINDS}
         rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
