@@ -3,9 +3,9 @@
 A turntable recording has the features of the set `rotation`, the range-Doppler signature of a revolution (N, R), `localised`: whether
 the strongest echo over all ranges lies in the target gate, and the mean and the median over frames of the power (B,) in the bins `range_m`.
 A corner reflector also has the power (F, B) of its first revolution. A rail recording has ranges (F,) in metres: the logged range
-`nominal_m`, and the tracked range of each tracker. A drive has the features of its motion, the power (F, B), and in each frame (F,) the
-logged and the tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler. Its detections
-(N, 3) are the frame number, range in metres and azimuth in radians.
+`nominal_m`, and the tracked range of each tracker. A drive has the features of its motion, the power (F, B), its mean (B,) after each frame
+is scaled to unit energy (`profile`), and in each frame (F,) the logged and the tracked range of the target, the energy in the target gate
+and the radial velocity, (0,) without Doppler. Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
 """
 
 from __future__ import annotations
@@ -72,6 +72,7 @@ def _drive(case: Case, processed: Processed, log: Log) -> Columns:
         **_features(processed, log, case.motion),
         "frame_rate_hz": log.frame_rate_hz,
         "power": processed.power,
+        "profile": (processed.power / processed.power.sum(axis=1, keepdims=True)).mean(axis=0),
         "range_m": processed.range_m,
         "nominal_m": nominal,
         "track_m": along,

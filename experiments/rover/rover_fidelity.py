@@ -137,11 +137,6 @@ def aligned(first: Series, second: Series) -> tuple[NDArray, NDArray]:
     return overlap(first[1], second[1], late)
 
 
-def profile(power: NDArray) -> NDArray:
-    """Return the mean range profile (B,) over frames of the power (F, B). Each frame is scaled to unit energy before the mean."""
-    return (power / power.sum(axis=1, keepdims=True)).mean(axis=0)
-
-
 def _signals(here: Frame, place: Place) -> Iterator[Cell]:
     """Declare cells on tracked range, range profile and velocity at one place, and on range profiles for each material class."""
     pairs = paired(here)
@@ -151,7 +146,7 @@ def _signals(here: Frame, place: Place) -> Iterator[Cell]:
         ]
         yield Cell(_at(place, "all objects"), "track correlation", here, mean(tracks, statistics.SIGNED), OVERLAYS)
     for kind, some in pairs.groupby("material_class", sort=False):
-        alike = [profile_correlation(profile(one.power), profile(one.power_twin), one.range_m) for one in some.itertuples()]
+        alike = [profile_correlation(one.profile, one.profile_twin, one.range_m) for one in some.itertuples()]
         claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
         yield Cell(_at(place, kind), "range-profile correlation", here, mean(alike, statistics.SIGNED), claim)
     for domain in COMPARED:
