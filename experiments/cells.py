@@ -2,7 +2,7 @@
 
 A result table declares cells. A cell is one row of the table: the rows of the frame that it selects, the estimate, and the claim if it
 states one. A table's function `cells` receives the frame of one draw of the measurement (the measured recordings of this draw, and all
-simulated recordings), so that a cell may depend on what the draw has. `rows` computes each cell for every draw and joins the estimates.
+simulated recordings), so that a cell may depend on what the draw has. `table_rows` computes each cell for every draw and joins them.
 
 An estimate is made by one of the functions below from the VALUES of its units, over which it resamples: a column's name gives one unit for
 each selected recording, `per` one unit for each object, and an array is used as it is.
@@ -61,7 +61,7 @@ class Cell:
 Cells = Callable[[Frame], Iterable[Cell]]
 
 
-def rows(config: Config, frame: Frame, cells: Cells) -> list[Row]:
+def table_rows(config: Config, frame: Frame, cells: Cells) -> list[Row]:
     """Compute the cells for each draw, and join the draws. A twin with a name (column `twin`) has further rows, as in `draws.beside`."""
     ours = draws.joined_rows([[cell.row(config) for cell in cells(one)] for one in by_draw(frame[frame.twin == ""])])
     out = list(ours)

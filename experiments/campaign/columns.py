@@ -1,11 +1,12 @@
 """The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
 
-A turntable recording has the features of the set `rotation`, the range-Doppler signature of a revolution (N, R), `localised`: whether
-the strongest echo over all ranges lies in the target gate, and the mean and the median over frames of the power (B,) in the bins `range_m`.
-A corner reflector also has the power (F, B) of its first revolution. A rail recording has ranges (F,) in metres: the logged range
-`nominal_m`, and the tracked range of each tracker. A drive has the features of its motion, the power (F, B), its mean (B,) after each frame
-is scaled to unit energy (`profile`), and in each frame (F,) the logged and the tracked range of the target, the energy in the target gate
-and the radial velocity, (0,) without Doppler. Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
+A turntable recording has the features of the set `rotation`, the same features of each whole revolution (`revolutions`), the range-Doppler
+signature of a revolution (N, R), `localised`: whether the strongest echo over all ranges lies in the target gate, and the mean and the
+median over frames of the power (B,) in the bins `range_m`. A corner reflector also has the power (F, B) of its first revolution. A rail
+recording has ranges (F,) in metres: the logged range `nominal_m`, and the tracked range of each tracker. A drive has the features of its
+motion, the power (F, B), its mean (B,) after each frame is scaled to unit energy (`profile`), and in each frame (F,) the logged and the
+tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler. Its detections (N, 3) are the
+frame number, range in metres and azimuth in radians.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
 from radartwin.features import cloud, doppler, envelope, sets, track
-from radartwin.features.log import Log, angles, distances
+from radartwin.features.log import Log, Nominal, angles, distances
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
 from radartwin.features.signature import signature
@@ -39,6 +40,7 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
     return {
         **_features(processed, log, "rotation"),
+        "revolutions": np.stack([sets.vector(piece, part, "rotation")[1] for _, piece, part in revolutions(processed, log)]),
         "signature": signature(processed, angle_rad, target_m),
         "localised": bool(gate(processed.range_m, target_m)[strongest]),
         "range_m": processed.range_m,
@@ -46,6 +48,18 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
         "median_power": np.median(processed.power.astype(float), axis=0),
         "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
     }
+
+
+def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
+    """Split a turntable recording into whole revolutions, each as (name suffix, recording, log). Other recordings are not split."""
+    if log.angle_rad is None:
+        return [("", processed, log)]
+    period = envelope.frames_per_revolution(log.angle_rad)
+    pieces: list[tuple[str, Processed, Log]] = []
+    for number in range(processed.num_frames // period):
+        at = slice(number * period, (number + 1) * period)
+        pieces.append((f" turn {number:02d}", processed.frames(at), Nominal(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
+    return pieces
 
 
 def _rail(case: Case, processed: Processed, log: Log) -> Columns:

@@ -18,7 +18,7 @@ import numpy as np
 from experiments.campaign import columns
 from experiments.campaign.cases import COMPARED, DOMAINS, Case
 from experiments.campaign.source import RecordingSource
-from radartwin.errors import ConfigError
+from radartwin.errors import ConfigError, InputError
 from radartwin.io.progress import Progress
 from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
 from radartwin.store.products import save_arrays
@@ -83,6 +83,25 @@ def features(rows: Frame) -> list[str]:
     """Return the names of the features that all of these rows have."""
     numbers = rows.select_dtypes("float").drop(columns=[*CONDITIONS, "frame_rate_hz"], errors="ignore")
     return list(numbers.columns[numbers.notna().all()])
+
+
+def by_revolution(frame: Frame) -> Frame:
+    """Return a row for each whole revolution of the turntable recordings, with the features of this revolution."""
+    rows = frame.loc[frame.index.repeat(frame.revolutions.map(len))].reset_index(drop=True)
+    rows[features(frame)] = np.concatenate(list(frame.revolutions))
+    return rows
+
+
+def balanced(frame: Frame) -> Frame:
+    """Return the rows at those distances that have two objects or more, with an equal number of measured repetitions for all objects of a
+    distance. Raises InputError if no row is left.
+    """
+    some = frame[frame.groupby(["room", "distance_m"]).object.transform("nunique") > 1]
+    if some.empty:
+        raise InputError("the campaign has no recordings of two objects at one distance, both measured and simulated; add objects")
+    groups = some.groupby(["domain", *PLACE])
+    fewest = groups.key.transform("size").groupby([some.domain, some.room, some.distance_m]).transform("min")
+    return some[groups.cumcount() < fewest]
 
 
 def save(frame: Frame, folder: Path) -> None:

@@ -1,15 +1,13 @@
-"""The interface from which tables read recordings, and a function that reads matching measured and simulated recordings."""
+"""The interface from which tables read recordings, and the recordings of some motions."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from experiments.campaign.cases import COMPARED, Case
 from radartwin.features.log import Log
 from radartwin.features.processed import Processed
-
-Reading = TypeVar("Reading")
 
 
 class RecordingSource(Protocol):

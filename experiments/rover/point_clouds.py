@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from experiments import draws
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mean, paired
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
 from experiments.claims import NONE, Claim
 from experiments.rover.rover_fidelity import WHERE
 from radartwin.config.config import Config
@@ -66,7 +65,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame) -> Result:
     """Build the table of all drives."""
-    rows = cell_rows(config, frame, cells)
+    rows = table_rows(config, frame, cells)
     metrics = {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN}
     return Result(TABLE.name, rows, {"point_clouds": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
 

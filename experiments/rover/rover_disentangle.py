@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, table_rows
 from experiments.claims import NONE, Claim
 from experiments.rover.figures import slices_figure
 from experiments.rover.rover_fidelity import MOST_DRAWN
@@ -59,7 +58,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame) -> Result:
     """Build the table rows for each motion. Slices for which the campaign has no recordings are left out."""
-    rows = cell_rows(config, frame, cells)
+    rows = table_rows(config, frame, cells)
     metrics = {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")}
     shown = slices(first_draw(frame))
     return Result(TABLE.name, rows, {"rover_slices": lambda: slices_figure(shown)} if shown else {}, metrics, keys(frame))

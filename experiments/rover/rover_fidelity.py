@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, mean, paired, per
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows
 from experiments.claims import LEVEL, NONE, Claim
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
@@ -72,7 +71,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame) -> Result:
     """Build the table of all drives."""
-    rows, first = cell_rows(config, frame, cells), first_draw(frame)
+    rows, first = table_rows(config, frame, cells), first_draw(frame)
     figures = {
         "rover_panels": lambda: panels_figure(first),
         "rover_feature_correlations": lambda: correlation_figure(agreements(first)),

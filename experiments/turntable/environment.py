@@ -23,8 +23,7 @@ from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
-from experiments.cells import Cell, first_draw, keys, mean
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, mean, table_rows
 from experiments.claims import NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
 from experiments.statistics import SHARE, SIGNED
@@ -104,7 +103,7 @@ def score(config: Config, frame: Frame) -> Result:
     """Build the rows for each distance: correlations on the amplitude scale and on the decibel scale, and energy shares."""
     distances, first = sorted(frame.distance_m.unique()), first_draw(frame)
     last, labels = distances[-1], {side: label for side, label in labels_of(config).items() if side in set(frame.side)}
-    rows = cell_rows(config, frame, partial(cells, labels))
+    rows = table_rows(config, frame, partial(cells, labels))
     shown = {side: next(first[(first.side == side) & (first.distance_m == last)].itertuples()) for side in SHOWN if side in labels}
     figures: dict[str, Callable[[], Figure]] = {
         "environment_range_time": lambda: _range_time_figure(shown, last, labels),

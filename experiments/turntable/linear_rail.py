@@ -18,8 +18,7 @@ from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, mean, paired
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from radartwin.config.config import Config
@@ -57,7 +56,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame) -> Result:
     """Build the table of the tracked ranges of all rail recordings."""
-    rows = cell_rows(config, frame, cells)
+    rows = table_rows(config, frame, cells)
     metrics = {
         f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"]
         for r in rows

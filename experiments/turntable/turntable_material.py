@@ -18,8 +18,7 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TW
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import cases_of
-from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from radartwin.config.config import Config
@@ -67,7 +66,7 @@ def score(config: Config, frame: Frame) -> Result:
     """Build the table. Raises ConfigError if the frame has no distance with objects of two material classes."""
     if not similar(frame):
         raise ConfigError("turntable_material needs objects of two material classes at one distance; add objects to profile.campaign")
-    rows = cell_rows(config, frame, cells)
+    rows = table_rows(config, frame, cells)
     metrics = {
         f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"]
         for r in rows

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, variation
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, table_rows, variation
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.statistics import Estimate
@@ -77,7 +76,7 @@ def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
         raise InputError(
             f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
         )
-    rows = cell_rows(config, frame, cells)
+    rows = table_rows(config, frame, cells)
     if ripple:
         rows += draws.joined_rows([ripple_rows(config)])
     first = first_draw(frame)

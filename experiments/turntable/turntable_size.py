@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, per, rank_correlation
-from experiments.cells import rows as cell_rows
+from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.statistics import Estimate
@@ -55,7 +54,7 @@ def score(config: Config, frame: Frame) -> Result:
     cans = frame[frame.object.map(is_can)]
     if (count := cans.object.nunique()) < 3:
         raise ConfigError(f"turntable_size needs three cans or more, but the campaign has {count}; add cans to profile.campaign")
-    rows = cell_rows(config, cans, cells)
+    rows = table_rows(config, cans, cells)
     metrics = {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None}
     return Result(TABLE.name, rows, {"turntable_size": lambda: _figure(first_draw(cans))}, metrics, keys(cans))
 

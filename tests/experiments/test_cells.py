@@ -78,7 +78,7 @@ def test_rows_join_draws_and_show_a_named_twin_without_a_claim_where_it_differs(
         for domain in ("measured", "twin"):
             yield Cell({"of": domain}, "level", one[one.domain == domain], mean(per("level")), Claim("high", "2", above=0.1))
 
-    measured, twin, other = cells.rows(config("turntable_shape"), frame, table)
+    measured, twin, other = cells.table_rows(config("turntable_shape"), frame, table)
     assert measured["value"] == pytest.approx(np.mean([by_hand(frame, "level", "measured", draw) for draw in (0, 1)]))
     assert (measured["draws"], measured["n"], measured["items"], measured["verdict"]) == (2, 24, 4, "holds")
     assert (twin["n"], twin.get("twin")) == (8, None)
@@ -89,9 +89,9 @@ def test_rows_join_draws_and_show_a_named_twin_without_a_claim_where_it_differs(
 def test_a_cell_that_cannot_be_computed_is_refused() -> None:
     frame = synthetic()
     with pytest.raises(ConfigError, match=r"cell 'level' \(of nothing\) selects no recordings; add them"):
-        cells.rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "nothing"}, "level", one[:0], mean("level"))])
+        cells.table_rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "nothing"}, "level", one[:0], mean("level"))])
     with pytest.raises(ConfigError, match="reads 'entropy', which the frame lacks; another version read the frame"):
-        cells.rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "all"}, "level", one, mean("entropy"))])
+        cells.table_rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "all"}, "level", one, mean("entropy"))])
 
 
 def test_a_saved_frame_is_read_unchanged(tmp_path) -> None:
