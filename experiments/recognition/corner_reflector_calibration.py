@@ -42,6 +42,7 @@ TABLE = Table(
     "itself is not scored. Intervals are bootstraps over objects.",
 )
 
+MOTIONS = (MOTION,)
 BEFORE, AFTER = "before calibration", "after calibration"
 FILLED = "filled plastic"
 ALIGNED_DB = 3.0  # a factor of two in power
@@ -50,7 +51,7 @@ LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, [MOTION]))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame) -> Result:

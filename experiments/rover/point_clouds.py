@@ -45,6 +45,7 @@ TABLE = Table(
     "profile (0.3 m to 5.5 m) enters at the other end. "
     "Intervals are bootstraps over recordings.",
 )
+MOTIONS = ROVER
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # distances in range by which the control moves the simulated cloud
 BETTER = Claim("more measured detections agree with the simulation than with the control", "", above=0.05)
 
@@ -60,7 +61,7 @@ Clouds = Sequence[NDArray[np.float64]]  # the detections of each frame: (N, 2) r
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, ROVER))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame) -> Result:

@@ -42,6 +42,7 @@ TABLE = Table(
     "widened for few objects.",
 )
 
+MOTIONS = ROVER
 SHARE = "share of the disagreement, per degree of freedom"
 INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.05)
 ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.05)
@@ -53,7 +54,7 @@ Limits = tuple[float, float]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, ROVER))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame) -> Result:

@@ -48,6 +48,7 @@ TABLE = Table(
     "Clopper-Pearson interval, which takes places as independent.",
 )
 
+MOTIONS = ROVER
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", above=0.5)
 PLACED = Claim("mean range profiles of metals correlate", "up to +0.73", above=0.2)
 AGREE = {
@@ -66,7 +67,7 @@ Series = tuple[NDArray, NDArray]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, ROVER))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame) -> Result:

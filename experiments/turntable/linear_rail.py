@@ -40,6 +40,7 @@ TABLE = Table(
     "track without jumps; 'brightest' takes the strongest bin of each frame.",
 )
 
+MOTIONS = RAIL
 WITHIN_M = 0.02
 SHORTER_M = 0.1  # smallest difference of excursions that counts as an effect; the paper has 0.20 m
 PAPER = {
@@ -51,7 +52,7 @@ SHORT = Claim("the measured diagonal excursion is smaller than the rail's", "0.2
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, RAIL))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame) -> Result:

@@ -40,6 +40,7 @@ TABLE = Table(
     "simulation that knows only the surface of vessels (paper profile). Intervals are 95 % bootstraps over objects.",
 )
 
+MOTIONS = ("turntable",)
 CLASSES = ("metal", "ceramic", "plastic")
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
@@ -59,7 +60,7 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, ["turntable"], unknown=True))
+    return score(config, draws.frame(config, store, progress, MOTIONS, unknown=True))
 
 
 def score(config: Config, frame: Frame) -> Result:

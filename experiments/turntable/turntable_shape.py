@@ -47,6 +47,7 @@ TABLE = Table(
     "domains. Intervals are 95 % bootstraps over items. n counts recordings.",
 )
 
+MOTIONS = ("turntable",)
 RATIO = "harmonic_ratio"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
 PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
@@ -64,7 +65,7 @@ STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefro
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, ["turntable"]))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame, ripple: bool = True) -> Result:

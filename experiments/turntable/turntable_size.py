@@ -41,12 +41,13 @@ TABLE = Table(
     "exact p) and slope of brightness over height (Theil-Sen). Intervals are 95 % bootstraps over cans.",
 )
 
+MOTIONS = ("turntable",)
 # a rank correlation of 0.5 explains a quarter of the variance of the ranks; six cans are too few for a verdict
 NO_TREND = Claim("no consistent trend with the height of a can", "none", contains=0.0, margin=0.5, least=MIN_OBJECTS)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, ["turntable"]))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
 def score(config: Config, frame: Frame) -> Result:
