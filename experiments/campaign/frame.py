@@ -105,14 +105,13 @@ def balanced(frame: Frame) -> Frame:
 
 
 def save(frame: Frame, folder: Path) -> None:
-    """Save a frame as arrays. A column of arrays becomes one array of all their values and one array of their shapes."""
+    """Save a frame as arrays: one array for a column of numbers or texts, and one array for each cell of a column of arrays."""
     arrays: dict[str, np.ndarray] = {}
     for name, column in frame.items():
         if isinstance(column.iloc[0], np.ndarray):
-            arrays[f"{name}/values"] = np.concatenate([value.ravel() for value in column])
-            arrays[f"{name}/shapes"] = np.array([value.shape for value in column])
+            arrays |= {f"{name}/{row}": value for row, value in enumerate(column)}
         else:
-            arrays[str(name)] = np.array(column.tolist())
+            arrays[name] = np.array(column.tolist())
     save_arrays(folder, arrays)
 
 
@@ -120,13 +119,8 @@ def load(arrays: dict[str, np.ndarray]) -> Frame:
     """Return the frame that `save` has written."""
     import pandas as pd
 
-    found: dict[str, Any] = {}
+    found: dict[str, list[Any]] = {}
     for name, values in arrays.items():
-        column, _, part = name.partition("/")
-        if part == "values":
-            shapes = arrays[f"{column}/shapes"]
-            pieces = np.split(values, np.cumsum(shapes.prod(axis=1))[:-1])
-            found[column] = [piece.reshape(shape) for piece, shape in zip(pieces, shapes, strict=True)]
-        elif not part:
-            found[column] = values.tolist()
+        column, is_cell, _ = name.partition("/")
+        found.setdefault(column, []).extend([values] if is_cell else values.tolist())
     return pd.DataFrame(found)

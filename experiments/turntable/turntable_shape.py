@@ -51,6 +51,7 @@ MOTIONS = ("turntable",)
 RATIO = "harmonic_ratio"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
 PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
+LOWEST = 1e-12  # the harmonic ratio of a round object without noise is exactly zero
 LOWEST_SHOWN = 1e-4  # lower end of the axis of harmonic ratios; a simulated can has a ratio of zero
 MIN_OBJECTS = 7  # over six or fewer objects, the interval of a rank correlation extends over almost all possible values
 
@@ -190,28 +191,16 @@ def _distances(frame: Frame) -> Iterator[Cell]:
     metric = "variation over distance"
     for domain in COMPARED:
         of = frame[frame.domain == domain]
-        claimed = Claim(_STABLE, "0.07", below=_variation(of, "object")) if domain == MEASURED else NONE
+        ratios = of.groupby(["object", "distance_m"], sort=False)[RATIO].mean().clip(lower=LOWEST).unstack().reindex(of.object.unique())
+        objects, spread = ratios.mean(axis=1), (ratios.std(axis=1) / ratios.mean(axis=1)).dropna()
+        claimed = Claim(_STABLE, "0.07", below=float(objects.std() / objects.mean())) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
             some = of[(of.object == REFLECTOR) & of.distance_m.between(low, high)]
             if some.distance_m.nunique() > 1:
-                yield Cell(_case(label, LABELS[domain]), metric, some, variation(_positive("distance_m")), claim)
-        several = of.groupby("object", sort=False).filter(lambda some: some.distance_m.nunique() > 1)
-        if len(several):
-            yield Cell(_case("mean of objects", LABELS[domain]), metric, several, mean(_variations))
-
-
-def _positive(unit: str) -> Callable[[Frame], Column]:
-    """Return a function that gives the harmonic ratio of each unit, and at least 1e-12, because the ratio of a round object is zero."""
-    return lambda rows: per(RATIO, unit=unit)(rows).clip(lower=1e-12)
-
-
-def _variation(rows: Frame, unit: str) -> float:
-    return statistics.coefficient_of_variation(_positive(unit)(rows), 1, 0).value
-
-
-def _variations(rows: Frame) -> list[float]:
-    """Return the variation with distance of each object."""
-    return [_variation(some, "distance_m") for _, some in rows.groupby("object", sort=False)]
+                values = ratios.loc[REFLECTOR, some.distance_m.unique()]
+                yield Cell(_case(label, LABELS[domain]), metric, some, variation(values), claim)
+        if len(spread):
+            yield Cell(_case("mean of objects", LABELS[domain]), metric, of[of.object.isin(spread.index)], mean(spread))
 
 
 def _ssim_figure(similar: Frame) -> Figure:
