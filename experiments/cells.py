@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -88,11 +89,6 @@ def keys(frame: Frame) -> list[str]:
     return sorted(set(frame.key))
 
 
-def values(rows: Frame, of: Values) -> NDArray[np.float64]:
-    """Return the values of the units of an estimate (see the module)."""
-    return np.asarray(rows[of] if isinstance(of, str) else of(rows) if callable(of) else of, float)
-
-
 def paired(frame: Frame, on: Sequence[str] = PLACE) -> Frame:
     """Return a row for each measured recording and each simulated recording of the same place; the columns of the latter end in `_twin`."""
     measured, twin = (frame[frame.domain == domain] for domain in (MEASURED, TWIN))
@@ -117,36 +113,35 @@ def gap(column: str, first: str, second: str, unit: str = "object") -> Callable[
     return lambda rows: per(column, first, unit)(rows) - per(column, second, unit)(rows)
 
 
+def using(function: Callable[..., Estimate], *of: Values) -> Estimator:
+    """Estimate by `function(*values, resamples, seed)`, where `values` are the values of the units for each entry of `of`."""
+    return lambda rows, *seeds: function(*(_values(rows, one) for one in of), *seeds)
+
+
+def _values(rows: Frame, of: Values) -> NDArray:
+    return np.asarray(rows[of] if isinstance(of, str) else of(rows) if callable(of) else of)
+
+
 def mean(of: Values, limits: tuple[float, float] = ANY) -> Estimator:
     """Estimate the mean over units."""
-    return lambda rows, *seeds: statistics.mean(values(rows, of), *seeds, limits=limits)
+    return using(partial(statistics.mean, limits=limits), of)
 
 
 def difference(of: Values, by: str, first: str, second: str) -> Estimator:
     """Estimate the mean over the units whose column `by` is `first`, less that over the units whose column is `second`."""
-
-    def estimate(rows: Frame, resamples: int, seed: int) -> Estimate:
-        one, two = (values(rows[rows[by] == kind], of) for kind in (first, second))
-        return statistics.difference(one, two, resamples, seed)
-
-    return estimate
+    return using(statistics.difference, *(lambda rows, kind=kind: _values(rows[rows[by] == kind], of) for kind in (first, second)))
 
 
 def rank_correlation(first: Values, second: Values, alternative: statistics.Alternative | None = "greater") -> Estimator:
     """Estimate Spearman's rank correlation over units, with a permutation test."""
-    return lambda rows, *seeds: statistics.spearman(values(rows, first), values(rows, second), *seeds, alternative=alternative)
-
-
-def variation(of: Values) -> Estimator:
-    """Estimate the coefficient of variation of positive values over units."""
-    return lambda rows, *seeds: statistics.coefficient_of_variation(values(rows, of), *seeds)
+    return using(partial(statistics.spearman, alternative=alternative), first, second)
 
 
 def mantel(columns: Sequence[str], permutations: int) -> Estimator:
     """Estimate how well the distances between objects in the space of some columns agree between measurement and simulation."""
 
     def estimate(rows: Frame, resamples: int, seed: int) -> Estimate:
-        first, second = (distances(np.stack([values(rows, per(name, of)) for name in columns], axis=1)) for of in (MEASURED, TWIN))
+        first, second = (distances(per(list(columns), of)(rows).to_numpy()) for of in (MEASURED, TWIN))
         return statistics.mantel(first, second, permutations, seed)
 
     return estimate

@@ -9,19 +9,17 @@ calibration, metal objects agree with the measurement, dielectric objects stay t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
-from experiments.cells import Cell, first_draw, paired, table_rows
+from experiments.cells import Cell, first_draw, paired, table_rows, using
 from experiments.claims import NONE, Claim
 from experiments.recognition.readings import MOTION
-from experiments.statistics import Estimate, clustered, difference, exact
+from experiments.statistics import clustered, difference, exact
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.sets import BRIGHTNESS
@@ -80,25 +78,16 @@ def cells(frame: Frame) -> Iterator[Cell]:
             claim = Claim(f"{kind} stays too dim in simulation", "too dim", above=LEAST_DB)
             if kind == "metal":
                 claim = Claim("metal aligns within 3 dB", "aligned", above=-ALIGNED_DB, below=ALIGNED_DB)
-            estimate = partial(_clustered, some[when].to_numpy(), some.object.to_numpy(str))
+            estimate = using(clustered, some[when], some.object.to_numpy(str))
             case, count = {"materials": kind, "feature": BRIGHTNESS, "method": when}, some.key.nunique()
             yield Cell(case, ERROR, frame, estimate, claim if when == AFTER else NONE, count)
     objects = scored.groupby(["kind", "object"])[AFTER].mean()
     kinds = list(objects.index.unique("kind"))
     for kind in [kind for kind in kinds if kind != FILLED and FILLED in kinds]:
-        estimate = partial(_difference, objects[FILLED].to_numpy(), objects[kind].to_numpy())
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
         claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
         count = scored.key[scored.kind.isin([FILLED, kind])].nunique()
-        yield Cell(case, "difference of the remaining errors (dB)", frame, estimate, claim, count)
-
-
-def _clustered(values: NDArray, objects: NDArray, rows: Frame, resamples: int, seed: int) -> Estimate:
-    return clustered(values, objects, resamples, seed)
-
-
-def _difference(first: NDArray, second: NDArray, rows: Frame, resamples: int, seed: int) -> Estimate:
-    return difference(first, second, resamples, seed)
+        yield Cell(case, "difference of the remaining errors (dB)", frame, using(difference, objects[FILLED], objects[kind]), claim, count)
 
 
 def offset_db(frame: Frame) -> float:

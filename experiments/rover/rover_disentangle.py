@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, table_rows
+from experiments.cells import Cell, first_draw, keys, table_rows, using
 from experiments.claims import NONE, Claim
 from experiments.rover.figures import slices_figure
 from experiments.rover.rover_fidelity import MOST_DRAWN
@@ -89,12 +89,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
     for motion, drives in frame.groupby("motion"):
         levels = standardised(drives)
         for case, metric, statistic, limits, claim in statistics_of(levels):
-            estimate = partial(_bootstrap, levels, statistic, limits)
-            yield Cell({"motion": motion, "case": case}, metric, drives, estimate, claim)
-
-
-def _bootstrap(levels: Levels, statistic: Statistic, limits: Limits, rows: Frame, resamples: int, seed: int) -> Estimate:
-    return bootstrap(levels, statistic, resamples, seed, limits)
+            yield Cell({"motion": motion, "case": case}, metric, drives, using(partial(bootstrap, levels, statistic, limits=limits)), claim)
 
 
 def statistics_of(levels: Levels) -> Iterator[tuple[str, str, Statistic, Limits, Claim]]:

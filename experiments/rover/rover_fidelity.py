@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows
+from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows, using
 from experiments.claims import LEVEL, NONE, Claim
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
@@ -114,14 +114,9 @@ def family(feature: str) -> str:
     return known.get(feature, "envelope")
 
 
-def _at(place: Place, label: str, of: str = "both") -> dict[str, Any]:
-    """Return the columns that describe a row about one place (room, motion, distance)."""
-    return {"room": place[0], "motion": place[1], "distance_m": place[2], "case": label, "of": of}
-
-
-def _over(label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
-    """Return the columns that describe a row about several places (rooms, motions, distances)."""
-    return {"room": room, "motion": motion, "distance_m": None, "case": label, "of": "both"}
+def _case(label: str, place: tuple[str, str, float | None] = ("all", "all", None), of: str = "both") -> dict[str, Any]:
+    """Return the columns that describe a row about one place or several places (room, motion, distance)."""
+    return dict(zip(WHERE, place, strict=True)) | {"case": label, "of": of}
 
 
 def aligned(first: Series, second: Series) -> tuple[NDArray, NDArray]:
@@ -144,16 +139,16 @@ def _signals(here: Frame, place: Place) -> Iterator[Cell]:
         tracks = [
             statistics.correlation(*aligned((one.energy, one.track_m), (one.energy_twin, one.track_m_twin))) for one in pairs.itertuples()
         ]
-        yield Cell(_at(place, "all objects"), "track correlation", here, mean(tracks, statistics.SIGNED), OVERLAYS)
+        yield Cell(_case("all objects", place), "track correlation", here, mean(tracks, statistics.SIGNED), OVERLAYS)
     for kind, some in pairs.groupby("material_class", sort=False):
         alike = [profile_correlation(one.profile, one.profile_twin, one.range_m) for one in some.itertuples()]
         claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
-        yield Cell(_at(place, kind), "range-profile correlation", here, mean(alike, statistics.SIGNED), claim)
+        yield Cell(_case(kind, place), "range-profile correlation", here, mean(alike, statistics.SIGNED), claim)
     for domain in COMPARED:
         drives = [one for one in here[here.domain == domain].itertuples() if len(one.velocity_mps)]
         error = [float(np.sqrt(np.mean((one.velocity_mps - range_rate(one.nominal_m, one.frame_rate_hz)) ** 2))) for one in drives]
         if error:
-            yield Cell(_at(place, "all objects", LABELS[domain]), "velocity error, rms (m/s)", here, mean(error))
+            yield Cell(_case("all objects", place, LABELS[domain]), "velocity error, rms (m/s)", here, mean(error))
 
 
 def _orders(frame: Frame) -> Iterator[Cell]:
@@ -165,14 +160,14 @@ def _orders(frame: Frame) -> Iterator[Cell]:
     for (room, motion), some in found.groupby(["room", "motion"]):
         here = used[(used.room == room) & (used.motion == motion)]
         claim = AGREE.get(room, NONE) if motion == "depth" else NONE
-        yield Cell(_over("all features", room, motion), "share of features that order objects alike", here, share_alike, claim)
+        yield Cell(_case("all features", (room, motion, None)), "share of features that order objects alike", here, share_alike, claim)
         for name, of in some.groupby("family", sort=False):
-            yield Cell(_over(name, room, motion), "order of objects, mean", here, mean(of.rho))
+            yield Cell(_case(name, (room, motion, None)), "order of objects, mean", here, mean(of.rho))
     means = found.groupby("feature").rho.mean()
     if MULTIPATH in means and len(means) > 1:
         beaten = float((means[MULTIPATH] >= means.drop(MULTIPATH)).mean())
         estimate = statistics.exact(beaten, len(means) - 1)
-        yield Cell(_over("multipath share"), "share of features less reliable", used, estimate, RELIABLE)
+        yield Cell(_case("multipath share"), "share of features less reliable", used, estimate, RELIABLE)
 
 
 def share_alike(rows: Frame, resamples: int, seed: int) -> Estimate:
@@ -254,13 +249,13 @@ def _materials(frame: Frame) -> Iterator[Cell]:
     for place, here in both.groupby(WHERE):
         for domain in COMPARED:
             estimate = statistics.exact(contrasts.loc[domain, place], here.object.nunique())
-            yield Cell(_at(place, label, LABELS[domain]), "brightness (dB)", here, estimate)
+            yield Cell(_case(label, place, LABELS[domain]), "brightness (dB)", here, estimate)
     pairs = contrasts.to_numpy().T
     signs = statistics.share(int(np.sum(np.sign(pairs[:, 0]) == np.sign(pairs[:, 1]))), len(pairs))
     kinds = levels.loc[MEASURED].index.get_level_values(0)
     p, smallest = contrast_test(np.array([levels.loc[domain] for domain in COMPARED]), kinds == "metal")
-    yield Cell(_over(label), "share of places with one sign", both, replace(signs, p=p, least_p=smallest), SIGNS)
-    yield Cell(_over(label), "simulated over measured", both, lambda _, *seeds: _ratio(pairs, *seeds), SEPARATES)
+    yield Cell(_case(label), "share of places with one sign", both, replace(signs, p=p, least_p=smallest), SIGNS)
+    yield Cell(_case(label), "simulated over measured", both, using(_ratio, pairs), SEPARATES)
 
 
 def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> tuple[float, float]:

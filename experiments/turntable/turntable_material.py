@@ -15,9 +15,8 @@ import numpy as np
 
 from experiments import draws
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
-from experiments.campaign.frame import Frame
+from experiments.campaign.frame import Frame, shared
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import cases_of
 from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
@@ -56,7 +55,7 @@ ALL = "all of similar size"
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     own = [config, *draws.unknown_contents(config)]
-    return draws.recordings(own, lambda campaign: cases_of(campaign, ["turntable"]), store, progress)
+    return draws.recordings(own, lambda campaign: shared(campaign, MOTIONS), store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -68,11 +67,8 @@ def score(config: Config, frame: Frame) -> Result:
     if not similar(frame):
         raise ConfigError("turntable_material needs objects of two material classes at one distance; add objects to profile.campaign")
     rows = table_rows(config, frame, cells)
-    metrics = {
-        f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"]
-        for r in rows
-        if r["metric"] == "metal less plastic (dB)" and not r.get("twin")
-    }
+    contrasts = [r for r in rows if r["metric"] == "metal less plastic (dB)" and not r.get("twin")]
+    metrics = {f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in contrasts}
     return Result(TABLE.name, rows, {"turntable_brightness": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
 
 
@@ -81,19 +77,18 @@ def cells(frame: Frame) -> Iterator[Cell]:
     brightness = per(BRIGHTNESS)
     for distance, here in similar(frame):
         classes = [kind for kind in CLASSES if kind in set(here.material_class)]
-        dim = [kind for kind in classes if kind != "metal" and "metal" in classes]
+        pairs = {kind: ("metal", kind) for kind in EXCESS if {"metal", kind} <= set(classes)}
         for domain in COMPARED:
             at, of = {"distance_m": distance, "of": LABELS[domain]}, here[here.domain == domain]
             for kind in classes:
                 yield Cell({"case": kind, **at}, "brightness at 1 m (dB)", of[of.material_class == kind], mean(brightness))
-            for kind in dim[::-1]:
-                contrast = difference(brightness, "material_class", "metal", kind)
-                both = of[of.material_class.isin(["metal", kind])]
-                yield Cell({"case": ALL, **at}, f"metal less {kind} (dB)", both, contrast, OVER if kind == "plastic" else NONE)
-        for kind in dim[::-1]:
-            of, metric, claim = EXCESS[kind]
-            contrast, both = difference(of, "material_class", "metal", kind), here[here.material_class.isin(["metal", kind])]
-            yield Cell({"case": ALL, "distance_m": distance, "of": "simulated less measured"}, metric, both, contrast, claim)
+            for kind, pair in pairs.items():
+                contrast, claim = difference(brightness, "material_class", *pair), OVER if kind == "plastic" else NONE
+                yield Cell({"case": ALL, **at}, f"metal less {kind} (dB)", of[of.material_class.isin(pair)], contrast, claim)
+        for kind, pair in pairs.items():
+            error, metric, claim = EXCESS[kind]
+            case, of = {"case": ALL, "distance_m": distance, "of": "simulated less measured"}, here[here.material_class.isin(pair)]
+            yield Cell(case, metric, of, difference(error, "material_class", *pair), claim)
 
 
 def similar(frame: Frame) -> list[tuple[float, Frame]]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, table_rows, variation
+from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.statistics import Estimate
@@ -198,7 +198,7 @@ def _distances(frame: Frame) -> Iterator[Cell]:
             some = of[(of.object == REFLECTOR) & of.distance_m.between(low, high)]
             if some.distance_m.nunique() > 1:
                 values = ratios.loc[REFLECTOR, some.distance_m.unique()]
-                yield Cell(_case(label, LABELS[domain]), metric, some, variation(values), claim)
+                yield Cell(_case(label, LABELS[domain]), metric, some, using(statistics.coefficient_of_variation, values), claim)
         if len(spread):
             yield Cell(_case("mean of objects", LABELS[domain]), metric, of[of.object.isin(spread.index)], mean(spread))
 

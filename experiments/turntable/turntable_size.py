@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows
+from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows, using
 from experiments.claims import NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.statistics import Estimate
@@ -69,8 +69,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
                 case = {"case": "cans", "distance_m": distance, "of": LABELS[domain]}
                 order = rank_correlation(heights_m, per(BRIGHTNESS), "two-sided")
                 yield Cell(case, "order by height", of, order, claim)
-                slope = lambda rows, *seeds: slope_db(heights_m(rows), per(BRIGHTNESS)(rows).to_numpy(), *seeds)  # noqa: E731
-                yield Cell(case, "per doubling of height (dB)", of, slope)
+                yield Cell(case, "per doubling of height (dB)", of, using(slope_db, heights_m, per(BRIGHTNESS)))
 
 
 def heights_m(rows: Frame) -> NDArray[np.float64]:

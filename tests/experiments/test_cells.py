@@ -11,10 +11,10 @@ from fake_campaign import FakeCampaign, config, frame_of
 from scipy.spatial.distance import pdist
 from scipy.stats import rankdata
 
-from experiments import cells
+from experiments import cells, statistics
 from experiments.campaign import frame as frames
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, difference, gap, mantel, mean, per, rank_correlation, variation
+from experiments.cells import Cell, difference, gap, mantel, mean, per, rank_correlation, using
 from experiments.claims import Claim
 from radartwin.errors import ConfigError
 
@@ -62,7 +62,7 @@ def test_each_estimate_equals_a_direct_computation() -> None:
         (mean(gap("level", "twin", "measured")), (twin - measured).mean()),
         (difference(per("level", "measured"), "material_class", "metal", "plastic"), measured[:2].mean() - measured[2:].mean()),
         (rank_correlation(per("level", "measured"), per("level", "twin")), order),
-        (variation(per("level", "twin")), twin.std(ddof=1) / twin.mean()),
+        (using(statistics.coefficient_of_variation, per("level", "twin")), twin.std(ddof=1) / twin.mean()),
         (mantel(["level", "ratio"], 19), np.corrcoef(distances(frame, "measured"), distances(frame, "twin"))[0, 1]),
     ]
     for estimate, value in expected:
