@@ -59,20 +59,15 @@ def score(config: Config, frame: Frame) -> Result:
     rows = table_rows(config, frame, cells)
     after = {row["materials"]: row["value"] for row in rows if row["metric"] == ERROR and row["method"] == AFTER}
     metrics = {f"residual_db_{kind.replace(' ', '_')}": value for kind, value in after.items()}
-    return Result(
-        TABLE.name,
-        rows,
-        {TABLE.name: lambda: _figure(errors(first_draw(frame)))},
-        metrics,
-        sorted(frozenset().union(*(row.recordings for row in rows))),
-    )
+    used = sorted(frozenset().union(*(row.recordings for row in rows)))
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(errors(first_draw(frame)))}, metrics, used)
 
 
 def cells(frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
-    frame, scored = balanced(frame), errors(frame)
+    of, scored, offset = balanced(frame), errors(frame), exact(offset_db(frame), 1)
     case = {"materials": "reflector", "feature": BRIGHTNESS, "method": "the map"}
-    yield Cell(case, ERROR, frame, exact(offset_db(frame), 1), count=1)
+    yield Cell(case, ERROR, of, offset, count=1)
     for when in (BEFORE, AFTER):
         for kind, some in scored.groupby("kind"):
             claim = Claim(f"{kind} stays too dim in simulation", "too dim", above=LEAST_DB)
@@ -80,14 +75,14 @@ def cells(frame: Frame) -> Iterator[Cell]:
                 claim = Claim("metal aligns within 3 dB", "aligned", above=-ALIGNED_DB, below=ALIGNED_DB)
             estimate = using(clustered, some[when], some.object.to_numpy(str))
             case, count = {"materials": kind, "feature": BRIGHTNESS, "method": when}, some.key.nunique()
-            yield Cell(case, ERROR, frame, estimate, claim if when == AFTER else NONE, count)
+            yield Cell(case, ERROR, of, estimate, claim if when == AFTER else NONE, count)
     objects = scored.groupby(["kind", "object"])[AFTER].mean()
     kinds = list(objects.index.unique("kind"))
     for kind in [kind for kind in kinds if kind != FILLED and FILLED in kinds]:
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
         claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
         count = scored.key[scored.kind.isin([FILLED, kind])].nunique()
-        yield Cell(case, "difference of the remaining errors (dB)", frame, using(difference, objects[FILLED], objects[kind]), claim, count)
+        yield Cell(case, "difference of the remaining errors (dB)", of, using(difference, objects[FILLED], objects[kind]), claim, count)
 
 
 def offset_db(frame: Frame) -> float:
@@ -109,8 +104,8 @@ def errors(frame: Frame) -> Frame:
 
     The column `kind` is metal, ceramic, plastic or filled plastic.
     """
-    frame = balanced(frame)
-    pairs = paired(by_revolution(frame[frame.object != REFLECTOR]))
+    some = balanced(frame)
+    pairs = paired(by_revolution(some[some.object != REFLECTOR]))
     before = pairs[BRIGHTNESS] - pairs[f"{BRIGHTNESS}_twin"]
     filled = (pairs.material_class == "plastic") & pairs.object.map(lambda name: bool(catalogue()[name].contents))
     return pairs.assign(kind=pairs.material_class.mask(filled, FILLED), **{BEFORE: before, AFTER: before - offset_db(frame)})
