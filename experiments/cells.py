@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from experiments import draws, statistics
 from experiments.campaign.cases import MEASURED, TWIN
-from experiments.campaign.frame import CONDITIONS, PLACE, Column, Frame
+from experiments.campaign.frame import PLACE, Column, Frame
 from experiments.claims import NONE, Claim, Row
 from experiments.statistics import ANY, Estimate
 from radartwin.config.config import Config
@@ -95,22 +95,21 @@ def paired(frame: Frame, on: Sequence[str] = PLACE) -> Frame:
     return measured.merge(twin, on=list(on), suffixes=("", "_twin"))
 
 
-def per(column: str | list[str], domain: str | None = None, unit: str = "object") -> Callable[[Frame], Column]:
-    """Return a function of the rows that averages a column for each unit, first over the recordings of each condition and then over the
-    conditions, so that a distance with more recordings has no more weight.
+def per(column: str | list[str], domain: str | None = None) -> Callable[[Frame], Column]:
+    """Return a function of the rows that averages a column for each object, first over the recordings of each place and then over the
+    places, so that a distance with more recordings has no more weight.
     """
-    conditions = [name for name in CONDITIONS if name not in ("repetition", "draw", unit)]
 
     def means(rows: Frame) -> Column:
         some = rows if domain is None else rows[rows.domain == domain]
-        return some.groupby([unit, *conditions], sort=False)[column].mean().groupby(unit, sort=False).mean()
+        return some.groupby(list(PLACE), sort=False)[column].mean().groupby("object", sort=False).mean()
 
     return means
 
 
-def gap(column: str, first: str, second: str, unit: str = "object") -> Callable[[Frame], Column]:
-    """Return a function of the rows that gives the value in the domain `first` less that in `second` for each unit (see `per`)."""
-    return lambda rows: per(column, first, unit)(rows) - per(column, second, unit)(rows)
+def gap(column: str, first: str, second: str) -> Callable[[Frame], Column]:
+    """Return a function of the rows that gives the value in the domain `first` less that in `second` for each object (see `per`)."""
+    return lambda rows: per(column, first)(rows) - per(column, second)(rows)
 
 
 def using(function: Callable[..., Estimate], *of: Values) -> Estimator:
