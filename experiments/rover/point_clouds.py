@@ -46,7 +46,7 @@ TABLE = Table(
     "Intervals are bootstraps over recordings.",
 )
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # distances in range by which the control moves the simulated cloud
-BETTER = Claim("more measured detections agree with the simulation than with the control", "", above=0.05)
+BETTER = Claim("more measured detections agree with the simulation than with the control", "", bound=0.05, null=0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,7 +82,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         keys += [product.key for product in products]
         rows += case_rows(room, strength, scored[room, strength], config.profile.resamples, config.seed, products[0].key)
     figures: dict[str, Callable[[], Figure]] = {"scan_surfaces": lambda: _figure({case: found[0] for case, found in scored.items()})}
-    metrics = {f"{r['metric']}_{r['room']}_{r['strength']:g}": r["value"] for r in rows if r["verdict"] != "untestable"}
+    metrics = {f"{r['metric']}_{r['room']}_{r['strength']:g}": r["value"] for r in rows if r["verdict"]}
     return Result(TABLE.name, rows, figures, dict(list(metrics.items())[:30]), keys)
 
 
@@ -185,7 +185,7 @@ def _row(
     return {
         "room": room, "strength": strength, "claim": claim, "limit": "" if limit is None else f"{'>=' if least else '<='} {limit:g}",
         "metric": metric, "scans": scans, "run_keys": key[:8], "paper": "", "value": found.value, "low": found.low, "high": found.high,
-        "n": found.n, "domain": "virtual scan", "verdict": claims.verdict(holds),
+        "n": found.n, "domain": "virtual scan", "verdict": claims.limit_kept(holds),
     }  # fmt: skip
 
 
