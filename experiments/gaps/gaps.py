@@ -161,7 +161,8 @@ def _add(
     samples, scale = np.array(values), np.asarray
     if metric.endswith(CHANGE):
         samples, scale = 10 ** (samples / 20), _decibels
-    each = [statistics.mean(one, config.profile.resamples, config.seed, scale=scale) for one in samples]
+    limits = statistics.POSITIVE if " rms " in metric else statistics.ANY
+    each = [statistics.mean(one, config.profile.resamples, config.seed, limits, scale) for one in samples]
     found = statistics.over_draws(each, config.profile.resamples, config.seed)
     source = config.measured.gap.sources().get(where[0], "")
     row = rows.add({**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}, metric, found, keys, claim)

@@ -124,7 +124,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
     """Return a row with the mean reflection error of uniform plasterboard minus that of a material source, in dB.
 
-    The mean is weighted by area, and its confidence interval comes from a bootstrap over surfaces. Random labels are a control, which has no
+    The mean is weighted by area, and its confidence interval comes from a bootstrap over surfaces. Random labels are a control without a
     verdict.
     """
     areas = np.array([j.area_m2 for j in judged[source]])

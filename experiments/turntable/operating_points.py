@@ -171,6 +171,7 @@ def add_rows(rows: RowList, points: Sequence[Point]) -> None:
                 one.values[name],
                 one.keys,
                 limits=statistics.SIGNED,
+                on=statistics.FISHER,
             )
     chosen, count = best(points), sum(one.accepted for one in points)
     shown = chosen or min(points, key=lambda one: one.departure)

@@ -116,7 +116,9 @@ def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> Non
         for name in names:
             paper = ("0.03-0.18" if name in cans else "0.72-2.5" if name in peaked else "") if domain == MEASURED else ""
             values, source = rotations.samples(turns[domain], RATIO, name), rotations.keys(turns[domain], [name])
-            rows.add_mean(_case(known[name].label, LABELS[domain]), "angular harmonic ratio", values, source, Claim(paper=paper))
+            rows.add_mean(
+                _case(known[name].label, LABELS[domain]), "angular harmonic ratio", values, source, Claim(paper=paper), statistics.POSITIVE
+            )
         if cans and peaked:
             found = _separation(rows.config, turns[domain], cans, peaked)
             source = rotations.keys(turns[domain], [*cans, *peaked])
@@ -166,10 +168,10 @@ def distance_matrix(turns: Turns, names: list[str]) -> NDArray[np.float64]:
 def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], similar: Similarity) -> None:
     for name in names:
         source = rotations.keys_of_both(turns, [name])
-        rows.add_mean(_case(catalogue()[name].label), "signature (SSIM)", similar[name, name], source)
+        rows.add_mean(_case(catalogue()[name].label), "signature (SSIM)", similar[name, name], source, NONE, statistics.SIGNED)
     own = np.array([similar[name, name].mean() for name in names])
     every = rotations.keys_of_both(turns, names)
-    rows.add_mean(_case("all objects"), "signatures", own, every, ALIKE)
+    rows.add_mean(_case("all objects"), "signatures", own, every, ALIKE, statistics.SIGNED)
     if len(names) > 1:
         others = np.array([np.mean([similar[name, other].mean() for other in names if other != name]) for name in names])
         rows.add_mean(_case("all objects"), "own signature less others'", own - others, every, OWN)
@@ -194,7 +196,14 @@ def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> 
         several = {name: values for name in names if len(values := _over_distance(turns[domain], name)) > 1}
         if several:
             variations = [statistics.coefficient_of_variation(values, *seeds).value for values in several.values()]
-            rows.add_mean(_case("mean of objects", LABELS[domain]), metric, variations, rotations.keys(turns[domain], list(several)))
+            rows.add_mean(
+                _case("mean of objects", LABELS[domain]),
+                metric,
+                variations,
+                rotations.keys(turns[domain], list(several)),
+                NONE,
+                statistics.POSITIVE,
+            )
 
 
 def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = np.inf) -> NDArray[np.float64]:
