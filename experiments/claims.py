@@ -1,4 +1,4 @@
-"""Build table rows with a claim, the figure of the paper and our result, and decide whether the claim holds."""
+"""Build table rows with a claim, the figure of the paper and our result, and judge the claim by the interval of the result."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def limit_kept(kept: bool | None) -> str:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim about one table row, by the paper or by this project, with the condition that our result must meet so that the claim holds.
+    """A claim about one table row, by the paper or by this project, with the condition that our result must meet.
 
     Bounds are minimum effects. docs/findings.md says when they were written. A claim without text is not judged.
 
@@ -94,7 +94,7 @@ class Claim:
         bound, null = (self.null if self.bound is None else self.bound), (self.bound if self.null is None else self.null)
         assert bound is not None
         assert null is not None
-        if found.n < self.least or (found.drawn is not None and found.low == found.high):
+        if found.n < self.least or (self.least > 1 and found.drawn is not None and found.low == found.high):
             found = replace(found, low=-math.inf, high=math.inf)
         judged = [*map(_finite, (found.value, found.low, found.high)), bound, self.direction, null, self.margin, self.untestable]
         word = judge(*judged)  # type: ignore[arg-type]

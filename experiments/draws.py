@@ -179,7 +179,7 @@ def _joined(rows: Sequence[Row]) -> Row:
 
 
 def _claim(claims: Sequence[Claim]) -> Claim:
-    """Return the claim of several draws, with the mean of each bound. The joined claim is untestable if most draws cannot decide it."""
+    """Return the claim of several draws, with the mean of each bound. The joined claim cannot be decided if most draws cannot decide it."""
     bounds = {}
     for name in ("bound", "null"):
         values = [getattr(claim, name) for claim in claims]

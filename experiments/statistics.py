@@ -66,7 +66,13 @@ class Estimate:
         return max(self.n - 1, 1) if self.freedom is None else self.freedom
 
     def p(self, null: float) -> float:
-        """Return the two-sided p value against the hypothesis that the true value is `null`; NaN if the interval has no width."""
+        """Return the two-sided p value against the hypothesis that the true value is `null`; NaN if the interval has no width.
+
+        It is that of the permutation test if `null` is the mean of the permuted estimates, where an interval that ends at a limit of the
+        quantity would give a smaller one.
+        """
+        if self.shuffled is not None and math.isclose(null, float(self.shuffled.mean()), abs_tol=1e-12):
+            return permutation_p(self.value, self.shuffled)
         return p_value(self.value, self.low, self.high, null, self.degrees, self.scale)
 
 
@@ -133,13 +139,12 @@ def interval_of_p(value: float, null: float, p: float, n: int, limits: tuple[flo
 def permuted(value: float, shuffled: NDArray, n: int, limits: tuple[float, float] = ANY, scale: str = "") -> Estimate:
     """Return an estimate over n objects with the interval that inverts its permutation test (see `interval_of_p`).
 
-    The two-sided p value is twice the share of permutations whose estimate is at least as far on the same side. An estimate that is not
-    beyond most of them has the standard deviation of the permuted estimates as standard error.
+    An estimate that is not beyond most of the permuted estimates has their standard deviation as standard error.
 
     Args:
         shuffled: (permutations,) the estimates with permuted objects, including that of the original order.
     """
-    p = 2 * min(float(np.mean(shuffled >= value - 1e-12)), float(np.mean(shuffled <= value + 1e-12)))
+    p = permutation_p(value, shuffled)
     found = interval_of_p(value, float(shuffled.mean()), p, n, limits, scale)
     if p >= 0.5 and np.ptp(shuffled) > 0:
         forward, back = SCALES[scale]
@@ -147,6 +152,11 @@ def permuted(value: float, shuffled: NDArray, n: int, limits: tuple[float, float
         low, high = np.clip(back(float(forward(value)) + half * np.array([-1, 1])), *limits)
         found = replace(found, low=min(float(low), value), high=max(float(high), value))
     return replace(found, shuffled=shuffled)
+
+
+def permutation_p(value: float, shuffled: NDArray) -> float:
+    """Return twice the share of the permuted estimates that are at least as far on the side of the estimate, at most 1."""
+    return min(1.0, 2 * min(float(np.mean(shuffled >= value - 1e-12)), float(np.mean(shuffled <= value + 1e-12))))
 
 
 def orders(count: int, seed: int) -> NDArray[np.int64]:
@@ -355,19 +365,6 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
     with np.errstate(over="ignore"):  # two very different samples have no upper bound
         drawn = np.sqrt(np.expm1(np.log(samples).var(ddof=1) * freedom / chi_squared))
     return resampled(value, drawn, len(samples), (0.0, math.inf))
-
-
-def holm(p: ArrayLike) -> NDArray[np.float64]:
-    """Return Holm's corrected p values of a family of tests, in the order of the given p values.
-
-    >>> holm([0.01, 0.04, 0.03]).round(3).tolist()
-    [0.03, 0.06, 0.06]
-    """
-    p = np.asarray(p, float)
-    order = np.argsort(p)
-    out = np.empty(len(p))
-    out[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)), 1.0)
-    return out
 
 
 def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate:

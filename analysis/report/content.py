@@ -22,7 +22,7 @@ ABSENT = {
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
 CASES = 4  # largest number of columns that describe the case of a claim
-_NO_CASE = {"claim", *JUDGED, "p_holm", "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
+_NO_CASE = {"claim", *JUDGED, "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ TABLE = Table(
     title="From a scan to surfaces",
     caption="A virtual phone with LiDAR moves through each procedural room. Its frames are fused, segmented and outlined like those of "
     "a user, and scored against the true room. The strength scales every error of the phone. The project chose the targets, and "
-    "checks them at every strength. A claim holds if the whole interval keeps the limit; the score of a single scan has no interval. "
+    "checks them at every strength. A limit holds if the whole interval keeps it; the score of a single scan has no interval. "
     "n counts scans, or true surfaces of which the phone saw at least 0.25 m2, including surfaces without a segment. Intervals are "
     "bootstraps over the scans or surfaces.",
 )

@@ -53,7 +53,9 @@ def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_ro
             gain = find(table, metric="gain in correlation", distance_m=distance, scale=scale, case="room (vlm) - void")
             assert gain["value"] == pytest.approx(labelled - void)
             assert not gain["claim"]
-            assert find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (vlm) - void")["verdict"] == "supported"
+            assert (
+                find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (vlm) - void")["verdict"] == "supported"
+            )
             assert not find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (uniform) - void")["claim"]
     assert draw_all(table) == {"environment_range_time", "environment_correlation", "environment_operating_points"}
 
