@@ -138,9 +138,7 @@ def _near_figure(full: bool) -> Figure:
         reference, ours = near.curve(name, next(iter(meshes)), distances)
         axes.plot(distances, reference, color=PALETTE[number], lw=2.5, alpha=0.35)
         axes.plot(distances, ours, "o", ms=2.5, color=PALETTE[number], label=f"{name} 10 cm")
-    axes.set(
-        xscale="log", xlabel="distance (m)", ylabel="effective cross-section (dBsm)", title="lines: reference, dots: tubes, 4 rays"
-    )
+    axes.set(xscale="log", xlabel="distance (m)", ylabel="effective cross-section (dBsm)", title="lines: reference, dots: tubes, 4 rays")
     axes.legend(loc="lower right")
     return drawing
 
