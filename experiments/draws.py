@@ -18,8 +18,9 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.campaign import joined as joined_tasks
 from experiments.campaign.cases import Case, draws
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import Claim, Row, corrected
+from experiments.claims import Claim, Row
 from radartwin.config.config import Config
+from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store
@@ -88,7 +89,7 @@ def exact_objects(config: Config) -> list[Config]:
     if not config.profile.exact_objects or config.measured.provider != "testbed":
         return []
     gap = replace(config.measured.gap, **dict.fromkeys(OBJECT_GAPS, 0.0))
-    return [replace(config, measured=replace(config.measured, gap=gap, draw=config.measured.draw or 0))]
+    return [replace(config, measured=replace(config.measured, gap=gap, draw=numbers(config)[0]))]
 
 
 def recordings(
@@ -119,26 +120,28 @@ def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Call
         assert isinstance(row, Row), f"a row of {other.table} is no Row"
         if kept(row):
             rows.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
-            rows[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` has put another p value into the estimate
+            rows[-1]["draws"] = row.get("draws")
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:
-    """Return the indices of the draws that a table reads. A recording set is a single draw.
-
-    If the configured draw is greater than the last draw of these recordings, the table reads the last draw.
+    """Return the numbers of the draws that a table reads. A recording set is a single draw. Raises ConfigError for a configured draw that
+    the campaign lacks.
     """
     if config.measured.provider != "testbed":
         return [0]
-    count = draws(config.profile.campaign, rover)
-    return list(range(count)) if config.measured.draw is None else [min(config.measured.draw, count - 1)]
+    known, draw = draws(config.profile.campaign, rover), config.measured.draw
+    if draw is not None and draw not in known:
+        kind = "drives" if rover else "turntable and rail"
+        raise ConfigError(f"measured.draw={draw}: the draws of {kind} are {known[0]} to {known[-1]} in profile={config.profile.name}")
+    return list(known) if draw is None else [draw]
 
 
 def joined(results: Sequence[Result]) -> Result:
     """Join the results of several draws of one table. The figures and models are those of the first draw.
 
     A row of the joined result is the mean over the draws that have this row (column draws; see statistics.over_draws). Bounds of a claim
-    that depend on the draw are averaged. The verdicts use p values that are corrected for the number of tests.
+    that depend on the draw are averaged.
     """
     first = results[0]
     found: dict[tuple[Any, ...], list[Row]] = {}
@@ -147,7 +150,7 @@ def joined(results: Sequence[Result]) -> Result:
             assert isinstance(row, Row), f"a row of {result.table} is no Row"
             fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
             found.setdefault((row.metric, *fixed), []).append(row)
-    rows = corrected([_joined(some) for some in found.values()])
+    rows = [_joined(some) for some in found.values()]
     for row, some in zip(rows, found.values(), strict=True):
         row["draws"] = len(some)
     metrics = {name: float(np.mean([one.metrics[name] for one in results if name in one.metrics])) for name in first.metrics}
@@ -176,9 +179,9 @@ def _joined(rows: Sequence[Row]) -> Row:
 
 
 def _claim(claims: Sequence[Claim]) -> Claim:
-    """Return the claim of several draws, with the mean of each bound. The joined claim is untestable if most draws cannot decide it."""
+    """Return the claim of several draws, with the mean of each bound. The joined claim cannot be decided if most draws cannot decide it."""
     bounds = {}
-    for name in ("above", "below", "contains", "reaches"):
+    for name in ("bound", "null"):
         values = [getattr(claim, name) for claim in claims]
         bounds[name] = values[0] if len(set(values)) == 1 else float(np.mean(values))
     reasons = [claim.untestable for claim in claims if claim.untestable]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from experiments import draws
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
+from experiments.claims import Claim, within
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import MATERIAL, RecognitionRows, count_sources
 from experiments.recognition.readings import FEATURES, MOTION
@@ -91,9 +91,9 @@ def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, 
             claim = Claim()
             if when == AFTER:
                 metrics[f"residual_db_{kind.replace(' ', '_')}"] = found.value
-                claim = Claim(f"{kind} stays too dim in simulation", "too dim", above=LEAST_DB)
+                claim = Claim(f"{kind} stays too dim in simulation", "too dim", bound=LEAST_DB, null=0.0)
                 if kind == "metal":
-                    claim = Claim("metal aligns within 3 dB", "aligned", above=-ALIGNED_DB, below=ALIGNED_DB)
+                    claim = within("metal aligns within 3 dB", -ALIGNED_DB, ALIGNED_DB, paper="aligned")
             case = {"materials": str(kind), "feature": BRIGHTNESS, "method": when}
             rows.add(case, "measured - simulated (dB)", found, keys, claim, count_sources(recordings))
     return metrics
@@ -108,7 +108,7 @@ def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tu
         first, second = (_object_means(error[chosen], scored.object[chosen]) for chosen in (filled, others))
         found = difference(first, second, rows.config.profile.resamples, rows.config.seed)
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
-        claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
+        claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", bound=LEAST_DB, null=0.0)
         rows.add(case, "difference of the remaining errors (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
 
 

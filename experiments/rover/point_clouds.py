@@ -20,6 +20,7 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN, 
 from experiments.campaign.source import RecordingSource, read_both
 from experiments.claims import NONE, Claim, RowList
 from experiments.rover.drive_features import Place
+from experiments.statistics import POSITIVE
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.log import Log
@@ -46,7 +47,7 @@ TABLE = Table(
     "Intervals are bootstraps over recordings.",
 )
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # distances in range by which the control moves the simulated cloud
-BETTER = Claim("more measured detections agree with the simulation than with the control", "", above=0.05)
+BETTER = Claim("more measured detections agree with the simulation than with the control", "", bound=0.05, null=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ def score(config: Config, source: RecordingSource, progress: Progress) -> Result
         values = [compared(*pair) for pair in pairs]
         for metric in values[0]:
             if defined := [one[metric] for one in values if np.isfinite(one[metric])]:
-                rows.add_mean(_at(place), metric, defined, used)
+                rows.add_mean(_at(place), metric, defined, used, NONE, POSITIVE)
         shares[place[0], place[1]] += [one[FOUND] - one[CONTROL] for one in values if np.isfinite(one[FOUND])]
         keys[place[0], place[1]] += used
     shares = {where: gains for where, gains in shares.items() if gains}

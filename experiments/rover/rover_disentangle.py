@@ -42,8 +42,8 @@ TABLE = Table(
 )
 
 SHARE = "share of the disagreement, per degree of freedom"
-INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.05)
-ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.05)
+INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", bound=0.05, null=0.0)
+ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", bound=0.05, null=0.0)
 Label = tuple[str, str, float]  # object, room, distance
 POSITIONS = {"object": 0, "distance": 2, "room": 1}  # index of each factor in a Label
 Cells = Mapping[Label, NDArray[np.floating]]  # values (2, features): measured, simulated

@@ -16,7 +16,7 @@ from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource, cases_of
-from experiments.claims import NONE, Claim, RowList
+from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.turntable import rotations
 from experiments.turntable.rotations import Turns
@@ -43,9 +43,9 @@ TABLE = Table(
 CLASSES = ("metal", "ceramic", "plastic")
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
-OVER = Claim("metal is brighter than plastic", "above 0", above=LEAST_DB)
-EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=LEAST_DB)
-DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=-LEAST_DB)
+OVER = Claim("metal is brighter than plastic", "above 0", bound=LEAST_DB, null=0.0)
+EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", bound=LEAST_DB, null=0.0)
+DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", bound=-LEAST_DB, direction=BELOW, null=0.0)
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
